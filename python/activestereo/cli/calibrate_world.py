@@ -103,7 +103,7 @@ def _run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(read_json_object(args.out / "capture.json")["measured"])
         return
-    sentence = f"{args.out}: {', '.join(steps)} measured from {args.recording}, each with a picture."
+    sentence = f"{args.out}: {', '.join(steps)} measured, each with a picture."
     same = args.out, *carried(args, "seed")
     leads = [command(name, *same, "-o", f"{args.out}_{name}") for name in ("diagnose", "compare")]
     notes = [note for line in lines for note in line.splitlines()]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from activestereo.cli.arguments import SAME_RUN, add_shared, carried, check_paper, make_folder, print_json
 
 if TYPE_CHECKING:
+    from activestereo.capture.capture import Capture
     from activestereo.effects import Effect
 
 _TEXT = """\
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
 
     make_folder(args.out)
     check_paper(args)
-    read_capture(args.capture)  # what is refused is refused before half a second of imports
+    capture = read_capture(args.capture)  # what is refused is refused before half a second of imports
 
     from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> None:
 
     effects = library(*args.effects)
     own = [word for file in args.effects for word in ("--effects", file)]
-    under_model = {} if args.model is None else _under_model(args, effects)
+    under_model = {} if args.model is None else _under_model(args, capture, effects)
     times = PhaseTimes("compare" if args.model is None else "compare --model")
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
@@ -110,19 +111,21 @@ def run(args: argparse.Namespace) -> None:
     print(comparison_screen(comparison.scores, next_step, args.out / "report.html", kept, args.verbose))
 
 
-def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
+def _under_model(args: argparse.Namespace, capture: "Capture", effects: "dict[str, Effect]") -> dict[str, Any]:
     """A model's parts that compare() takes: its effects and the scene measurement in this scene, and engines in which
-    they act."""
+    they act; in a measured room they act on its images, as diagnose() has them there."""
     from activestereo.compare.engine_prediction import engines_of
     from activestereo.compare.model_file import scene_of
+    from activestereo.diagnose.room.diagnosed import is_measured_room
     from activestereo.effects.core.scene_surfaces import surface_names
     from activestereo.model import read_model
     from activestereo.model.diagnosed import calibrated
 
     model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
-    return {
-        "model": model.bound(names),
+    parts = {"model": model.bound(names), "calibrate": lambda capture: calibrated(capture, model)}
+    if is_measured_room(capture):
+        return parts
+    return parts | {
         "scene_measurement": model.scene_measurement(names),
-        "calibrate": lambda capture: calibrated(capture, model),
         "engines": engines_of(args.device, args.spp, args.max_bounces, args.seed),
     }

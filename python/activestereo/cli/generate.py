@@ -6,7 +6,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, carried, integer_from, make_folder, names_of, size
+from activestereo.cli.arguments import (
+    CommandError,
+    Commands,
+    add_shared,
+    carried,
+    integer_from,
+    make_folder,
+    names_of,
+    size,
+)
 
 FORMATS = ("lerobot", "mcap")
 

@@ -72,8 +72,8 @@ def is_near_noise(scores: Mapping[str, Any]) -> bool:
 
 
 def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
-    """Sentences, most important first: the warnings, what the model misses and where, the families that do that, and
-    what depth makes of it."""
+    """Sentences, most important first: the warnings, what the model misses and where, the model's effects on both
+    errors, and the families that do what is missed."""
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
     if shape is None or not scores["regions"].get("infrared", {}).get("is_explainable", True):
@@ -98,7 +98,7 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     suspects = _FAMILIES[shape["kind"]]
     alike = [one["covariate"] for one in places if _gain(one) > _ALIKE * _gain(places[0])] or [""]
     names = [*dict.fromkeys(name for one in alike for name in suspects.get(one, suspects[""]))][:_MOST_FAMILIES]
-    return [*said, f"Effects that do this: {', '.join(names)}. diagnose tells which.", *depth_sentences(scores)]
+    return [*said, *depth_sentences(scores), f"Effects that do this: {', '.join(names)}. diagnose tells which."]
 
 
 def error_places(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

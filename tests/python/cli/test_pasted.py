@@ -10,6 +10,7 @@ from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from command_line import led_on, run_here
 from lab_worlds import with_device_depth
+from room_worlds import BASELINE_M, CX, CY, F, Room
 from virtual_sensor.world import make_world
 
 _QUICK = ("--device", "cpu", "--spp", "1")
@@ -33,6 +34,13 @@ def scene(folder):
     writer.add_mesh("cube", meshes.box(0.05, 0.05, 0.05), writer.add_material("grey"))
     writer.write(folder / "cube.glb")
     return folder / "cube.glb"
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Few samples where a command without --spp would take many."""
+    for module in ("capture.binning", "compare.compare"):
+        monkeypatch.setattr(f"activestereo.{module}.usual_samples", lambda _: 2)
 
 
 def _kind(words):
@@ -64,7 +72,20 @@ def test_from_a_comparison_to_a_sensor_with_what_was_found(capsys, folder, captu
     assert kinds[:4] == ["compare", "diagnose", "compare --model", "simulate --model"]
 
 
-def test_from_an_overlay_to_a_comparison(capsys, folder, capture):
+def test_from_views_of_a_room_to_its_model_beside_it(capsys, folder, quick, monkeypatch):
+    """Under a model, too, a room's own light is rendered once: effects act on its images, as they are diagnosed."""
+
+    def refuse(*_):
+        raise AssertionError("a measured room needs no engine")
+
+    monkeypatch.setattr("activestereo.compare.engine_prediction.CaptureRenderer", refuse)
+    views = Room(turns_deg=((0, 0), (14, 3)), exposures=(1.0, 0.85)).write(folder / "views")
+    stated = ("--sensor", "d415", "--k", f"{F},{F},{CX},{CY}", "--baseline", BASELINE_M, "--depth-scale", "0.0001")
+    kinds = _follow(capsys, "import", views, *stated, "-o", folder / "room")
+    assert kinds[:4] == ["import", "calibrate world", "diagnose", "compare"] and "compare --model" in kinds
+
+
+def test_from_an_overlay_to_a_comparison(capsys, folder, capture, quick):
     end = run_here(capsys, "overlay", capture, "-o", folder / "overlay", "--device", "cpu")
     [lead] = led_on(end.stdout)
     assert lead[:2] == ["compare", str(capture)]

@@ -94,9 +94,8 @@ def camera_from_overlaps(scenes: Sequence[tuple[Vector, NDArray[np.float64]]]) -
     mean = covariance @ np.sum([w @ m for w, (m, _) in zip(weights, told, strict=True)], axis=0)
     misfit = sum(float((m - mean) @ w @ (m - mean)) for w, (m, _) in zip(weights, told, strict=True))
     covariance *= max(1.0, misfit / max(3 * (len(told) - 1), 1))
-    return CameraEstimate(
-        mean, covariance, "overlaps", _text(mean, covariance, f"overlaps of views in {len(told)} scene{'s' * (len(told) > 1)}")
-    )
+    source = f"overlaps of views in {len(told)} scene{'s' * (len(told) > 1)}"
+    return CameraEstimate(mean, covariance, "overlaps", _text(mean, covariance, source))
 
 
 def _text(mean: Vector, covariance: NDArray[np.float64], source: str) -> str:
