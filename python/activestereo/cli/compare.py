@@ -122,7 +122,7 @@ def _under_model(args: argparse.Namespace, capture: "Capture", effects: "dict[st
     from activestereo.model.diagnosed import calibrated
 
     model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
-    parts = {"model": model.bound(names), "calibrate": lambda capture: calibrated(capture, model)}
+    parts: dict[str, Any] = {"model": model.bound(names), "calibrate": lambda capture: calibrated(capture, model)}
     if is_measured_room(capture):
         return parts
     return parts | {

@@ -39,7 +39,7 @@ def scene(folder):
 @pytest.fixture
 def quick(monkeypatch):
     """Few samples where a command without --spp would take many."""
-    for module in ("capture.binning", "compare.compare"):
+    for module in ("compare.compare", "compare.engine_prediction", "diagnose.diagnosis"):
         monkeypatch.setattr(f"activestereo.{module}.usual_samples", lambda _: 2)
 
 
