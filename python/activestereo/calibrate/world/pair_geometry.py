@@ -42,8 +42,10 @@ class PairEstimate:
 
     @property
     def text(self) -> str:
-        metre, _, row = (f" +- {1.645 * scale * x:.2f}" * bool(np.isfinite(x)) for scale, x in
-                         zip((1e3, 1.0, 1.0), self.deviation, strict=True))
+        metre, row = (
+            f" +- {1.645 * scale * x:.2f}" if x < np.inf else ""
+            for scale, x in ((1e3, self.deviation[0]), (1.0, self.deviation[2]))
+        )
         baseline = f"baseline {1e3 * self.baseline_m:.2f}{metre} mm"
         if self.own_depth:
             baseline = f"baseline {1e3 * self.baseline_m:.2f} mm (nominal: depth was computed with it)"
