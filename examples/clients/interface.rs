@@ -899,6 +899,7 @@ extern "C" {
     pub fn simsense_buffer_retain(buffer: *mut c_void);
     pub fn simsense_buffer_release(buffer: *mut c_void);
     pub fn simsense_signal_preset(name: *const c_char, out: *mut simsense_signal) -> i32;
+    pub fn simsense_signal_analogue(signal: *const simsense_signal, light: *const f32, width: u32, height: u32, seed: u64, frame_index: u64, side: u32, dn: *mut f32) -> i32;
     pub fn simsense_engine_create(device: *mut c_void, rig: *const simsense_rig_desc, parameters: *const simsense_parameters, out: *mut *mut c_void) -> i32;
     pub fn simsense_engine_set_parameters(engine: *mut c_void, parameters: *const simsense_parameters) -> i32;
     pub fn simsense_engine_get_parameters(engine: *mut c_void, out: *mut simsense_parameters) -> i32;

@@ -28,6 +28,7 @@ from ._simsense import (
     Submission,
     __version__,
     default_parameters,
+    signal_analogue,
     signal_preset,
 )
 from .depth_sensor import DepthSensor, SettingError
@@ -54,5 +55,6 @@ __all__ = [
     "StereoSGM",
     "Submission",
     "default_parameters",
+    "signal_analogue",
     "signal_preset",
 ]

@@ -459,3 +459,9 @@ def default_parameters() -> dict[str, float]:
 def signal_preset(name: Literal["neutral", "paper-d415", "sapien", "d435"]) -> dict[str, float]:
     """All parameters of an imager as a dict: 'neutral', or measured ones whose input is in 8-bit counts,
     'paper-d415', 'sapien', 'd435'."""
+def signal_analogue(
+    signal: Mapping[str, float], light: NDArray[Any], *, seed: int = 0, frame_index: int = 0, side: int = 0
+) -> NDArray[np.float32]:
+    """Counts [height, width] that an imager's converter would round and bound: the expected value, where the signal
+    has no noise. light: [height, width], in the signal's unit. signal: parameters as from signal_preset(), the others
+    neutral. seed, frame_index: of the noise. side: 0 left, 1 right. Raises ArgumentError."""

@@ -76,6 +76,17 @@ simsense_camera read_camera(const py::object& camera) {
   return read_as<Simsense, simsense_camera>(camera, "rgb", "a simsense.Camera or None");
 }
 
+py::array_t<float> analogue(const py::object& signal, const py::array_t<float, py::array::c_style | py::array::forcecast>& light,
+                            uint64_t seed, uint64_t frame_index, uint32_t side) {
+  if (light.ndim() != 2) raise_argument<Simsense>("light must be [height, width]");
+  simsense_signal known = simsense_signal_init();
+  set_signal(known, signal, "signal");
+  py::array_t<float> dn({light.shape(0), light.shape(1)});
+  check<Simsense>(simsense_signal_analogue(&known, light.data(), static_cast<uint32_t>(light.shape(1)),
+                                           static_cast<uint32_t>(light.shape(0)), seed, frame_index, side, dn.mutable_data()));
+  return dn;
+}
+
 class Engine {
  public:
   Engine(const py::object& device, const py::object& left, const py::object& right, const py::object& left_to_right, const py::object& rgb,
@@ -346,6 +357,8 @@ void bind_engine(py::module_& module) {
       "signal_preset",
       [](const py::object& name) { return get_signal(signal_preset(read_as<Simsense, std::string>(name, "name", "a preset's name"))); },
       py::arg("name"), doc("signal_preset"));
+  module.def("signal_analogue", &analogue, py::arg("signal"), py::arg("light"), py::kw_only(), py::arg("seed") = 0,
+             py::arg("frame_index") = 0, py::arg("side") = 0, doc("signal_analogue"));
   py::class_<Submission>(module, "Submission", doc("Submission"))
       .def("wait", &Submission::wait, py::arg("timeout_s") = py::none(), doc("Submission.wait"));
   py::class_<Engine>(module, "Engine", doc("Engine"))

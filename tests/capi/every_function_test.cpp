@@ -40,7 +40,7 @@ namespace ks::test {
 namespace {
 
 constexpr size_t kuafu_others = 5;     // version, last_error, device_enumerate, device_create, struct_init
-constexpr size_t simsense_others = 6;  // and signal_preset
+constexpr size_t simsense_others = 7;  // and signal_preset, signal_analogue
 #define KS_COUNT_ONE(entry) +1
 static_assert(offsetof(kuafu_api, version) + (kuafu_others KUAFU_FUNCTIONS(KS_COUNT_ONE)) * sizeof(void*) == sizeof(kuafu_api),
               "a function of kuafu's is not tried here");

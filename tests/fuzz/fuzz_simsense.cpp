@@ -102,6 +102,10 @@ class Calls {
     bytes_.disturb(left), bytes_.disturb(right);
     (void)simsense_engine_set_signal(engine(), or_null(left), or_null(right));
     (void)simsense_engine_get_signal(engine(), &left, nullptr);
+    const std::vector<float> light(64, 9.0f);
+    std::vector<float> dn(light.size());
+    (void)simsense_signal_analogue(or_null(left), bytes_.below(8) == 0 ? nullptr : light.data(), bytes_.below(9), bytes_.below(9),
+                                   bytes_.below(3), bytes_.below(3), bytes_.below(3), dn.data());
   }
 
   void about_handles() {

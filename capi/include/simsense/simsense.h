@@ -80,6 +80,11 @@ SIMSENSE_API void simsense_buffer_release(simsense_buffer buffer);
  * "sapien": defaults of SAPIEN 3's stereo depth sensor: a gamma factor of 2.7 % and 0.25 DN.
  * "d435": shot noise of a D435, from pairs of frames of a static scene without projector: variance 0.00497 DN * signal + (0.1 DN)^2. */
 SIMSENSE_API ks_status simsense_signal_preset(const char* name, simsense_signal* out);
+/* Gives the analogue counts of one imager: DN with black level, which its converter would round and bound. Without noise in the signal they are the
+ * expected value. light and dn are packed [height][width] in the host's memory, 2^26 pixels at most. seed and frame_index rule the noise as the parameters
+ * noise_seed and frame_index do; side is 0 for the left imager, 1 for the right one. All work is done in the caller's thread. */
+SIMSENSE_API ks_status simsense_signal_analogue(const simsense_signal* signal, const float* light, uint32_t width, uint32_t height, uint64_t seed,
+                                                uint64_t frame_index, uint32_t side, float* dn);
 
 SIMSENSE_API ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc* rig, const simsense_parameters* parameters, simsense_engine* out);
 SIMSENSE_API ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_parameters* parameters);

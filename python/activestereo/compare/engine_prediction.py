@@ -17,56 +17,9 @@ from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.layers import Layers
-from activestereo.compare.nuisances import Nuisances
 from activestereo.effects import Light, Model, View
-from activestereo.effects.core.descriptor import Randomness
-from activestereo.effects.core.light import RenderedLight
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, scene_renderer
-from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.smooth import HALVES, half_samples
-
-
-class EngineModel:
-    """A Model whose signal is simsense's; what has no engine field acts on the image before (light) or after it
-    (counts).
-
-    It has the interface of a Model that fits of nuisances use: `is_linear` and `signal`.
-    """
-
-    def __init__(self, model: Model, renderer: CaptureRenderer) -> None:
-        capture = renderer.capture
-        self.is_linear = not model.effects
-        self.rest = Model(
-            tuple((e, p) for e, p in model.effects if e.engine is None and e.randomness is Randomness.NONE)
-        )
-        self._imager = ExpectedImager(capture.rig.left.width, capture.rig.left.height, capture.rig.max_dn)
-        self._exposures = {frame.id: frame.exposure_s for frame in capture.frames}
-        self._signals = {
-            (frame.id, side): part.signal
-            for frame in capture.frames
-            for side, part in zip(SIDES, renderer.inputs(frame, model).sides, strict=True)
-        }
-
-    def light(self, seen: RenderedLight, flat: NDArray[np.float32], view: View) -> Light:
-        """The light that falls on the imager. flat: of the base layers, for effects of the projector that have no
-        engine field."""
-        images = (seen.direct, seen.indirect, seen.ambient, flat)
-        light = Light.of_images([np.asarray(image, dtype=np.float64) for image in images])
-        return self.rest.light(light, view) if self.rest.effects else light
-
-    def signal(self, light: Light, view: View, nuisances: Nuisances) -> NDArray[np.float64]:
-        """Expected DN [height][width], black level included."""
-        frame, signal = view.frame, self._signals[view.frame.id, view.side]
-        level, share = 1.0 if frame.ambient is None else frame.ambient, frame.exposure_s / self._exposures[frame.id]
-        value = (
-            share * nuisances.projector_scale * frame.projector_power * light.projector
-            + share * nuisances.ambient_scale * level * light.ambient
-        )
-        black = signal["black_level_dn"] + nuisances.black_dn
-        counts = self._imager.one(np.maximum(value, 0.0), signal | {"black_level_dn": black}).astype(np.float64)
-        if not self.rest.effects:
-            return counts
-        return self.rest.digital(counts - black, view, black)
 
 
 def engines_of(
@@ -139,13 +92,18 @@ def engine_lights(
     views: Mapping[ImageKey, View],
     cache: LayerCache,
     progress: Callable[[float], object] | None = None,
-) -> tuple[EngineModel, list[dict[ImageKey, Light]]]:
-    """(the model in the engines, {(frame id, side): what falls on the imager}: the mean, and each of two independent
-    halves of the samples). layers: the base model's; cache: where light is kept."""
-    engine, halves = EngineModel(model, renderer), []
+) -> list[dict[ImageKey, Light]]:
+    """{(frame id, side): what falls on the imager}: the mean, and each of two independent halves of the samples. What
+    no engine field expresses acts on the rendered light. layers: the base model's; cache: where light is kept."""
+    outside, halves = model.outside_engines(), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)
         seen = kept_lights(renderer, cache, model, renderer.capture.frames, scene_measurement, share, half)
-        halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
+        lights = {}
+        for key, view in views.items():
+            images = (*seen[key], layers[key[0]][key[1]].flat)
+            light = Light.of_images([np.asarray(image, dtype=np.float64) for image in images])
+            lights[key] = outside.light(light, view)
+        halves.append(lights)
     means = {key: Light.of_images(0.5 * (halves[0][key].images + halves[1][key].images)) for key in views}
-    return engine, [means, *halves]
+    return [means, *halves]

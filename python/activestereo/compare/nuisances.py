@@ -161,7 +161,7 @@ def predict_under_model(
     measured: Mapping[ImageKey, np.ndarray],
 ) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:
     """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN, [height][width] each}) under a
-    Model or an EngineModel.
+    Model.
 
     lights: {(frame id, side): what falls on the sensor}: those that are fitted, then those whose images are wanted, or
     the first alone where they are the same; views and measured: {(frame id, side): View and DN}. CaptureError where

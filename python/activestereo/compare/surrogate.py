@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well an effect's image function stands for what the engines make of its engine fields.
+"""How near an effect's images without a render are to what the engines make of its engine fields.
 
 Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the
 root mean square difference of the two changes over the engine's own change. Both squares are means of products of two
 renders of different seeds: the renders' noise, which would look like a difference, has no part in them. Both trace
-the same samples, so that what clips, clips alike. Of random fields, which draw other numbers, the figure is that of the
-changes' standard deviations.
+the same samples, so that what clips, clips alike.
 """
 
 from __future__ import annotations
@@ -56,18 +55,15 @@ class Trial:
     def difference(self, effect: Effect) -> float:
         """The change by an effect with engine fields at typical values, on all surfaces; fields unknown to the engines
         stay neutral."""
+        if all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
+            return 0.0  # simsense's signal counts in both
         unknown = {p.name: p.neutral for p in effect.parameters if not p.in_engine}
         values = effect.typical_values | unknown | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
         model = Model().with_effect(effect, **values)
-        if effect.randomness is not Randomness.NONE and all(
-            name.startswith(("signal.", "speckle")) for name in effect.engine_fields
-        ):
-            in_engine, by_formula = self.runs[0].changes(model, random=True)
-            return abs(float(by_formula.std() / in_engine.std()) - 1.0)
         drawn = Model(tuple((replace(e, randomness=Randomness.NONE), p) for e, p in model.effects))
         # A seed also decides what a random pattern is: there both have to be of one.
         runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
-        (in_engine, by_formula), (in_engine_2, by_formula_2) = (run.changes(drawn, random=False) for run in runs)
+        (in_engine, by_formula), (in_engine_2, by_formula_2) = (run.changes(drawn) for run in runs)
         unlike = float(np.mean((by_formula - in_engine) * (by_formula_2 - in_engine_2)))
         return float(np.sqrt(max(unlike, 0.0) / np.mean(in_engine * in_engine_2)))
 
@@ -99,19 +95,19 @@ class _Run:
         views = {(f.id, side): View.of(capture, f, side, layers[f.id][side]) for f in capture.frames for side in SIDES}
         run = cls(capture, engine, views, layers)
         run.engine_base = engine.expected(Model(), _NUISANCES)
-        run.base = run._by_formula(Model(), random=False)
+        run.base = run._by_formula(Model())
         return run
 
-    def changes(self, model: Model, random: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def changes(self, model: Model) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A model's changes in the engines and by its formulas, DN [image][height][width] each."""
-        in_engine = _change(self.engine.expected(model, _NUISANCES, random=random), self.engine_base)
-        return in_engine, _change(self._by_formula(model, random), self.base)
+        in_engine = _change(self.engine.expected(model, _NUISANCES), self.engine_base)
+        return in_engine, _change(self._by_formula(model), self.base)
 
-    def _by_formula(self, model: Model, random: bool) -> dict[ImageKey, NDArray]:
+    def _by_formula(self, model: Model) -> dict[ImageKey, NDArray]:
         out = {}
         for key, view in self.views.items():
-            light = model.light(self.layers[key[0]][key[1]], view, random)
-            out[key] = model.signal(light, view, _NUISANCES, random)
+            light = model.light(self.layers[key[0]][key[1]], view)
+            out[key] = model.signal(light, view, _NUISANCES)
         return out
 
 

@@ -18,35 +18,20 @@ from activestereo.effects.core.view import View
     source="sun and lamps at 850 nm through windows come from one side",
     parameters=[
         Parameter(
-            "level",
-            "1",
-            neutral=0.0,
-            low=-0.9,
-            high=5.0,
-            typical=0.3,
+            "level", "1", neutral=0.0, low=-0.9, high=5.0, typical=0.3,
             source="relative change; the fit's ambient scale absorbs a constant one",
         ),
         Parameter(
-            "gradient_x",
-            "1",
-            neutral=0.0,
-            low=-0.9,
-            high=0.9,
-            typical=0.2,
+            "gradient_x", "1", neutral=0.0, low=-0.9, high=0.9, typical=0.2,
             source="relative change per metre to the right in the scene",
         ),
         Parameter(
-            "gradient_y",
-            "1",
-            neutral=0.0,
-            low=-0.9,
-            high=0.9,
-            typical=0.2,
+            "gradient_y", "1", neutral=0.0, low=-0.9, high=0.9, typical=0.2,
             source="relative change per metre downwards",
         ),
     ],
     image_only="kuafu's environment shines alike on every place",
-)
+)  # fmt: skip
 def ambient_ir(light: Light, view: View, level: float, gradient_x: float, gradient_y: float) -> Light:
     """Ambient light is stronger, and grows to one side of the scene (left camera's axes)."""
     points = view.points()

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.judging import StartImage
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
+from activestereo.effects.core.moved import engine_effect, tangents
 
 # Places of a first look, in tangents of angles from the projector's axis, and the radius there.
 _GRID, _RADIUS = (-0.4, -0.2, 0.0, 0.2, 0.4), 0.15
@@ -21,18 +20,6 @@ def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: fl
     return np.clip(1.0 - lost * np.exp(-0.5 * ((x - place_x) ** 2 + (y - place_y) ** 2) / radius**2), 0.0, None)
 
 
-@moves("pattern")
-def _engine(inputs: EngineInputs, depth: float, per_k: float, place_x: float, place_y: float, radius: float) -> None:
-    own, lost = inputs.projector, depth + per_k * inputs.warming_k
-    if own is None or inputs.pattern is None or lost == 0.0:
-        return
-    height, width = inputs.pattern.shape
-    v, u = np.mgrid[0:height, 0:width]
-    y = (v - own.k[1, 2]) / own.k[1, 1]
-    x = (u - own.k[0, 2] - own.k[0, 1] * y) / own.k[0, 0]
-    inputs.pattern = (inputs.pattern * _left(x, y, lost, place_x, place_y, radius)).astype(np.float32)
-
-
 def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
     """Places of the pattern whose dots fall short most, from the residual against the dots there."""
     scores = {}
@@ -40,7 +27,7 @@ def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
         for place_y in _GRID:
             moment = power = 0.0
             for image in images:
-                x, y = _tangents(image.view)
+                x, y = tangents(image.view)
                 lost = (_left(x, y, 1.0, place_x, place_y, _RADIUS) - 1.0) * image.light.projector
                 moment += float((lost * image.residual * image.weight).sum())
                 power += float((lost * lost * image.weight).sum())
@@ -50,15 +37,9 @@ def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
     return [{"place_x": x, "place_y": y, "radius": _RADIUS, **amount} for x, y in best for amount in amounts]
 
 
-def _tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Tangents of the angles from the projector's axis to what the pixels see, [height][width]."""
-    points = view.projector_points()
-    z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
-    return points[..., 0] / z, points[..., 1] / z
-
-
-@effect(
+@engine_effect(
     "dim_dots",
+    moves=("pattern",),
     stage=Stage.PROJECTOR,
     family="pattern strength",
     finding="Dots are dim or missing in a part of the pattern",
@@ -70,12 +51,10 @@ def _tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
         Parameter("place_y", "1", neutral=0.1, low=-1.0, high=1.0, typical=0.3),
         Parameter("radius", "1", neutral=0.15, low=0.02, high=1.0, typical=0.1, source="a Gaussian's deviation"),
     ],
-    engine=_engine,
     starts=_starts,
 )
-def dim_dots(
-    light: Light, view: View, depth: float, per_k: float, place_x: float, place_y: float, radius: float
-) -> Light:
+def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, place_y: float, radius: float) -> None:
     """Around a place of the pattern the projector's light is weaker, and more so as it warms up."""
-    lost = depth + per_k * view.warming_k
-    return light if lost == 0.0 else light.scale_projector(_left(*_tangents(view), lost, place_x, place_y, radius))
+    lost = depth + per_k * inputs.warming_k
+    if lost != 0.0:
+        inputs.dim_pattern(lambda x, y: _left(x, y, lost, place_x, place_y, radius))

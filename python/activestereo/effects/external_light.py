@@ -38,45 +38,25 @@ def _engine(
     source="lamps and sunlight hold near infrared; librealsense issues on sunlight and halogen lamps",
     parameters=[
         Parameter(
-            "strength",
-            "1",
-            neutral=0.0,
-            low=0.0,
-            high=50.0,
-            typical=1.0,
+            "strength", "1", neutral=0.0, low=0.0, high=50.0, typical=1.0,
             source="radiance of a white surface that faces it at the world's origin, over the ambient radiance",
         ),
         Parameter(
-            "azimuth_rad",
-            "rad",
-            neutral=0.0,
-            low=-np.pi,
-            high=np.pi,
-            typical=1.0,
+            "azimuth_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0,
             source="about the world's y axis, from z towards x",
         ),
         Parameter(
-            "elevation_rad",
-            "rad",
-            neutral=0.8,
-            low=-0.5,
-            high=np.pi / 2,
-            typical=0.5,
+            "elevation_rad", "rad", neutral=0.8, low=-0.5, high=np.pi / 2, typical=0.5,
             source="above the world's xz plane",
         ),
         Parameter(
-            "nearness_per_m",
-            "1/m",
-            neutral=0.0,
-            low=0.0,
-            high=2.0,
-            typical=0.3,
+            "nearness_per_m", "1/m", neutral=0.0, low=0.0, high=2.0, typical=0.3,
             source="1 / distance from the world's origin; 0 = the sun",
         ),
     ],
     starts=lamp_starts,
     engine=_engine,
-)
+)  # fmt: skip
 def external_light(
     light: Light, view: View, strength: float, azimuth_rad: float, elevation_rad: float, nearness_per_m: float
 ) -> Light:

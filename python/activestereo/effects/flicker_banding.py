@@ -26,12 +26,7 @@ from activestereo.effects.core.view import View
         ),
         Parameter("phase_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0),
         Parameter(
-            "line_time_s",
-            "s",
-            neutral=0.0,
-            low=0.0,
-            high=1e-4,
-            typical=2e-5,
+            "line_time_s", "s", neutral=0.0, low=0.0, high=1e-4, typical=2e-5,
             source="0 = all rows at once: frames vary, no bands",
         ),
     ],

@@ -3,20 +3,14 @@
 
 import numpy as np
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.moved import engine_effect
 
 
-@moves("left.optics.psf_sigma_px", "right.optics.psf_sigma_px")
-def _engine(inputs: EngineInputs, sigma_px: float) -> None:
-    side = inputs.right if sigma_px > 0 else inputs.left
-    side.optics.psf_sigma_px = np.hypot(side.optics.psf_sigma_px, sigma_px)
-
-
-@effect(
+@engine_effect(
     "focus_mismatch",
+    moves=("left.optics.psf_sigma_px", "right.optics.psf_sigma_px"),
     stage=Stage.CAMERA,
     family="camera blur",
     finding="One camera is out of focus",
@@ -26,9 +20,8 @@ def _engine(inputs: EngineInputs, sigma_px: float) -> None:
             "sigma_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.4, source="> 0: of the right camera, < 0: left"
         )
     ],
-    engine=_engine,
 )
-def focus_mismatch(light: Light, view: View, sigma_px: float) -> Light:
+def focus_mismatch(inputs: EngineInputs, sigma_px: float) -> None:
     """A Gaussian blur of one camera's images alone."""
-    blurs = sigma_px > 0 if view.is_right else sigma_px < 0
-    return light.blurred(abs(sigma_px)) if blurs else light
+    side = inputs.right if sigma_px > 0 else inputs.left
+    side.optics.psf_sigma_px = np.hypot(side.optics.psf_sigma_px, sigma_px)

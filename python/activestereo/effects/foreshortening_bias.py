@@ -17,18 +17,13 @@ from activestereo.effects.core.view import View
     judged=(EngineFault(displaces=True),),
     parameters=[
         Parameter(
-            "offset_px",
-            "px",
-            neutral=0.0,
-            low=-3.0,
-            high=3.0,
-            typical=0.5,
+            "offset_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.5,
             source="where in the window the match belongs, to the right",
         ),
         Parameter("offset_down_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.5, source="the same, downwards"),
     ],
     image_only="simsense's matches belong to the pixel; a device's bias has no field",
-)
+)  # fmt: skip
 def foreshortening_bias(disparity: np.ndarray, view: View, offset_px: float, offset_down_px: float) -> np.ndarray:
     """A match belongs to a point beside the pixel, or below it: the error is that offset times the disparity's slope
     along it."""

@@ -1,50 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exposure time and gain that are not what the frame says."""
 
-import numpy as np
-
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.view import View
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.moved import engine_effect
 
 
-@moves("signal.exposure_s", "signal.gain")
-def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> None:
-    for side in inputs.sides:
-        side.signal["exposure_s"] = max(0.0, side.signal["exposure_s"] + exposure_offset_s)
-        side.signal["gain"] *= inputs.frame.gain**log_gain
-
-
-@effect(
+@engine_effect(
     "gain_error",
+    moves=("signal.exposure_s", "signal.gain"),
     stage=Stage.CHARGE,
     family="tone",
     finding="Exposures or gains are others than recorded",
     source="EMVA 1288 linearity: exposure offsets of microseconds, gain steps off by per cents",
     parameters=[
         Parameter(
-            "exposure_offset_s",
-            "s",
-            neutral=0.0,
-            low=-2e-4,
-            high=1e-3,
-            typical=1e-4,
+            "exposure_offset_s", "s", neutral=0.0, low=-2e-4, high=1e-3, typical=1e-4,
             source="true minus recorded exposure time",
         ),
         Parameter(
-            "log_gain",
-            "1",
-            neutral=0.0,
-            low=-0.5,
-            high=0.5,
-            typical=0.05,
+            "log_gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05,
             source="true gain = recorded gain^(1 + log_gain)",
         ),
     ],
-    engine=_engine,
-)
-def gain_error(signal: np.ndarray, view: View, exposure_offset_s: float, log_gain: float) -> np.ndarray:
+)  # fmt: skip
+def gain_error(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> None:
     """The ratio between frames of different exposure or gain differs from the recorded settings. Frames with one
     setting cannot show this."""
-    longer = max(0.0, 1.0 + exposure_offset_s / view.frame.exposure_s)
-    return signal * (longer * view.frame.gain**log_gain)
+    for side in inputs.sides:
+        side.signal["exposure_s"] = max(0.0, side.signal["exposure_s"] + exposure_offset_s)
+        side.signal["gain"] *= inputs.frame.gain**log_gain

@@ -17,17 +17,12 @@ from activestereo.effects.core.view import View
     judged=(EngineFault(is_matcher_choice=True),),
     parameters=[
         Parameter(
-            "amplitude_px",
-            "px",
-            neutral=0.0,
-            low=-0.15,
-            high=0.15,
-            typical=0.04,
+            "amplitude_px", "px", neutral=0.0, low=-0.15, high=0.15, typical=0.04,
             source="positive: towards whole pixels",
         )
     ],
     image_only="simsense's sub-pixel step has its own, smaller bias; a device's has no field",
-)
+)  # fmt: skip
 def pixel_locking(disparity: np.ndarray, view: View, amplitude_px: float) -> np.ndarray:
     """The sub-pixel fit errs by a sine of the disparity: planes get stairs of one pixel of disparity."""
     return disparity - amplitude_px * np.sin(2 * np.pi * disparity) * (disparity > 0)

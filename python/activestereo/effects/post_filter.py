@@ -22,17 +22,12 @@ _EDGE_PX = 1.0
     parameters=[
         Parameter("smoothing_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.5),
         Parameter(
-            "step_px",
-            "px",
-            neutral=0.0,
-            low=0.0,
-            high=1.0,
-            typical=0.0625,
+            "step_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.0625,
             source="disparities come in multiples of it",
         ),
     ],
     image_only="what a device's firmware does after matching is no part of simsense",
-)
+)  # fmt: skip
 def post_filter(disparity: np.ndarray, view: View, smoothing_px: float, step_px: float) -> np.ndarray:
     """Disparities are smoothed within surfaces and rounded to steps: their noise is correlated and their histogram a
     comb."""

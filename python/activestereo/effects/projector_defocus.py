@@ -3,49 +3,30 @@
 
 import numpy as np
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
-
-_LARGEST_PX = 40.0
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.moved import engine_effect
 
 
-@moves("projector.radius_m", "projector.focus_m")
-def _engine(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
-    if inputs.projector is not None and aperture_px_m > 0.0:
-        inputs.projector.radius_m = aperture_px_m / np.mean(np.diag(inputs.projector.k)[:2])
-        inputs.projector.focus_m = focus_m
-
-
-@effect(
+@engine_effect(
     "projector_defocus",
+    moves=("projector.radius_m", "projector.focus_m"),
     stage=Stage.PROJECTOR,
     family="projector blur",
     finding="The projector is out of focus",
     source="thin lens: the blur circle's angular radius = aperture radius x |1/z - 1/z_focus|",
     parameters=[
         Parameter(
-            "aperture_px_m",
-            "px m",
-            neutral=0.0,
-            low=0.0,
-            high=6.0,
-            typical=1.0,
+            "aperture_px_m", "px m", neutral=0.0, low=0.0, high=6.0, typical=1.0,
             source="radius of the aperture times focal length in pattern pixels",
         ),
         Parameter("focus_m", "m", neutral=1.0, low=0.2, high=5.0, typical=0.5),
     ],
-    engine=_engine,
     is_pointwise=True,
-)
-def projector_defocus(light: Light, view: View, aperture_px_m: float, focus_m: float) -> Light:
+)  # fmt: skip
+def projector_defocus(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
     """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp.
     """
-    if aperture_px_m == 0.0:
-        return light
-    dots = DotView.of(view)
-    z = np.where(dots.lit, dots.z, focus_m)
-    diameter = np.minimum(2.0 * aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m), _LARGEST_PX)
-    return dots.change(light, dots.nominal(), dots.mean_of_discs(view.pattern, diameter))
+    if inputs.projector is not None and aperture_px_m > 0.0:
+        inputs.projector.radius_m = aperture_px_m / np.mean(np.diag(inputs.projector.k)[:2])
+        inputs.projector.focus_m = focus_m

@@ -1,19 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bilinear resampling on the way to rectified images."""
 
-import numpy as np
-
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
-
-
-@moves("optics.psf_sigma_px")
-def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
-    variance = 0.5 * (phase_u_px * (1.0 - phase_u_px) + phase_v_px * (1.0 - phase_v_px))
-    for side in inputs.sides:
-        side.optics.psf_sigma_px = np.sqrt(side.optics.psf_sigma_px**2 + variance)
 
 
 @effect(
@@ -26,7 +16,7 @@ def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
         Parameter("phase_u_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.4),
         Parameter("phase_v_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.4),
     ],
-    engine=_engine,
+    image_only="kuafu's point spread is a Gaussian, which two weighted pixels are not",
 )
 def rectification_resampling(light: Light, view: View, phase_u_px: float, phase_v_px: float) -> Light:
     """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below: each of those is the

@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speckle of a scene that stands still."""
 
-from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
+from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.speckle import speckled
-from activestereo.effects.core.view import View
+from activestereo.effects.core.moved import engine_effect
 
 
-@moves("signal.speckle_shape", "signal.speckle_scale", "signal.speckle_correlation", "speckle_of_laser")
-def _engine(inputs: EngineInputs, contrast: float) -> None:
-    inputs.add_speckle(contrast, 1.0)
-
-
-@effect(
+@engine_effect(
     "speckle_static",
+    moves=("signal.speckle_shape", "signal.speckle_scale", "signal.speckle_correlation", "speckle_of_laser"),
     stage=Stage.SURFACE,
     family="speckle",
     finding="The laser's light is grainy, with grains that stay (speckle)",
@@ -23,8 +17,7 @@ def _engine(inputs: EngineInputs, contrast: float) -> None:
     randomness=Randomness.STATIC,
     judged=(RandomTerm("contrast", Lever.PROJECTOR, SharedBy.VIEW),),
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
-    engine=_engine,
 )
-def speckle_static(light: Light, view: View, contrast: float) -> Light:
+def speckle_static(inputs: EngineInputs, contrast: float) -> None:
     """Projected light is grainy; the grains are the same in repeats, and new when rig or scene moves."""
-    return speckled(light, view, "speckle_static", contrast, "pose")
+    inputs.add_speckle(contrast, 1.0)

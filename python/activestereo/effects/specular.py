@@ -37,12 +37,7 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
     "refraction",
     parameters=[
         Parameter(
-            "factor",
-            "1",
-            neutral=0.0,
-            low=0.0,
-            high=20.0,
-            typical=0.5,
+            "factor", "1", neutral=0.0, low=0.0, high=20.0, typical=0.5,
             source="reflectance over common plastic's 0.04: up to 1 specularFactor on top of the nominal one, beyond "
             "by a higher ior",
         ),
@@ -50,7 +45,7 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
         SURFACES,
     ],  # fmt: skip
     engine=_engine,
-)
+)  # fmt: skip
 def specular(light: Light, view: View, factor: float, roughness: float, surfaces: float) -> Light:
     """Surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse
     light."""

@@ -57,29 +57,18 @@ def _engine(inputs: EngineInputs, fraction: float, length_m: float, core: float,
             "fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.4, source="share of the light that enters"
         ),
         Parameter(
-            "length_m",
-            "m",
-            neutral=0.003,
-            low=0.0002,
-            high=0.03,
-            typical=0.002,
+            "length_m", "m", neutral=0.003, low=0.0002, high=0.03, typical=0.002,
             source="rms distance along one axis; without effect at fraction 0",
         ),
         Parameter(
-            "core",
-            "1",
-            neutral=1.0,
-            low=0.0,
-            high=1.0,
-            typical=1.0,
+            "core", "1", neutral=1.0, low=0.0, high=1.0, typical=1.0, in_engine=False,
             source="share of the profile with a bright core, the engine's own; 0: exp(-distance / width), of media "
-                   "that scatter forward",
-            in_engine=False,
+            "that scatter forward",
         ),
         SURFACES,
     ],
     engine=_engine,
-)
+)  # fmt: skip
 def subsurface(light: Light, view: View, fraction: float, length_m: float, core: float, surfaces: float) -> Light:
     """Dots keep a core and grow wide tails of one width in metres on the surface; near ones look wider; ambient edges
     stay sharp."""

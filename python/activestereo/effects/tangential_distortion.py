@@ -1,20 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lens elements that are off their common axis."""
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.moved import engine_effect
 
 
-@moves("camera.distortion")
-def _engine(inputs: EngineInputs, p1: float, p2: float) -> None:
-    for side in inputs.sides:
-        side.add_distortion(p1=p1, p2=p2)
-
-
-@effect(
+@engine_effect(
     "tangential_distortion",
+    moves=("camera.distortion",),
     stage=Stage.CAMERA,
     family="camera geometry",
     finding="The lenses' elements are off their axis",
@@ -23,11 +17,9 @@ def _engine(inputs: EngineInputs, p1: float, p2: float) -> None:
         Parameter("p1", "1", neutral=0.0, low=-0.02, high=0.02, typical=0.001),
         Parameter("p2", "1", neutral=0.0, low=-0.02, high=0.02, typical=0.001),
     ],
-    engine=_engine,
 )
-def tangential_distortion(light: Light, view: View, p1: float, p2: float) -> Light:
+def tangential_distortion(inputs: EngineInputs, p1: float, p2: float) -> None:
     """The image point (x, y), in focal lengths, moves by (2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y) in
     both cameras: a side of the image is stretched, the other one shrinks."""
-    if p1 == 0.0 and p2 == 0.0:
-        return light
-    return light.warped(*view.through_lens((0.0, 0.0, p1, p2, 0.0)))
+    for side in inputs.sides:
+        side.add_distortion(p1=p1, p2=p2)

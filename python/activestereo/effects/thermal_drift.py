@@ -1,21 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibration that drifts with temperature."""
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.moved import engine_effect
 
 
-@moves("camera.k")
-def _engine(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> None:
-    inputs.right.shift_image(cx_px_per_k * inputs.warming_k, 0.0)
-    for side in inputs.sides:
-        side.scale_focal(1.0 + focal_per_k * inputs.warming_k)
-
-
-@effect(
+@engine_effect(
     "thermal_drift",
+    moves=("camera.k",),
     stage=Stage.CAMERA,
     family="camera geometry",
     finding="The cameras' geometry drifts with temperature",
@@ -24,14 +17,9 @@ def _engine(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> Non
         Parameter("cx_px_per_k", "px/K", neutral=0.0, low=-0.1, high=0.1, typical=0.005),
         Parameter("focal_per_k", "1/K", neutral=0.0, low=-1e-3, high=1e-3, typical=2e-5),
     ],
-    engine=_engine,
 )
-def thermal_drift(light: Light, view: View, cx_px_per_k: float, focal_per_k: float) -> Light:
+def thermal_drift(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> None:
     """Per kelvin above 25 C the right image shifts and both images grow about their principal points."""
-    shift = cx_px_per_k * view.warming_k if view.is_right else 0.0
-    growth = 1.0 + focal_per_k * view.warming_k
-    if shift == 0.0 and growth == 1.0:
-        return light
-    x, y = view.rays()
-    u, v = view.to_pixels(x / growth, y / growth)
-    return light.warped(u - shift, v)
+    inputs.right.shift_image(cx_px_per_k * inputs.warming_k, 0.0)
+    for side in inputs.sides:
+        side.scale_focal(1.0 + focal_per_k * inputs.warming_k)

@@ -26,18 +26,13 @@ def _engine(inputs: EngineInputs, fraction: float, behind: float, surfaces: floa
     parameters=[
         Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),
         Parameter(
-            "behind",
-            "1",
-            neutral=0.5,
-            low=0.0,
-            high=1.0,
-            typical=0.3,
+            "behind", "1", neutral=0.5, low=0.0, high=1.0, typical=0.3,
             source="radiance of what lies behind over the ambient radiance",
         ),
         SURFACES,
     ],
     engine=_engine,
-)
+)  # fmt: skip
 def transmission(light: Light, view: View, fraction: float, behind: float, surfaces: float) -> Light:
     """Surfaces reflect less light and let the background show through: its ambient light, but not its dots."""
     if fraction == 0.0:

@@ -7,8 +7,10 @@
 
 #include "api/handles.h"
 #include "api/struct_table.h"
+#include "cpu/signal/imager.h"
 #include "device/struct_read.h"
 #include "device/struct_table.h"
+#include "device/thread_pool.h"
 #include "signal/imager.h"
 #include "simsense/simsense.h"
 
@@ -90,6 +92,25 @@ ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parame
 
 ks_status simsense_signal_preset(const char* name, simsense_signal* out) {
   return ks::call([&] { ks::write_struct(out, simsense::signal_preset(name), SIMSENSE_TYPE_SIGNAL, "out"); });
+}
+
+ks_status simsense_signal_analogue(const simsense_signal* signal, const float* light, uint32_t width, uint32_t height, uint64_t seed,
+                                   uint64_t frame_index, uint32_t side, float* dn) {
+  return ks::call([&] {
+    const auto known = ks::read_struct(signal, SIMSENSE_TYPE_SIGNAL, "signal");
+    simsense::check_signal(known, "the");
+    if (light == nullptr || dn == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", light == nullptr ? "light" : "dn");
+    if (side > 1) ks::fail(KS_ERROR_INVALID_ARGUMENT, "side is %u, must be 0 (left) or 1 (right)", side);
+    constexpr uint64_t most_pixels = 1u << 26;
+    if (width == 0 || height == 0 || uint64_t{width} * height > most_pixels)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "image of %u x %u pixels, must have 1 to %llu", width, height,
+               static_cast<unsigned long long>(most_pixels));
+    const simsense::ConstPlane all{reinterpret_cast<const std::byte*>(light), ptrdiff_t{sizeof(float)} * width, sizeof(float),
+                                   KS_FORMAT_F32};
+    ks::ThreadPool caller(1);
+    simsense::cpu::measure(simsense::Imager(known), {seed, frame_index, known.scene_index, known.first_view, side}, {all, {}}, width,
+                           height, dn, caller);
+  });
 }
 
 ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_signal* left, const simsense_signal* right) {

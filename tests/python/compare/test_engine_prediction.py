@@ -166,45 +166,6 @@ def _coarse(image):
     return image[: 6 * height, : 6 * width].reshape(height, 6, width, 6).mean((1, 3)).ravel()
 
 
-@pytest.mark.parametrize(
-    "name", ["gain_error", "dark_signal", "black_level", "response_gamma", "saturation_blooming", "gain_mismatch"]
-)
-def test_the_engines_imager_and_the_formulas_count_alike(renderer, nominal, name):
-    """Effects on charge and counts have one formula in simsense and in NumPy."""
-    from activestereo.effects import Light, View
-    from activestereo.compare.engine_prediction import EngineModel
-    from activestereo.compare.layers import Layers
-
-    model = model_of(**{name: EFFECTS[name].typical_values})
-    lights, engine = renderer.lights(Model()), EngineModel(model, renderer)
-    for frame in nominal.frames:
-        for side in ("left", "right"):
-            seen = lights[frame.id, side]
-            layers = Layers(
-                seen.direct, seen.indirect, seen.ambient, seen.direct, seen.depth_m, seen.normal, seen.material
-            )
-            view, light = View.of(nominal, frame, side, layers), Light.of(layers)
-            formula, counted = model.signal(light, view, NUISANCES), engine.signal(light, view, NUISANCES)
-            base = Model().signal(light, view, NUISANCES)
-            change = np.sqrt(np.mean((formula - base) ** 2))
-            assert np.sqrt(np.mean((formula - counted) ** 2)) < 0.02 * max(change, 0.5)
-
-
-def test_dots_that_overflow_bloom_alike_in_the_imager_and_by_the_formula():
-    from activestereo.effects.core.laws import example_view
-    from activestereo.effects.engines.capture_inputs import frame_signal
-    from activestereo.effects.engines.imager import ExpectedImager
-
-    view, rng = example_view(), np.random.default_rng(0)
-    height, width = view.shape
-    light = 20.0 + 4000.0 * (rng.random(view.shape) < 0.05)  # runs of full pixels, and columns that end full
-    signal = frame_signal(view.frame) | {"exposure_s": 1.0, "gain": 1.0, "blooming": 0.3}
-    full = 0.7 * view.max_dn / signal["conversion_gain_dn_per_e"]
-    counted = ExpectedImager(width, height, view.max_dn).one(light, signal | {"full_well_e": full})
-    formula = EFFECTS["saturation_blooming"](light, view, lost_range=0.3, spill=0.3)
-    np.testing.assert_allclose(formula, counted, atol=0.005)  # the imager's steps are 1 / 257 DN
-
-
 def test_light_that_was_rendered_once_is_taken_from_the_cache(renderer, nominal, tmp_path, monkeypatch):
     cache, model, frames = LayerCache(tmp_path), model_of(radial_distortion={"k1": 0.02}), nominal.frames
     first = kept_lights(renderer, cache, model, frames, SCENE_MEASUREMENT, half=0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects import Light, Model, Parameter, Randomness, Stage, broken_laws, builtin, effect
+from activestereo.effects.core.judging import Lever
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.compare.nuisances import Nuisances, predict
 
@@ -62,12 +63,14 @@ def test_wrong_parameters_are_named():
         make(lambda s, view, b: s)
 
 
-@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.variance])
-def test_variance_is_the_variance_of_draws(name):
+@pytest.mark.parametrize("name", ["prnu", "shot_noise", "fixed_pattern_noise", "read_noise", "row_noise"])
+def test_draws_have_the_variance_that_their_terms_say(name):
     e, view = EFFECTS[name], example_view()
     signal = np.full(view.shape, 90.0)
     draws = np.stack([e(signal, replace(view, seed=s), **e.typical_values) for s in range(60)])
-    predicted = e.variance(signal, view, **e.typical_values).mean()
+    levers = {Lever.ONE: 1.0, Lever.SIGNAL: 90.0, Lever.PHOTONS: np.sqrt(view.frame.gain * 90.0)}
+    sizes = [(e.typical_values[t.parameter], t.lever) for t in e.random_terms]
+    predicted = sum((size if at is Lever.PHOTONS else size**2) * levers[at] ** 2 for size, at in sizes)
     assert draws.var(axis=0, ddof=1).mean() == pytest.approx(predicted, rel=0.05)
     assert draws.mean() == pytest.approx(90.0, abs=4 * np.sqrt(predicted / 60 / view.shape[0]))
 
@@ -131,6 +134,22 @@ def test_baseline_drift_shifts_by_focal_length_times_offset_over_depth():
     blob = np.exp(-((u - 50) ** 2 + (v - 30) ** 2) / 8)
     moved = EFFECTS["baseline_drift"](Light(blob, blob, blob, blob), view, offset_m=0.004).ambient
     assert (moved * u).sum() / moved.sum() == pytest.approx(50 - view.K[0, 0] * 0.004 / 0.8, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "law"),
+    [
+        ("gain_error", {"exposure_offset_s": 1e-4, "log_gain": 0.1}, lambda s: s * (4.1 / 4) * 2**0.1),
+        ("gain_mismatch", {"gain": 0.2, "offset_dn": -3.0}, lambda s: 1.1 * s - 1.5),
+        ("dark_signal", {"rate_dn_per_s": 200.0, "doubling_k": 8.0}, lambda s: s + 200 * 0.008 * 2 ** (20 / 8)),
+        ("black_level", {"offset_dn": -2.0, "per_k_dn": 0.1}, lambda s: s - 2.0 + 0.1 * 20),
+        ("response_gamma", {"log_exponent": 0.3}, lambda s: 255 * (s / 255) ** np.exp(0.3)),
+    ],
+)
+def test_the_imager_counts_by_emva_1288_s_formulas(name, values, law):
+    """A right camera at 45 C, 4 ms and gain 2; nothing is rounded or bounded yet."""
+    signal = np.linspace(0.5, 400.0, 72 * 96).reshape(72, 96)
+    np.testing.assert_allclose(EFFECTS[name](signal, example_view(), **values), law(signal), rtol=2e-6, atol=2e-4)
 
 
 def test_saturation_keeps_charge_that_spills_and_caps_the_rest():

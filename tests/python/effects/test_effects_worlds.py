@@ -13,7 +13,6 @@ from effect_worlds import PATTERN, POSE, PROJECTOR_K, TWIST, seen, smooth_places
 from activestereo.effects import builtin
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.resample import Pattern, disc_sampler
-from activestereo.effects.pattern_scale_drift import _before
 
 EFFECTS = builtin()
 
@@ -35,13 +34,6 @@ def test_flat_light_times_pattern_is_the_direct_light(nominal):
     dots = DotView(view)
     error = light.flat * dots.mean(view.pattern) - light.direct
     assert np.sqrt(np.mean(error**2)) < 0.05 * light.direct.std()
-
-
-def test_a_pattern_that_shrinks_has_light_up_to_a_right_angle():
-    K = np.array([[100.0, 0, 50], [0, 100.0, 50], [0, 0, 1]])
-    u, v = _before(np.array([50.0, 150.0, 5000.0]), np.array([50.0, 50.0, 50.0]), K, 0.98)
-    assert np.isfinite(u).all() and np.isfinite(v).all()
-    assert u[0] == 50.0 and 150.0 < u[1] < 160.0 and u[2] > 5000.0
 
 
 def test_pattern_scale_drift_spreads_the_diffraction_orders(nominal):

@@ -15,7 +15,7 @@ from activestereo.effects.engines.world import record_key
 
 EFFECTS = builtin()
 MAPPED = [e for e in EFFECTS.values() if e.engine is not None]
-LEAST_MAPPED = 38
+LEAST_MAPPED = 42
 
 
 def engine_inputs() -> EngineInputs:

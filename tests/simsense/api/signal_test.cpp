@@ -116,6 +116,31 @@ TEST(Signal, PresetsAreKnownByNameAlone) {
   EXPECT_EQ(simsense_signal_preset("d435", nullptr), KS_ERROR_INVALID_ARGUMENT);
 }
 
+TEST(Signal, CountsAreTheAnalogueOnesRoundedAndBounded) {
+  const Device device = host_device();
+  simsense_signal s = simsense_signal_init();
+  s.prnu = 0.02f, s.shot_noise = 1, s.read_noise_e = 3, s.full_well_e = 180, s.blooming = 0.4f, s.response_exponent = 1.2f;
+  s.black_level_dn = 4;
+  const auto counts = eye_of<uint8_t>(engine_with(device, simsense_signal_init(), s), SIMSENSE_OUTPUT_IR_RIGHT);
+  const auto pixels = ramp();
+  const std::vector<float> light(pixels.begin(), pixels.end());
+  std::vector<float> dn(light.size());
+  ASSERT_EQ(simsense_signal_analogue(&s, light.data(), width, height, 0, 0, 1, dn.data()), KS_OK) << simsense_last_error();
+  for (size_t i = 0; i < dn.size(); ++i) ASSERT_EQ(counts[i], std::nearbyint(std::clamp(dn[i], 0.0f, 255.0f))) << i;
+}
+
+TEST(Signal, AnalogueCountsRefuseWhatCannotBe) {
+  simsense_signal s = simsense_signal_init();
+  float value = 1;
+  EXPECT_EQ(simsense_signal_analogue(&s, nullptr, 1, 1, 0, 0, 0, &value), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_signal_analogue(&s, &value, 0, 1, 0, 0, 0, &value), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_signal_analogue(&s, &value, 1, 1, 0, 0, 2, &value), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_signal_analogue(&s, &value, 1u << 20, 1u << 20, 0, 0, 0, &value), KS_ERROR_INVALID_ARGUMENT);
+  s.blooming = 0.5f;
+  EXPECT_EQ(simsense_signal_analogue(&s, &value, 1, 1, 0, 0, 0, &value), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(simsense_last_error()).find("blooming"), std::string::npos);
+}
+
 TEST(Signal, UnequalImagersAreThePairsMismatch) {
   const Device device = open_device();
   simsense_signal left = simsense_signal_init(), right = left;

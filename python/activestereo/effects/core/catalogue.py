@@ -117,25 +117,26 @@ def filter_haze(image, view, fraction):
 '''
 
 _ENGINE = """\
-A simulated sensor applies most effects by changing these fields of kuafu and simsense, so that they cost no time. An
-effect that is *image only* has no such field: the sensor applies its image function to the finished images, which
-costs a copy. The lab always uses the image functions for its scans. The last column says how far the image function is
-from the engines. It compares the changes that both make to the images of a small scene at typical parameters: the root
-mean square of their difference, as a share of the engines' change. For random fields it compares their standard
-deviations. `build/bin/activestereo effect measure` computes it, and removes the noise of the renders. The large
-differences have known causes. The scene is only 160 pixels wide, and its dots and edges are finer than a pixel; blurs
-and shifts by a fraction of a pixel (resampling, motion, rotations) then depend on detail that the pixels do not show.
-`transmission` differs most: its image function has a parameter for the light that arrives from behind the surface,
-and the engines have no such field, because there it is whatever the scene has behind the surface. Indirect light of
-lamps exists in the engines only."""
+A simulated sensor applies most effects by changing these fields of kuafu and simsense, so that they cost no time. The
+lab makes its images for scans from the same fields, without a render: cameras look up other pixels, dots lie elsewhere
+in the pattern, optics blur and dim, and simsense's own signal counts. An effect that is *image only* has no such field:
+the sensor applies its image function to the finished images, which costs a copy. The last column says how far images
+without a render are from those of the engines, where they differ. It compares the changes that both make to the images
+of a small scene at typical parameters: the root mean square of their difference, as a share of the engines' change.
+`build/bin/activestereo effect measure` computes it, and removes the noise of the renders. The large differences have
+known causes. The scene is only 160 pixels wide, and its dots and edges are finer than a pixel; blurs and shifts by a
+fraction of a pixel (motion, rotations) then depend on detail that the pixels do not show. `transmission` differs most:
+its image function has a parameter for the light that arrives from behind the surface, and the engines have no such
+field, because there it is whatever the scene has behind the surface. Indirect light of lamps exists in the engines
+only."""
 
 _INTRODUCTION = """\
 An *effect* is one physical reason why a real sensor differs from the base model. This page lists all {count} of them
 in the order of the pipeline, from the projector to the depth map; {engine} of them can be simulated inside the two
-engines. Each effect is one file in `python/activestereo/effects`: a function of images, and a descriptor with its
-parameters. At its *neutral* parameters an effect changes nothing. A *typical* value is about as far from neutral as
-real sensors are: a fit starts from the assumption that parameters deviate by about this much (the standard deviation
-of its prior). This page is made by `activestereo effect list --markdown`.
+engines. Each effect is one file in `python/activestereo/effects`: a descriptor with its parameters, and a function of
+engine fields or of images. At its *neutral* parameters an effect changes nothing. A *typical* value is about as far
+from neutral as real sensors are: a fit starts from the assumption that parameters deviate by about this much (the
+standard deviation of its prior). This page is made by `activestereo effect list --markdown`.
 
 ## Your own effect
 
@@ -146,8 +147,9 @@ of its prior). This page is made by `activestereo effect list --markdown`.
 `activestereo effect check filter_haze.py` tests the laws that every effect must obey: neutral parameters change
 nothing, the same seed gives the same bits, values stay finite, every parameter has an influence, and the input array is
 not modified. The lab then ranks your effect beside the built-in ones. `python/activestereo/effects/core/descriptor.py`
-says what the function receives and returns at each stage. With `engine=` an effect also names a function that changes
-the engines' fields; any built-in file is an example, and `python/activestereo/effects/core/engine.py` is the
-specification. An effect may also be written in C, as a shared library with the descriptors of `ks/effect.h`;
-[tinted_window.c](tinted_window.c) is an example.
+says what the function receives and returns at each stage. `engine_effect` in
+`python/activestereo/effects/core/moved.py` makes an effect of a function that changes the engines' fields; most
+built-in files are examples, and `python/activestereo/effects/core/engine.py` is the specification. An effect may also
+be written in C, as a shared library with the descriptors of `ks/effect.h`; [tinted_window.c](tinted_window.c) is an
+example.
 """

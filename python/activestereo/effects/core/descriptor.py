@@ -16,7 +16,7 @@ It must not change its input, and must return the input itself or an equal one w
 Random effects draw from view.rng(id) alone. How the lab judges an effect stands in judging.py.
 
 `engine` says what the effect is inside of the engines, see engine.py; an effect without one is `image_only`,
-and says why.
+and says why. Where engine fields alone tell the effect, moved.py makes `apply` of them.
 """
 
 import inspect
@@ -90,14 +90,13 @@ class Parameter:
 class Effect:
     """See the head of this file.
 
-    variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value. engine(inputs,
-    **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says
-    why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes where fits begin,
-    where a coarse scan of the parameters would miss. finding: what a verdict says where it is found, a sentence without
-    its full stop. prepare: makes what apply needs for these views; whoever lets threads apply an effect calls it before
-    they start, for it may render. remembers: it sees in view.before what it gave for the frame before. is_pointwise: a
-    pixel's light depends on that pixel alone, and fits compute the pixels that they look at; at READOUT: all pixels
-    follow one curve.
+    engine(inputs, **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect:
+    image_only says why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes
+    where fits begin, where a coarse scan of the parameters would miss. finding: what a verdict says where it is found,
+    a sentence without its full stop. prepare: makes what apply needs for these views; whoever lets threads apply an
+    effect calls it before they start, for it may render. remembers: it sees in view.before what it gave for the frame
+    before. is_pointwise: a pixel's light depends on that pixel alone, and fits compute the pixels that they look at; at
+    READOUT: all pixels follow one curve.
     """
 
     id: str
@@ -108,7 +107,6 @@ class Effect:
     summary: str
     source: str
     randomness: Randomness = Randomness.NONE
-    variance: Callable[..., Any] | None = None
     engine: Callable[..., None] | None = None
     image_only: str = ""
     judged: tuple[Judgement, ...] = ()
@@ -197,7 +195,7 @@ class Effect:
 def effect(
     id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str,
     randomness: Randomness = Randomness.NONE,
-    variance: Callable | None = None, engine: Callable[..., None] | None = None, image_only: str = "",
+    engine: Callable[..., None] | None = None, image_only: str = "",
     judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "", remembers: bool = False,
     is_pointwise: bool = False,
 ) -> Callable[[Callable], Effect]:  # fmt: skip
@@ -224,7 +222,6 @@ def effect(
             summary,
             source,
             randomness,
-            variance,
             engine,
             image_only,
             tuple(judged),

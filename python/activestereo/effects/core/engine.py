@@ -6,10 +6,10 @@
         for side in inputs.sides:
             side.optics.vignetting_exponent += exponent
 
-An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. What the
-engines then compute is the effect itself: the image function beside it is its surrogate, for scans. Records are kuafu's
-own (kuafu.Camera, kuafu.Optics, kuafu.Light, kuafu.Material, kuafu.Medium), a signal is a dict of simsense_signal's
-fields, so a wrong field name is an error. Nothing here imports an engine.
+An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. moved.py
+makes images of the moved fields without a render. Records are kuafu's own (kuafu.Camera, kuafu.Optics, kuafu.Light,
+kuafu.Material, kuafu.Medium), a signal is a dict of simsense_signal's fields, so a wrong field name is an error.
+Nothing here imports an engine.
 """
 
 from __future__ import annotations
@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     import kuafu
 
 REFERENCE_TEMPERATURE_C = 25.0
+
+
+# The share of the projector's light that is left at tangents (x, y) of angles from its axis.
+PatternGain = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
 def moves(*fields: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -183,6 +187,16 @@ class EngineInputs:
     def fill_with(self, **fields: Any) -> None:
         """Fills the scene with a medium; `fields` are kuafu.Medium's."""
         self.medium = self.new_medium(**fields)
+
+    def dim_pattern(self, gain: PatternGain) -> None:
+        """Multiplies the projector's pattern image by a gain, where there is one."""
+        if self.projector is None or self.pattern is None:
+            return
+        K, (height, width) = self.projector.k, self.pattern.shape
+        v, u = np.mgrid[0:height, 0:width]
+        y = (v - K[1, 2]) / K[1, 1]
+        x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]
+        self.pattern = (self.pattern * gain(x, y)).astype(np.float32)
 
     def blur_pattern(self, sigma_px: float) -> None:
         """Blurs the projector's dots by a Gaussian of so many camera pixels: the same angle at the projector."""

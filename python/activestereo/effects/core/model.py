@@ -30,6 +30,16 @@ class Scales(Protocol):
     def black_dn(self) -> float: ...
 
 
+class SeenLight(Protocol):
+    """The light that falls on an imager: a Light, for one."""
+
+    @property
+    def projector(self) -> np.ndarray: ...
+
+    @property
+    def ambient(self) -> np.ndarray: ...
+
+
 @dataclass(frozen=True)
 class Model:
     """effects: pairs (Effect, {parameter: value}); applied in stage order, within a stage in the order given."""
@@ -56,13 +66,17 @@ class Model:
         """Pairs (Effect, {parameter: value}) up to the lens, in the order of the pipeline."""
         return self._of(Stage.PROJECTOR, Stage.OPTICS, random)
 
+    def outside_engines(self) -> Model:
+        """The effects that no engine field expresses."""
+        return Model(tuple((e, p) for e, p in self.effects if e.engine is None))
+
     @property
     def is_linear(self) -> bool:
         """Whether nothing acts between the lens and the digital numbers: without random effects, signal() is linear but
         for clipping."""
         return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
 
-    def signal(self, light: Light, view: View, nuisances: Scales, random: bool = False) -> np.ndarray:
+    def signal(self, light: SeenLight, view: View, nuisances: Scales, random: bool = False) -> np.ndarray:
         """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is
         left out and random fields are drawn as their mean. random=True: one exposure."""
         projector, ambient = scales(view.frame)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images of a camera that moves a little: turned about its centre, where every pixel sees what another saw, whatever
-the depth; moved along its x axis, where each pixel looks up by its own depth; and with its rig before or after mid-
-exposure, where the scene shifts and the rig's own dots hardly do."""
+"""Images of a camera at another pose: turned about its centre, where every pixel sees what another saw, whatever the
+depth; moved, where each pixel looks up by its own depth; and with its rig before or after mid-exposure, where the scene
+shifts and the rig's own dots hardly do."""
 
 from __future__ import annotations
 
@@ -11,36 +11,24 @@ import numpy as np
 from scipy.linalg import expm
 
 from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.engine import rotation
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
 from activestereo.effects.core.view import View
 
-
-def turned(light: Light, view: View, axis: tuple[float, float, float], angle_rad: float) -> Light:
-    """The Light of a camera turned by angle_rad about its own `axis` (unit, camera coordinates), right-handed."""
-    if angle_rad == 0.0:
-        return light
-    rx, ry = view.rays()
-    ray = np.stack([rx, ry, np.ones_like(rx)], axis=-1) @ rotation(axis, angle_rad).T
-    u, v = view.to_pixels(ray[..., 0] / ray[..., 2], ray[..., 1] / ray[..., 2])
-    return light.warped(u, v)
-
-
 _ITERATIONS = 3
 
 
-def shifted(light: Light, view: View, shift_x_m: float) -> Light:
-    """The Light of the camera moved by shift_x_m (camera coordinates). New occlusions are not seen: shifts are of a few
-    pixels."""
-    if shift_x_m == 0.0:
+def posed(light: Light, view: View, to_nominal: np.ndarray) -> Light:
+    """The Light of a camera at another pose; to_nominal: its coordinates to those of the view's camera, [4][4]. New
+    occlusions are not seen: moves are of a few pixels."""
+    turn, shift = to_nominal[:3, :3], to_nominal[:3, 3]
+    if shift.any():
+        return light.warped(*_source_pixels(view, np.broadcast_to(to_nominal, (view.shape[0], 4, 4)))[:2])
+    if (turn == np.eye(3)).all():
         return light
-    u, v = view.pixels()
-    inverse_depth = np.where(view.depth_m > 0, 1.0 / np.where(view.depth_m > 0, view.depth_m, 1.0), 0.0)
-    source = u
-    for _ in range(_ITERATIONS):
-        source = u + view.K[0, 0] * shift_x_m * sample(inverse_depth, source, v, order=1)
-    return light.warped(source, v)
+    rx, ry = view.rays()
+    ray = np.stack([rx, ry, np.ones_like(rx)], axis=-1) @ turn.T
+    return light.warped(*view.to_pixels(ray[..., 0] / ray[..., 2], ray[..., 1] / ray[..., 2]))
 
 
 def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:

@@ -168,10 +168,11 @@ class View:
         """(u, v) at which the nominal camera draws the direction (x, y, 1)."""
         return _to_pixels(x, y, self.K, self.distortion)
 
-    def through_lens(self, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """(u, v) at which the nominal camera draws what each pixel shows where light goes through this distortion, too;
-        computed once for all views of the same camera."""
-        return _through_lens(self.shape, tuple(self.K.ravel().tolist()), self.distortion, distortion)
+    def drawn_by(self, K: np.ndarray, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """(u, v) at which the nominal camera draws what each pixel of a camera of intrinsics K and this distortion
+        shows; computed once for all views of the same camera."""
+        own, other = (tuple(k.ravel().tolist()) for k in (self.K, K))
+        return _drawn_by(self.shape, own, self.distortion, other, distortion)
 
     def field(self) -> tuple[np.ndarray, np.ndarray]:
         """(fx, fy): position in the image, -1..1 from border to border, 0 at its middle."""
@@ -261,11 +262,16 @@ def _to_pixels(
 
 
 @lru_cache(maxsize=8)
-def _through_lens(
-    shape: tuple[int, int], k: tuple[float, ...], nominal: tuple[float, ...], further: tuple[float, ...]
+def _drawn_by(
+    shape: tuple[int, int],
+    k: tuple[float, ...],
+    nominal: tuple[float, ...],
+    other_k: tuple[float, ...],
+    other: tuple[float, ...],
 ) -> tuple[np.ndarray, np.ndarray]:
-    K = np.reshape(k, (3, 3))
-    u, v = _to_pixels(*undistort(*_rays(*_pixels(shape), K, nominal), further), K, nominal)
+    # Behind one lens, what both draw differs by their intrinsics alone.
+    own, lens = ((), ()) if nominal == other else (nominal, other)
+    u, v = _to_pixels(*_rays(*_pixels(shape), np.reshape(other_k, (3, 3)), lens), np.reshape(k, (3, 3)), own)
     _read_only(u, v)
     return u, v
 

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-import simsense
 from activestereo.capture.capture import Capture, Frame
 from activestereo.common.lens import lens_fields
 from activestereo.common.pose import carried_twist
-from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineCamera, EngineInputs
+from activestereo.effects.core.engine import EngineCamera, EngineInputs
+from activestereo.effects.core.moved import frame_signal
 
 # Media reach so far beyond scene and rig.
 _MARGIN_M = 0.05
@@ -38,18 +38,6 @@ def capture_inputs(
         max_dn=float(rig.max_dn),
         seed=seed,
     )
-
-
-def frame_signal(frame: Frame) -> dict[str, float]:
-    """A noiseless imager under a frame's settings, in counts: input is counts per second at gain 1."""
-    temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
-    settings = {
-        "exposure_s": frame.exposure_s,
-        "gain": frame.gain,
-        "temperature_c": temperature,
-        "dark_reference_c": REFERENCE_TEMPERATURE_C,
-    }
-    return simsense.signal_preset("neutral") | settings
 
 
 def _side(capture: Capture, frame: Frame, name: str, left_to_side: NDArray[np.float64]) -> EngineCamera:

@@ -18,8 +18,8 @@ from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
 from activestereo.effects.core.room_light import BOUNCED_VERSION
+from activestereo.effects.core.view import View
 from activestereo.effects.engines.capture_inputs import capture_inputs
-from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.scene_measurement import SceneMeasurement
 from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer
 from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
@@ -88,24 +88,19 @@ class CaptureRenderer:
         self._pattern = capture.rig.projector.pattern()
         self._smooth = smooth
         self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
-        camera = capture.rig.left
-        self._imager = ExpectedImager(camera.width, camera.height, capture.rig.max_dn)
 
     @property
     def device(self) -> kuafu.Device:
         return self._world.device
 
-    def inputs(
-        self, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None, random: bool = False
-    ) -> EngineInputs:
+    def inputs(self, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None) -> EngineInputs:
         """The engines' inputs for a frame: calibration and settings, the scene measurement's corrections, then the
-        model's effects. random=False: those that draw numbers are left out, for they have no part in an expected
-        image."""
+        model's effects but for those that draw numbers, which have no part in an expected image."""
         inputs = capture_inputs(self.capture, frame, self._world.scene, self._pattern, self.seed)
         if scene_measurement is not None:
             scene_measurement.apply(inputs)
-        of_pixels = ((e, e.on_pixels(p, self.capture.binning)) for e, p in model.effects)
-        apply_engine(inputs, tuple((e, p) for e, p in of_pixels if random or e.randomness is Randomness.NONE))
+        expected = ((e, p) for e, p in model.effects if e.randomness is Randomness.NONE)
+        apply_engine(inputs, tuple((e, e.on_pixels(p, self.capture.binning)) for e, p in expected))
         return inputs
 
     def lights(
@@ -113,7 +108,6 @@ class CaptureRenderer:
         model: Model,
         frames: Iterable[Frame] | None = None,
         scene_measurement: SceneMeasurement | None = None,
-        random: bool = False,
         progress: Callable[[float], object] | None = None,
         half: int | None = None,
     ) -> dict[ImageKey, CameraLight]:
@@ -122,7 +116,7 @@ class CaptureRenderer:
         the samples (smooth.py)."""
         jobs: dict[tuple, _Job] = {}
         for frame in self.capture.frames if frames is None else frames:
-            inputs = self.inputs(frame, model, scene_measurement, random)
+            inputs = self.inputs(frame, model, scene_measurement)
             jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))
         worlds: dict[tuple, list[_Job]] = {}
         for job in jobs.values():
@@ -154,27 +148,13 @@ class CaptureRenderer:
         return hashlib.sha256(repr((settings, powers, [_job_key(i) for i in inputs])).encode()).hexdigest()
 
     def expected(
-        self,
-        model: Model,
-        nuisances: Scales,
-        scene_measurement: SceneMeasurement | None = None,
-        random: bool = False,
+        self, model: Model, nuisances: Scales, scene_measurement: SceneMeasurement | None = None
     ) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, side): expected DN [height][width]}; random: one exposure instead, not rounded."""
-        lights = self.lights(model, None, scene_measurement, random)
-        out: dict[ImageKey, NDArray[np.float32]] = {}
-        for frame in self.capture.frames:
-            inputs = self.inputs(frame, model, random=random)
-            per_s = nuisances.projector_scale * frame.projector_power
-            ambient_per_s = nuisances.ambient_scale * (1.0 if frame.ambient is None else frame.ambient)
-            images, signals = [], []
-            for side, part in zip(SIDES, inputs.sides, strict=True):
-                light = lights[frame.id, side]
-                laser = per_s * light.projector
-                images.append((laser + ambient_per_s * light.ambient, laser if inputs.speckle_of_laser else None))
-                signals.append(part.signal | {"black_level_dn": part.signal["black_level_dn"] + nuisances.black_dn})
-            counts = self._imager.counts(images, signals, inputs.seed + frame.id if random else None)
-            out |= {(frame.id, side): image for side, image in zip(SIDES, counts, strict=True)}
+        """{(frame id, side): expected DN [height][width]}."""
+        frames, out = {frame.id: frame for frame in self.capture.frames}, {}
+        for (number, side), light in self.lights(model, None, scene_measurement).items():
+            view = View.of(self.capture, frames[number], side, light, self.seed)
+            out[number, side] = model.signal(light, view, nuisances).astype(np.float32)
         return out
 
     # ---- inside ----

@@ -14,7 +14,6 @@ from activestereo.common.limits import ANY, EXPOSURE, GAIN, Limits
 from activestereo.common.nearest import unknown
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
-from activestereo.effects.engines.imager import NOISE
 from activestereo.model import Quantity, SensorModel
 from activestereo.model.model import MATERIAL_FIELDS, ModelEffect
 
@@ -23,6 +22,11 @@ SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmissio
 _CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
 _KEYS = (*_CAMERA, "has_noise", "materials", "effects")
 _FAMILY_OF_MOTION = "motion"
+# What draws random numbers in an imager.
+_NOISE = (
+    "speckle_shape", "prnu", "hot_pixel_share", "shot_noise", "dsnu_e", "row_fixed_e", "column_fixed_e", "row_noise_e",
+    "column_noise_e", "read_noise_e", "adc_noise_dn",
+)  # fmt: skip
 BY_HAND = "set by hand in activestereo view"
 
 
@@ -57,7 +61,7 @@ class Settings:
         if not self.has_noise:
             config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
             if config.ir_signal is not None:
-                config.ir_signal = _signal(config.ir_signal) | dict.fromkeys(NOISE, 0.0)
+                config.ir_signal = _signal(config.ir_signal) | dict.fromkeys(_NOISE, 0.0)
         return config, self.in_model(model)
 
     def in_model(self, model: SensorModel) -> SensorModel:

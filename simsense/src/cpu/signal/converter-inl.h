@@ -7,6 +7,8 @@
 #define SIMSENSE_CPU_SIGNAL_CONVERTER_INL_H_
 #endif
 
+#include <type_traits>
+
 #include "cpu/signal/passes-inl.h"
 #include "signal/imager.h"
 
@@ -21,8 +23,12 @@ HWY_INLINE void converter_row(const SignalRow& row, float max_dn, Count* counts)
   const hn::Rebind<Count, FloatTag> count_tag;
   for (size_t x = 0; x < row.width; x += hn::Lanes(tag)) {
     const Floats dn = hn::Add(hn::Load(tag, row.values + x), black);
-    const Floats bounded = hn::Min(hn::Max(dn, splat(0)), highest);
-    hn::StoreU(hn::DemoteTo(count_tag, hn::NearestInt(bounded)), count_tag, counts + x);
+    if constexpr (std::is_same_v<Count, float>) {
+      hn::StoreU(dn, tag, counts + x);
+    } else {
+      const Floats bounded = hn::Min(hn::Max(dn, splat(0)), highest);
+      hn::StoreU(hn::DemoteTo(count_tag, hn::NearestInt(bounded)), count_tag, counts + x);
+    }
   }
 }
 

@@ -120,5 +120,6 @@ void measure(const Imager& imager, const NoiseKey& key, const Irradiance& light,
 
 template void measure(const Imager&, const NoiseKey&, const Irradiance&, uint32_t, uint32_t, uint8_t*, ks::ThreadPool&);
 template void measure(const Imager&, const NoiseKey&, const Irradiance&, uint32_t, uint32_t, uint16_t*, ks::ThreadPool&);
+template void measure(const Imager&, const NoiseKey&, const Irradiance&, uint32_t, uint32_t, float*, ks::ThreadPool&);
 
 }  // namespace simsense::cpu

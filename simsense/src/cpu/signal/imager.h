@@ -21,7 +21,7 @@ struct Irradiance {
   std::optional<ConstPlane> laser;  // its part that has speckle; without one, all has
 };
 
-/// counts: packed [height][width], uint8_t, or uint16_t where imager.is_wide().
+/// counts: packed [height][width], uint8_t, or uint16_t where imager.is_wide(); float: what the converter would round and bound.
 template <class Count>
 void measure(const Imager& imager, const NoiseKey& key, const Irradiance& light, uint32_t width, uint32_t height, Count* counts,
              ks::ThreadPool& workers);

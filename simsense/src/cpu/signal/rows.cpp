@@ -33,6 +33,7 @@ HWY_INLINE void read_out(const SignalRow& row, Count* counts) {
 
 void read_out_8(const SignalRow& row, uint8_t* counts) { read_out(row, counts); }
 void read_out_16(const SignalRow& row, uint16_t* counts) { read_out(row, counts); }
+void read_out_analogue(const SignalRow& row, float* counts) { read_out(row, counts); }
 
 void draw_normals(const PhiloxKey& key, Dimension dimension, int32_t x0, uint32_t y, size_t width, uint32_t* words, float* normals) {
   row_words(key, dimension, x0, y, width, words);
@@ -57,6 +58,7 @@ namespace simsense::cpu {
 HWY_EXPORT(collect);
 HWY_EXPORT(read_out_8);
 HWY_EXPORT(read_out_16);
+HWY_EXPORT(read_out_analogue);
 HWY_EXPORT(draw_normals);
 HWY_EXPORT(weigh);
 
@@ -66,6 +68,8 @@ void collect_row(const SignalRow& row, const SpeckleRow& static_speckle, const S
 
 void read_out_row(const SignalRow& row, uint8_t* counts) { HWY_DYNAMIC_DISPATCH(read_out_8)(row, counts); }
 void read_out_row(const SignalRow& row, uint16_t* counts) { HWY_DYNAMIC_DISPATCH(read_out_16)(row, counts); }
+
+void read_out_row(const SignalRow& row, float* counts) { HWY_DYNAMIC_DISPATCH(read_out_analogue)(row, counts); }
 
 void normal_row(const PhiloxKey& key, Dimension dimension, int32_t x0, uint32_t y, size_t width, uint32_t* words, float* normals) {
   HWY_DYNAMIC_DISPATCH(draw_normals)(key, dimension, x0, y, width, words, normals);

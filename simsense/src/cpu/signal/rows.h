@@ -34,9 +34,11 @@ struct SignalRow {
 /// Input units to collected charge, e-: exposure, speckle, PRNU, dark charge, shot noise.
 void collect_row(const SignalRow& row, const SpeckleRow& static_speckle, const SpeckleRow& temporal_speckle);
 
-/// Charge to counts: readout noise, amplifier, response, converter. counts: [width], uint8_t where bit_depth is 8, else uint16_t.
+/// Charge to counts: readout noise, amplifier, response, converter. counts: [width], uint8_t where bit_depth is 8, else uint16_t; float:
+/// neither rounded nor bounded.
 void read_out_row(const SignalRow& row, uint8_t* counts);
 void read_out_row(const SignalRow& row, uint16_t* counts);
+void read_out_row(const SignalRow& row, float* counts);
 
 /// Standard normals of columns x0 .. x0 + width of row y; x0 is a multiple of 4 and may be negative, as may y (as its two's complement).
 void normal_row(const PhiloxKey& key, Dimension dimension, int32_t x0, uint32_t y, size_t width, uint32_t* words, float* normals);

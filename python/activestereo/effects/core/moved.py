@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects that are moves of engine fields, and images under such fields.
+
+    @engine_effect("vignetting", moves=("optics.vignetting_exponent",), stage=Stage.OPTICS, ...)
+    def vignetting(inputs: EngineInputs, exponent: float) -> None:
+        for side in inputs.sides:
+            side.optics.vignetting_exponent += exponent
+
+The function is the effect inside of the engines. Its images follow here from the moved fields, whichever effect moved
+them: cameras look up other places, a projector's dots lie elsewhere, optics blur and dim, and simsense's signal counts.
+Nothing is rendered.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+import kuafu
+import simsense
+from activestereo.capture.capture import Frame
+from activestereo.common.lens import distort, lens_fields
+from activestereo.effects.core.descriptor import Effect, Stage, effect
+from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.engine import (
+    REFERENCE_TEMPERATURE_C,
+    EngineCamera,
+    EngineInputs,
+    PatternGain,
+)
+from activestereo.effects.core.engine import (
+    moves as marks,
+)
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.motion import displaced, posed
+from activestereo.effects.core.view import PickedView, View
+
+# The mean over an exposure is that of so many instants; a disc of confusion is no wider.
+_INSTANTS, _LARGEST_DISC_PX = 5, 40.0
+# Only motion shows these.
+_TIMES = ("delay_s", "exposure_s", "shutter", "line_time_s", "readout")
+
+
+def engine_effect(
+    id: str, *, moves: tuple[str, ...], stage: Stage, **descriptor: Any
+) -> Callable[[Callable[..., None]], Effect]:
+    """Makes an Effect of a function of EngineInputs and the parameters, which changes the fields `moves`. Its docstring
+    is the effect's summary. descriptor: see Effect."""
+
+    def make(move: Callable[..., None]) -> Effect:
+        marked = marks(*moves)(move)
+        image = _Image(marked)
+        return effect(id, stage=stage, engine=marked, **descriptor)(image.at_stage(stage))
+
+    return make
+
+
+@dataclass(frozen=True)
+class _Image:
+    """The image function of a move of engine fields."""
+
+    move: Callable[..., None]
+
+    def at_stage(self, stage: Stage) -> Callable[..., Any]:
+        """The function of (value, view, **parameters) that effect() takes."""
+        fields: tuple[str, ...] = self.move.fields  # type: ignore[attr-defined]
+        names = {name.removeprefix("right.").removeprefix("left.") for name in fields}
+        acts = next(
+            act
+            for kind, act in (
+                ("signal.speckle", self._speckled),
+                ("signal.", self._counted),
+                ("optics.", self._through_optics),
+                ("projector.", self._projected),
+                ("pattern", self._projected),
+                ("", self._in_motion if all(n.removeprefix("camera.") in _TIMES for n in names) else self._redrawn),
+            )
+            if any(name.startswith(kind) for name in names)
+        )
+
+        def image(value: Any, view: View, **values: float) -> Any:
+            return acts(value, view, values)
+
+        _, *own = inspect.signature(self.move).parameters.values()
+        first = [inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD) for name in ("value", "view")]
+        image.__signature__ = inspect.Signature([*first, *own])  # type: ignore[attr-defined]
+        image.__doc__ = self.move.__doc__
+        return image
+
+    def _inputs(self, view: View, values: dict[str, float], signal: dict[str, float] | None = None) -> _ViewInputs:
+        inputs = _ViewInputs.of(view, signal or {})
+        self.move(inputs, **values)
+        return inputs
+
+    def _side(self, view: View, values: dict[str, float], signal: dict[str, float] | None = None) -> EngineCamera:
+        return self._inputs(view, values, signal).sides[view.is_right]
+
+    # ---- the imager ----
+
+    def _counted(self, dn: np.ndarray, view: View, values: dict[str, float]) -> np.ndarray:
+        """DN above black, or DN, under simsense's signal without rounding. What the signal leaves alone stays to the
+        bit."""
+        nominal = frame_signal(view.frame)
+        moved = self._side(view, values, nominal).signal
+        if moved == nominal:
+            return dn
+        light = dn / view.frame.exposure_gain
+        return np.asarray(dn + (_analogue(moved, light, view) - _analogue(nominal, light, view)), dtype=np.float64)
+
+    def _speckled(self, light: Light, view: View, values: dict[str, float]) -> Light:
+        """The projector's light times simsense's grains."""
+        inputs = self._inputs(view, values, simsense.signal_preset("neutral"))
+        if not inputs.speckle_of_laser:
+            return light
+        pose = hashlib.sha256(np.ascontiguousarray(view.frame.camera_to_world).tobytes()).digest()
+        signal = inputs.sides[view.is_right].signal | {"scene_index": int.from_bytes(pose[:4], "little")}
+        return light.scale_projector(_analogue(signal, np.ones(view.shape), view, 1.0).astype(np.float64))
+
+    # ---- the lens ----
+
+    def _through_optics(self, value: Any, view: View, values: dict[str, float]) -> Any:
+        """A Light, or images [..., height, width], behind the lens' point spread, falloff and glare (kuafu_optics_desc,
+        for a camera that has none of its own)."""
+        optics = self._side(view, values).optics
+        if isinstance(value, Light):
+            sigma_px: float | np.ndarray = optics.psf_sigma_px
+            if optics.psf_corner_sigma_px > 0.0:
+                fx, fy = view.field()
+                sigma_px = np.hypot(sigma_px, optics.psf_corner_sigma_px * (fx * fx + fy * fy) / 2.0)
+            return value.blurred(sigma_px) if np.any(sigma_px) else value
+        if optics.vignetting_exponent != 0.0:
+            x, y = view.rays()
+            value = value * (1.0 + x * x + y * y) ** (-optics.vignetting_exponent / 2.0)
+        glare = optics.veiling_glare_fraction
+        return value if glare == 0.0 else (1.0 - glare) * value + glare * value.mean(axis=(-2, -1), keepdims=True)
+
+    # ---- the camera ----
+
+    def _redrawn(self, light: Light, view: View, values: dict[str, float]) -> Light:
+        """The light that a camera at another place, or behind another lens, draws."""
+        camera = self._side(view, values).camera
+        light = posed(light, view, camera.camera_to_world)
+        lens = tuple(camera.distortion)[: len(view.distortion)]
+        if lens == tuple(view.distortion) and (camera.k == view.K).all():
+            return light
+        return light.warped(*view.drawn_by(camera.k, lens))
+
+    def _in_motion(self, light: Light, view: View, values: dict[str, float]) -> Light:
+        """The mean over the exposure of what rows see, each at its time."""
+        if not view.frame.is_moving:
+            return light
+        side, height = self._side(view, values), view.shape[0]
+        camera, rows_s = side.camera, np.zeros(height)
+        if camera.shutter == "rolling":
+            down = 1.0 if camera.readout == "rows_down" else -1.0
+            rows_s = down * camera.line_time_s * (np.arange(height) - (height - 1) / 2)
+        times = camera.exposure_s * ((np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5) if camera.exposure_s else [0.0]
+        seen = [displaced(light, view, side.delay_s + t + rows_s) for t in times]
+        return seen[0] if len(seen) == 1 else Light.of_images(sum(s.images for s in seen) / len(seen))
+
+    # ---- the projector ----
+
+    def _projected(self, light: Light, view: View, values: dict[str, float]) -> Light:
+        """The light of a projector with other dots; the surfaces' part of it stays."""
+        inputs = self._inputs(view, values)
+        own = inputs.projector
+        assert own is not None
+        for gain in inputs.gains:
+            light = light.scale_projector(gain(*tangents(view)))
+        if own.ir_intensity != 1.0:
+            light = light.scale_projector(float(own.ir_intensity))
+        if inputs.blur_px > 0.0:
+            seen = light.blurred(inputs.blur_px)
+            light = replace(light, direct=seen.direct, flat=seen.flat)
+        if inputs.pattern is not view.pattern:
+            dots = DotView.of(view)
+            light = dots.change(light, dots.nominal(), dots.mean(inputs.pattern))
+        if own.pattern_scale != 1.0 or any(own.distortion):
+            dots = DotView.of(view)
+            light = dots.change(light, dots.nominal(), dots.mean(view.pattern, *_before(dots, view, own)))
+        if own.radius_m > 0.0:
+            dots = DotView.of(view)
+            z = np.where(dots.lit, dots.z, own.focus_m)
+            aperture_px_m = own.radius_m * np.mean(np.diag(view.projector_K)[:2])
+            disc_px = np.minimum(2.0 * aperture_px_m * np.abs(1.0 / z - 1.0 / own.focus_m), _LARGEST_DISC_PX)
+            light = dots.change(light, dots.nominal(), dots.mean_of_discs(view.pattern, disc_px))
+        return light
+
+
+@dataclass
+class _ViewInputs(EngineInputs):
+    """EngineInputs as one view knows them, both cameras at its own place. Gains and a blur of the whole pattern are
+    kept apart: on the view's pixels they need no dots."""
+
+    gains: list[PatternGain] = field(default_factory=list)
+    blur_px: float = 0.0
+
+    @classmethod
+    def of(cls, view: View, signal: dict[str, float]) -> _ViewInputs:
+        whole = view.source if isinstance(view, PickedView) else view
+        height, width = whole.shape
+        lens = lens_fields(view.distortion)
+        left, right = (
+            EngineCamera(kuafu.Camera(width, height, view.K, np.eye(4), **lens), kuafu.Optics(), dict(signal), is_right)
+            for is_right in (False, True)
+        )
+        return cls(
+            left, right, kuafu.Light(kind="projector", k=view.projector_K, ir_intensity=1.0), view.pattern, view.frame,
+            new_light=kuafu.Light, new_medium=kuafu.Medium, scene_materials=lambda number: kuafu.Material(),
+            material_count=0, bounds_m=((-1.0,) * 3, (1.0,) * 3), max_dn=view.max_dn, seed=view.seed,
+        )  # fmt: skip
+
+    def dim_pattern(self, gain: PatternGain) -> None:
+        self.gains.append(gain)
+
+    def blur_pattern(self, sigma_px: float) -> None:
+        self.blur_px = float(np.hypot(self.blur_px, sigma_px))
+
+
+def frame_signal(frame: Frame) -> dict[str, float]:
+    """A noiseless imager under a frame's settings, in counts: input is counts per second at gain 1."""
+    temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
+    settings = {
+        "exposure_s": frame.exposure_s,
+        "gain": frame.gain,
+        "temperature_c": temperature,
+        "dark_reference_c": REFERENCE_TEMPERATURE_C,
+    }
+    return simsense.signal_preset("neutral") | settings
+
+
+def _analogue(signal: dict[str, float], light: np.ndarray, view: View, unit: float | None = None) -> np.ndarray:
+    """Counts of simsense's signal. unit: full scale of 8 bits over the view's own."""
+    scale = 255.0 / view.max_dn if unit is None else unit
+    in_counts = ("conversion_gain_dn_per_e", "black_level_dn", "black_level_dn_per_k")
+    fine = signal | {name: signal[name] * scale for name in in_counts}
+    return (
+        simsense.signal_analogue(fine, light, seed=view.seed, frame_index=view.frame.id, side=int(view.is_right))
+        / scale
+    )
+
+
+def tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Tangents of the angles from the projector's axis to what the pixels see, [height][width]."""
+    points = view.projector_points()
+    z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
+    return points[..., 0] / z, points[..., 1] / z
+
+
+def _before(dots: DotView, view: View, projector: kuafu.Light) -> tuple[np.ndarray, np.ndarray]:
+    """Pattern pixels whose light the projector's lens and scale send to where the nominal pixels (u, v) lie."""
+    K = view.projector_K
+    y = (dots.v - K[1, 2]) / K[1, 1]
+    x = (dots.u - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    x, y = (p / projector.pattern_scale for p in distort(x, y, projector.distortion))
+    return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
