@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The imagers through the C API: bad parameters are refused with their numbers, the eyes differ as asked, batches split, more than 8 bits.
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -117,7 +118,7 @@ TEST(Signal, PresetsAreKnownByNameAlone) {
 }
 
 TEST(Signal, CountsAreTheAnalogueOnesRoundedAndBounded) {
-  const Device device = host_device();
+  const Device device = open_device();
   simsense_signal s = simsense_signal_init();
   s.prnu = 0.02f, s.shot_noise = 1, s.read_noise_e = 3, s.full_well_e = 180, s.blooming = 0.4f, s.response_exponent = 1.2f;
   s.black_level_dn = 4;
