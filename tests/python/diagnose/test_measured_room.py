@@ -146,7 +146,7 @@ def test_the_plan_is_of_the_recording_at_hand_and_leaves_no_effect_out(capture_w
     for recording in (this, *views):
         for name, sizes in recording["tells"].items():
             first = builtin()[name].parameters[0]
-            assert 0.0 < sizes[first.name] <= (first.high if recording is this else 2.0 * first.typical)
+            assert 0.0 < sizes[first.name] <= (first.high if recording is this else first.typical)
     assert main(["calibrate", "world", str(capture), "--plan"]) == 0
     assert capsys.readouterr().out.count("min): ") == 1 + len(plan)
     assert main(["calibrate", "world", str(capture.parent / "rec"), "--plan"]) == 2

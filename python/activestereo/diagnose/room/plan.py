@@ -34,7 +34,7 @@ _VIEWS = (
 )
 _COVERED = "cover both lenses and record twenty frames: activestereo calibrate noise --dark"
 _COVERED_DN = 0.05
-_REACH, _MUCH_LESS = 2.0, 0.75
+_MUCH_LESS = 0.75
 _REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
 
 # What views of one room never show, and what measures it.
@@ -49,9 +49,9 @@ _COMMANDS = (
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """This recording with the sizes that it tells; then recordings that tell what it cannot tell at twice the typical
-    size, or much less of what it can: views of this room, most effects per minute first, then commands. Every effect
-    that was asked about stands in one of them."""
+    """This recording with the sizes that it tells; then recordings that tell what it cannot tell at its typical size, or
+    much less of what it can: views of this room, most effects per minute first, then commands. Every effect that was
+    asked about stands in one of them."""
     this = _tells(seen, seen.scores, seen.known(OF_A_UNIT))
     now = {effect: told for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, _known(r, OF_A_UNIT))) for text, take in _VIEWS
@@ -81,8 +81,8 @@ def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str,
 
 
 def _is_usual(seen: Seen, effect: str, told: tuple[str, float]) -> bool:
-    """Whether a size is at most twice what is typical."""
-    return told[1] <= _REACH * next(e for e in seen.asked if e.id == effect).parameters[0].typical
+    """Whether a size is at most what is typical."""
+    return told[1] <= next(e for e in seen.asked if e.id == effect).parameters[0].typical
 
 
 def _is_more(told: tuple[str, float], now: tuple[str, float] | None) -> bool:
