@@ -83,8 +83,7 @@ def _print_plan(args: argparse.Namespace) -> None:
         raise CommandError(f"{args.recording}: is no measured room: make one with calibrate world")
     plan = plan_of(seen_of(Room(capture), tuple(builtin().values())))
     if args.json:
-        tells = [{effect: told and {told[0]: told[1]} for effect, told in r.tells.items()} for r in plan]
-        print_json([{"text": r.text, "minutes": r.minutes, "tells": t} for r, t in zip(plan, tells, strict=True)])
+        print_json([{"text": r.text, "minutes": r.minutes, "tells": dict(r.tells)} for r in plan])
     else:
         print(plan_text(plan))
 

@@ -9,7 +9,7 @@ as Student's.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,13 +39,13 @@ class Reduced:
 @dataclass(frozen=True)
 class Found:
     """An effect's evidence in nats, by its tempered and Student's likelihood, and parameters {name: (value, deviation)}
-    as a fit beside all other columns has them. least: how large its first parameter must be for a name, by its column.
+    as a fit beside all other columns has them. least: {parameter: how large it must be for a name, by its column}.
     finding: what is said in place of the effect's own sentence."""
 
     effect: Effect
     nats: float
     parameters: Mapping[str, tuple[float, float]]
-    least: float = 0.0
+    least: Mapping[str, float] = field(default_factory=dict)
     finding: str = ""
 
 
@@ -101,17 +101,22 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
         S = np.diag(_prior(room.columns, own)) + D
         M = S @ H @ np.linalg.inv(H @ S @ H + V)
         value, deviation = M @ s, np.sqrt(np.maximum(np.diag(S - M @ H @ S), 0.0))
-        lead = ways[0]
-        unit = H[:, lead] @ np.full(len(lead), np.sqrt(0.5) if names[lead[0]].endswith("sine") else 1.0)
-        occam = 0.5 * (np.linalg.slogdet(each[0])[1] - np.linalg.slogdet(null)[1])
-        missing = gaussian(needed, few) + occam + cost + np.log(len(ways))
-        least = room.columns[lead[0]].step * np.sqrt(2.0 * missing / max(unit @ np.linalg.solve(null, unit), 1e-12))
+        least: dict[str, float] = {}
+        for way, more in zip(ways, each, strict=True):
+            lead = room.columns[way[0]]
+            if lead.parameter is None or lead.parameter.name in least:
+                continue  # all parameters together
+            unit = H[:, way] @ np.full(len(way), np.sqrt(0.5) if lead.name.endswith("sine") else 1.0)
+            occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
+            missing = gaussian(needed, few) + occam + cost + np.log(len(ways))
+            units = np.sqrt(2.0 * missing / max(unit @ np.linalg.solve(null, unit), 1e-12))
+            least[lead.parameter.name] = float(lead.step * units)
         parameters = {
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own
         }
         if any(room.columns[j].step * value[j] < 0.0 for j in own if _one_sided(room.columns[j])):
             nats = min(nats, 0.0)  # something else than the effect does that
-        out.append(Found(effect, student(float(nats), few), parameters, float(least)))
+        out.append(Found(effect, student(float(nats), few), parameters, least))
     return sorted(out, key=lambda found: -found.nats)
 
 

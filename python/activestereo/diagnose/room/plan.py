@@ -16,15 +16,17 @@ from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, key, with_tak
 from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT
 from activestereo.effects import Effect, Stage
 
+Sizes = Mapping[str, float]
+
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording: what to do, its minutes, and {effect: (its first parameter, the least size of it that is told)},
-    None where that is not computed."""
+    """A recording: what to do, its minutes, and {effect: {parameter: the least size that is told}}, None where that is
+    not computed."""
 
     text: str
     minutes: float
-    tells: Mapping[str, tuple[str, float] | None]
+    tells: Mapping[str, Sizes | None]
 
 
 _THIS = "this recording"
@@ -49,7 +51,7 @@ _COMMANDS = (
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """This recording with the sizes that it tells; then recordings that tell what it cannot tell at its typical size, or
+    """This recording with the sizes that it tells; then recordings that tell what it cannot tell at typical size, or
     much less of what it can: views of this room, most effects per minute first, then commands. Every effect that was
     asked about stands in one of them."""
     this = _tells(seen, seen.scores, seen.known(OF_A_UNIT))
@@ -68,25 +70,30 @@ def plan_of(seen: Seen) -> list[Recording]:
     return [Recording(_THIS, 0.0, this), *plan, *beside]
 
 
-def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, tuple[str, float]]:
-    """{effect: (first parameter, least size that scores name)} of those that they name at any size."""
-    out, columns = {}, {c.name: c for c in scores.columns}
+def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:
+    """{effect: {parameter: least size that scores name}} of those that they name at a possible size."""
+    out: dict[str, Sizes] = {}
+    columns = {c.name: c for c in scores.columns}
     for found in judged(scores, known, LOOKED, NEEDED):
-        p = found.effect.parameters[0]
-        column = columns.get(f"{found.effect.id}.{p.name}")
-        least = size_of(seen.room, seen.light, column, found.least)[0] if column is not None else found.least
-        if least <= p.high:
-            out[found.effect.id] = p.name, least
+        least_of: dict[str, float] = {}
+        for p in (p for p in found.effect.parameters if p.name in found.least):
+            column, least = columns.get(f"{found.effect.id}.{p.name}"), found.least[p.name]
+            least = size_of(seen.room, seen.light, column, least)[0] if column is not None else least
+            if least <= p.high:
+                least_of[p.name] = least
+        if least_of:
+            out[found.effect.id] = least_of
     return out
 
 
-def _is_usual(seen: Seen, effect: str, told: tuple[str, float]) -> bool:
-    """Whether a size is at most what is typical."""
-    return told[1] <= next(e for e in seen.asked if e.id == effect).parameters[0].typical
+def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
+    """Whether all sizes are at most what is typical."""
+    typical = {p.name: p.typical for e in seen.asked if e.id == effect for p in e.parameters}
+    return all(size <= typical[name] for name, size in told.items())
 
 
-def _is_more(told: tuple[str, float], now: tuple[str, float] | None) -> bool:
-    return now is None or told[1] < _MUCH_LESS * now[1]
+def _is_more(told: Sizes, now: Sizes | None) -> bool:
+    return now is None or any(size < _MUCH_LESS * now.get(name, np.inf) for name, size in told.items())
 
 
 def _known(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
@@ -125,4 +132,6 @@ def plan_text(plan: Sequence[Recording]) -> str:
 
 def sizes(recording: Recording) -> str:
     """The effects that a recording tells, with their least sizes."""
-    return ", ".join(e if told is None else f"{e} from {told[0]} {told[1]:.2g}" for e, told in recording.tells.items())
+    each = {e: " or ".join(f"{name} {size:.2g}" for name, size in (told or {}).items())
+            for e, told in recording.tells.items()}  # fmt: skip
+    return ", ".join(f"{effect} from {said}" if said else effect for effect, said in each.items())
