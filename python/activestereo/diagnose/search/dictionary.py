@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from multiprocessing import RawArray
-from typing import Any
+from mmap import mmap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +101,8 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
         shapes = [(contents[a.effect.id], list(a.values.items()), a.steps) for a in known]
         key = content_key("columns", linear.residual, shapes)
         stored = memory.once(key, lambda: {"columns": _made(linear, known, workers)})["columns"]
+    if not own:
+        return stored.astype(np.float32)
     columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
     for some, of_some in ((known, stored), (own, _made(linear, own, workers))):
         first = 0
@@ -120,25 +121,30 @@ def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.flo
         if effect.prepare is not None:
             effect.prepare(o.view for o in linear.fitter.observations)
     ends, pixels = np.cumsum([0, *(len(atom.steps) for atom in atoms)]), len(linear.residual)
-    shared: Any = RawArray("f", max(1, int(ends[-1]) * pixels))
-    columns = np.frombuffer(shared, np.float32)[: ends[-1] * pixels].reshape(ends[-1], pixels)
+    shared = mmap(-1, max(1, int(ends[-1]) * pixels) * np.dtype(np.float16).itemsize)
+    columns = np.frombuffer(shared, np.float16)[: ends[-1] * pixels].reshape(ends[-1], pixels)
 
     def fill(i: int) -> None:
         atom, own = atoms[i], columns[ends[i] : ends[i + 1]]
-        own[0] = _change(linear, model.with_effect(atom.effect, **atom.values), images)
-        if not own[0].any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
+        lead = _change(linear, model.with_effect(atom.effect, **atom.values), images)
+        own[0] = _in_halves(lead)
+        if not lead.any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
             return  # a drift alone shows nothing here: the atoms of the first amplitude have it
         for column, (name, step) in zip(own[1:], atom.steps[1:], strict=True):
             p = next(p for p in atom.effect.parameters if p.name == name)
             moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
-            column[:] = _change(linear, model.with_effect(atom.effect, **moved), images) - own[0]
+            column[:] = _in_halves(_change(linear, model.with_effect(atom.effect, **moved), images) - lead)
 
     done = {i for i, work in forked(fill, range(len(atoms)), workers) if work.exception() is None}
     for i in range(len(atoms)):
         if i not in done:
             fill(i)
+    return columns
+
+
+def _in_halves(change: Columns) -> NDArray[np.float16]:
     most = np.finfo(np.float16).max
-    return np.clip(columns, -most, most).astype(np.float16)
+    return np.clip(change, -most, most).astype(np.float16)
 
 
 def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
