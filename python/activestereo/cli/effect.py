@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo effect list | check: the catalogue of physical effects, and the laws tried on a user's own."""
+"""activestereo effect list | show | check: the catalogue of physical effects, and what is tried on each."""
 
 from __future__ import annotations
 
 import argparse
+import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,8 +23,8 @@ Physical effects that the lab can add to its model.
   list     the built-in effects: id, stage in the pipeline, family, whether the
            engines have it, parameters
   show     draws what an effect does to a picture: without, at typical values, difference
-  check    loads effects of your own from a Python file or a shared library and tries
-           the laws that every effect obeys
+  check    tries the laws that every effect obeys, on your own too, and compares what
+           the lab scores an effect by with what the sensor does
 
 example:
   activestereo effect check my_effects.py
@@ -35,17 +37,17 @@ drawn once. EFFECT is an id of 'effect list', or a file with effects of your own
 are all drawn.
 """
 _CHECK = """\
-Loads the effects of FILE, a Python file with the decorator activestereo.effects.effect
-or a shared library of ks/effect.h, and tries five laws on each: neutral parameters are
-the identity; the same seed gives the same bits; values in range give finite numbers;
-every parameter has an influence; the input is left alone.
+Tries five laws on each effect: neutral parameters are the identity; the same seed gives
+the same bits; values in range give finite numbers; every parameter has an influence;
+the input is left alone. EFFECT is an id of 'effect list', or a file with effects of your
+own: Python with the decorator activestereo.effects.effect, or a shared library of
+ks/effect.h.
 
-The exit status is 0 where all hold, else 1.
-"""
-_MEASURE = """\
-Renders a small world with each effect inside of the engines, and with its image function,
-at typical values. Prints the root mean square difference of the two changes over the
-engines' change; of random fields, that of their standard deviations.
+Then a small world is rendered with each effect that has engine fields: how far is what
+the lab scores it by from what the sensor does? The figure is the root mean square
+difference of both changes of the pictures over the sensor's, at typical values.
+
+The exit status is 0 where all laws hold, else 1.
 """
 
 
@@ -58,27 +60,20 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     )
     add_shared(listing, json=True)
     listing.set_defaults(run=run_list)
-    check = actions.add_parser("check", help="try the laws on effects of your own", description=_CHECK)
-    check.add_argument("file", type=Path, metavar="FILE", help="Python file or shared library")
-    add_shared(check, json=True)
+    check = actions.add_parser("check", help="try the laws, and columns against the sensor", description=_CHECK)
+    check.add_argument("effects", nargs="*", metavar="EFFECT|FILE", help="ids, or files of your own effects")
+    check.add_argument("--all", action="store_true", help="all built-in effects")
+    check.add_argument(
+        "-o", "--out", type=Path, metavar="FILE",
+        help="differences as JSON; python/activestereo/effects/differences.json is the page's",
+    )  # fmt: skip
+    add_shared(check, device=True, json=True)
     check.set_defaults(run=run_check)
     show = actions.add_parser("show", help="draw what an effect does", description=_SHOW)
     show.add_argument("effects", nargs="+", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="picture.png, or page.html")
     add_shared(show, device=True, json=True)
     show.set_defaults(run=run_show)
-    measure = actions.add_parser("measure", help="image functions against the engines", description=_MEASURE)
-    measure.add_argument("effects", nargs="*", metavar="EFFECT", help="ids (default: all built-in ones)")
-    add_shared(measure, effects={"dest": "files"})
-    measure.add_argument(
-        "-o",
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="figures as JSON; python/activestereo/effects/differences.json is the page's",
-    )
-    add_shared(measure, device=True, json=True)
-    measure.set_defaults(run=run_measure)
 
 
 def run_list(args: argparse.Namespace) -> None:
@@ -94,42 +89,16 @@ def run_list(args: argparse.Namespace) -> None:
     )
 
 
-def run_measure(args: argparse.Namespace) -> None:
-    import json
-
-    from activestereo.common.output_files import replace_file
-    from activestereo.compare.model_file import find, library
-    from activestereo.compare.surrogate import differences
-
-    effects = library(*args.files)
-    chosen = [find(effects, name) for name in args.effects] or list(effects.values())
-    found = {}
-    for name, difference in differences(chosen, args.device):
-        found[name] = round(difference, 4)
-        if not args.json:
-            print(f"{name:28}{100 * difference:7.1f} %", flush=True)
-    if args.json:
-        print_json(found)
-    if args.out:
-        text = json.dumps(found, indent=1) + "\n"
-        replace_file(args.out, lambda file: file.write(text.encode()))
-
-
 def run_show(args: argparse.Namespace) -> None:
     from activestereo.common.output_files import write_text
     from activestereo.compare.effect_strip import StripWorld
     from activestereo.compare.kuafu_renderer import KuafuRenderer
-    from activestereo.compare.model_file import find, library
-    from activestereo.effects import load_effects
     from activestereo.report.lettering import write_figure
     from activestereo.report.strip_figure import strip_figure
     from activestereo.report.strip_page import strip_page
 
     check_out_file(args.out)
-    known = library()
-    chosen: list[Effect] = []
-    for name in args.effects:
-        chosen += load_effects(Path(name)).values() if Path(name).suffix else [find(known, name)]
+    chosen = _chosen(args.effects)
     world = StripWorld(KuafuRenderer(args.device))
     if args.out.suffix.lower() == ".html":
         pages = [world.strengths(effect) for effect in chosen]
@@ -148,22 +117,43 @@ def run_show(args: argparse.Namespace) -> None:
 
 
 def run_check(args: argparse.Namespace) -> None:
-    from activestereo.cli.arguments import Finding
-    from activestereo.effects import broken_laws, builtin, load_effects
+    from activestereo.cli.arguments import CommandError, Finding
+    from activestereo.common.output_files import write_text
+    from activestereo.compare.surrogate import differences
+    from activestereo.effects import broken_laws, builtin
     from activestereo.effects.core.catalogue import as_json
 
-    known, own = builtin(), load_effects(args.file)
-    broken_of = {e.id: [sentence.removeprefix(f"{e.id}: ") for sentence in broken_laws(e)] for e in own.values()}
+    if args.all == bool(args.effects):
+        raise CommandError("name effects or files to check, or say --all")
+    if args.out:
+        check_out_file(args.out)
+    chosen = list(builtin().values()) if args.all else _chosen(args.effects)
+    broken_of = {e.id: [sentence.removeprefix(f"{e.id}: ") for sentence in broken_laws(e)] for e in chosen}
+    off = {} if any(broken_of.values()) else {name: round(far, 4) for name, far in differences(chosen, args.device)}
     if args.json:
-        print_json([row | {"broken": broken_of[row["id"]]} for row in as_json(own)])
-    for e in () if args.json else own.values():
+        rows = as_json({e.id: e for e in chosen})
+        print_json([row | {"broken": broken_of[row["id"]], "difference": off.get(row["id"])} for row in rows])
+    for e in () if args.json else chosen:
+        place = "takes the place of the built-in one, " * (e.id in builtin() and e is not builtin()[e.id])
         parameters = ", ".join(f"{p.name} [{p.unit}] {p.low:g}..{p.high:g}" for p in e.parameters)
-        print(f"{e.id}: {e.stage.name.lower()} stage, family '{e.family}', {parameters or 'no parameters'}")
-        if e.id in known:
-            print("  takes the place of the built-in effect of this id")
-        for sentence in broken_of[e.id]:
-            print(f"  broken: {sentence}")
-        if not broken_of[e.id]:
-            print("  ok: all laws hold")
+        far = f", {100 * off[e.id]:.1f} % from the sensor" if e.id in off else ""
+        told = "; ".join(f"broken: {sentence}" for sentence in broken_of[e.id]) or f"ok: all laws hold{far}"
+        about = f"{e.id}: {e.stage.name.lower()} stage, family '{e.family}', {parameters or 'no parameters'}\n  "
+        print(f"{e.id:24}{told}" if args.all else f"{about}{place}{told}")
+    if args.out:
+        write_text(args.out, json.dumps(off, indent=1) + "\n")
     if lawless := sum(map(bool, broken_of.values())):
-        raise Finding(f"{args.file}: {lawless} effect{'s' if lawless > 1 else ''} with broken laws")
+        said = f"{lawless} effect{'s' if lawless > 1 else ''} with broken laws"
+        raise Finding(said if args.all else f"{', '.join(args.effects)}: {said}")
+
+
+def _chosen(names: Sequence[str]) -> list[Effect]:
+    """The effects of ids and of users' files."""
+    from activestereo.compare.model_file import find, library
+    from activestereo.effects import load_effects
+
+    known = library()
+    chosen: list[Effect] = []
+    for name in names:
+        chosen += load_effects(Path(name)).values() if Path(name).suffix else [find(known, printable(name))]
+    return chosen

@@ -113,11 +113,12 @@ class _Run:
 
 def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterator[tuple[str, float]]:
     """(id, relative difference) of each effect that has engine fields."""
+    in_engines = [e for e in effects if e.engine is not None]
     with tempfile.TemporaryDirectory() as folder:
-        trial = Trial.make(Path(folder), device)
-        for e in effects:
-            if e.engine is not None:
-                yield e.id, trial.difference(e)
+        trial = Trial.make(Path(folder), device) if in_engines else None
+        for e in in_engines:
+            assert trial is not None
+            yield e.id, trial.difference(e)
 
 
 def _change(images: dict[ImageKey, NDArray], base: dict[ImageKey, NDArray]) -> NDArray[np.float64]:

@@ -65,6 +65,14 @@ def test_the_pages_ten_line_example_is_lawful_and_joins_a_model(tmp_path, capsys
     assert hazy.ambient.std() == pytest.approx(0.9 * light.ambient.std())
 
 
+def test_effects_are_checked_by_name_where_there_is_no_engine_field_without_a_render(capsys):
+    assert main(["effect", "check", "double_image", "lens_ghost"]) == 0
+    assert capsys.readouterr().out.count("ok: all laws hold\n") == 2
+    for words in ([], ["lens_ghost", "--all"], ["lens_gost"]):
+        assert main(["effect", "check", *words]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
 def test_the_pages_example_is_the_example_file():
     _, example = (ROOT / "examples/effects/filter_haze.py").read_text().split("\n", 1)  # below the licence
     assert example.strip() in PAGE.read_text(encoding="utf-8")

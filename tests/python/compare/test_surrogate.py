@@ -23,7 +23,7 @@ def trial(tmp_path_factory) -> Trial:
 
 
 def test_every_mapped_effect_has_a_figure():
-    assert set(KNOWN) == {e.id for e in EFFECTS.values() if e.engine is not None}, "activestereo effect measure --out"
+    assert set(KNOWN) == {e.id for e in EFFECTS.values() if e.engine is not None}, "effect check --all --out"
 
 
 @pytest.mark.parametrize("name", TRIED)

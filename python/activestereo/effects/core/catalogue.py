@@ -123,8 +123,8 @@ in the pattern, optics blur and dim, and simsense's own signal counts. An effect
 the sensor applies its image function to the finished images, which costs a copy. The last column says how far images
 without a render are from those of the engines, where they differ. It compares the changes that both make to the images
 of a small scene at typical parameters: the root mean square of their difference, as a share of the engines' change.
-`build/bin/activestereo effect measure` computes it, and removes the noise of the renders. The large differences have
-known causes. The scene is only 160 pixels wide, and its dots and edges are finer than a pixel; blurs and shifts by a
+`activestereo effect check --all` computes it, and removes the noise of the renders. The large differences have known
+causes. The scene is only 160 pixels wide, and its dots and edges are finer than a pixel; blurs and shifts by a
 fraction of a pixel (motion, rotations) then depend on detail that the pixels do not show. `transmission` differs most:
 its image function has a parameter for the light that arrives from behind the surface, and the engines have no such
 field, because there it is whatever the scene has behind the surface. Indirect light of lamps exists in the engines

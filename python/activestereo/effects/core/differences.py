@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measured distance of the image functions from the engines: `activestereo effect measure --out`."""
+"""The measured distance of the image functions from the engines: `activestereo effect check --all --out`."""
 
 import json
 from pathlib import Path
