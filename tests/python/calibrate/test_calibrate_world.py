@@ -55,7 +55,7 @@ def within(value, truth, sd, sigmas=3.5):
 def test_the_camera_is_found_within_its_interval(measured):
     capture, _ = measured
     camera = capture.measured["camera"]
-    assert camera["from"] == "overlaps"
+    assert capture.name == capture.path.name == "capture" and camera["from"] == "overlaps"
     sd = np.sqrt(np.diag(camera["covariance_px2"]))
     assert sd.max() < 1.5
     for value, truth, s in zip(camera["f_cx_cy_px"], (F, CX, CY), sd, strict=True):

@@ -140,3 +140,51 @@ def test_an_environment_without_depth_gets_bytes_that_lerobot_takes():
     assert np.median(told[told > 0]) == pytest.approx(255 * DISTANCE_M / 2.0, abs=2)
     with pytest.raises(ValueError, match="give color"):
         StereoDepth(Libero(), ("pixels", "depth"), rendered=lambda env: None)
+
+
+class Robosuite(gymnasium.Env):
+    """robosuite's own environment with observations as Gymnasium has them."""
+
+    def __init__(self, env):
+        self.env, first = env, env.reset()
+        images = {name: first[name] for name in ("agentview_image", "agentview_depth")}
+        self.observation_space = gymnasium.spaces.Dict({
+            name: gymnasium.spaces.Box(0, 255 if image.dtype == np.uint8 else 1, image.shape, image.dtype.type)
+            for name, image in images.items()
+        })  # fmt: skip
+
+    def reset(self, *, seed=None, options=None):
+        return self._seen(self.env.reset()), {}
+
+    def step(self, action):
+        seen, reward, done, info = self.env.step(action)
+        return self._seen(seen), reward, done, False, info
+
+    def _seen(self, seen):
+        return {name: seen[name] for name in self.observation_space}
+
+
+def test_robosuites_depth_buffer_becomes_measured_depth(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
+    robosuite = pytest.importorskip("robosuite", reason="robosuite is not installed (pip install robosuite)")
+    from robosuite.utils.camera_utils import get_real_depth_map
+
+    scene = robosuite.make(
+        "Lift", robots="Panda", has_renderer=False, has_offscreen_renderer=True, camera_names="agentview",
+        camera_heights=HEIGHT, camera_widths=WIDTH, camera_depths=True,
+    )  # fmt: skip
+    own = Robosuite(scene)
+    fovy_deg = scene.sim.model.cam_fovy[scene.sim.model.camera_name2id("agentview")]
+    env = StereoDepth(
+        own, "agentview_depth", "agentview_image", fovy_deg, back=lambda z: z[::-1],
+        metres=lambda z: get_real_depth_map(scene.sim, z)[::-1],
+    )  # fmt: skip
+    env.reset(seed=1)
+    seen = env.step(np.zeros(scene.action_dim))[0]
+    assert env.observation_space.contains(seen)
+    # robosuite gives what it last observed: the same upside-down picture that was measured.
+    truth = get_real_depth_map(scene.sim, scene._get_observations()["agentview_depth"])
+    there = seen["agentview_depth"] > 0
+    assert there.mean() > 0.6
+    assert np.median(np.abs(seen["agentview_depth"] - truth)[there]) < 0.01

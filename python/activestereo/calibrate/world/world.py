@@ -224,7 +224,8 @@ def _write(world: World, out: Path, folder: Path) -> None:
             depths[frame.id] = np.rint(depth / frame.depth_scale).astype(np.uint16)
         if color is not None:
             colors[frame.id] = color
-    write_capture(out, capture, images, world.pattern, depths, colors, known | world.masks)
+    named = replace(capture, name=out.name)
+    write_capture(out, named, images, world.pattern, depths, colors, known | world.masks)
     write_pictures(out / "measured", world.pictures)
 
 
