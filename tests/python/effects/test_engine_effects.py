@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects inside of the engines: what each moves, and that its image function is a fair surrogate."""
+"""Effects inside of the engines: what each moves."""
 
 from types import SimpleNamespace
 
@@ -56,7 +56,6 @@ def fields_of(inputs: EngineInputs) -> dict[str, object]:
         "lights": len(inputs.lights),
         "rig_lights": len(inputs.rig_lights),
         "speckle_of_laser": inputs.speckle_of_laser,
-        "ambient": repr(inputs.ambient),
     }
     out |= {f"projector.{name}": value for name, value in record_key(inputs.projector)}
     for name, side in (("left", inputs.left), ("right", inputs.right)):

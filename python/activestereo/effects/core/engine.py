@@ -99,13 +99,6 @@ class EngineCamera:
 
 
 @dataclass
-class Ambient:
-    """Infrared light that does not come from a projector. scale: times what the scene has."""
-
-    scale: float = 1.0
-
-
-@dataclass
 class EngineInputs:
     """All inputs of the engines for one exposure of a rig, as the calibration has it until effects change
     it.
@@ -131,7 +124,6 @@ class EngineInputs:
     max_dn: float = 255.0
     seed: int = 0
     ambient_radiance: float = 1.0
-    ambient: Ambient = field(default_factory=Ambient)
     lights: list[kuafu.Light] = field(default_factory=list)
     rig_lights: list[kuafu.Light] = field(default_factory=list)
     medium: kuafu.Medium | None = None

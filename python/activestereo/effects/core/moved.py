@@ -25,7 +25,7 @@ import kuafu
 import simsense
 from activestereo.capture.capture import Frame
 from activestereo.common.lens import distort, lens_fields
-from activestereo.effects.core.descriptor import Effect, Stage, effect
+from activestereo.effects.core.descriptor import Effect, effect
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.engine import (
     REFERENCE_TEMPERATURE_C,
@@ -47,15 +47,14 @@ _TIMES = ("delay_s", "exposure_s", "shutter", "line_time_s", "readout")
 
 
 def engine_effect(
-    id: str, *, moves: tuple[str, ...], stage: Stage, **descriptor: Any
+    id: str, *, moves: tuple[str, ...], **descriptor: Any
 ) -> Callable[[Callable[..., None]], Effect]:
     """Makes an Effect of a function of EngineInputs and the parameters, which changes the fields `moves`. Its docstring
     is the effect's summary. descriptor: see Effect."""
 
     def make(move: Callable[..., None]) -> Effect:
         marked = marks(*moves)(move)
-        image = _Image(marked)
-        return effect(id, stage=stage, engine=marked, **descriptor)(image.at_stage(stage))
+        return effect(id, engine=marked, **descriptor)(_Image(marked).function())
 
     return make
 
@@ -66,22 +65,20 @@ class _Image:
 
     move: Callable[..., None]
 
-    def at_stage(self, stage: Stage) -> Callable[..., Any]:
+    def function(self) -> Callable[..., Any]:
         """The function of (value, view, **parameters) that effect() takes."""
         fields: tuple[str, ...] = self.move.fields  # type: ignore[attr-defined]
         names = {name.removeprefix("right.").removeprefix("left.") for name in fields}
-        acts = next(
-            act
-            for kind, act in (
-                ("signal.speckle", self._speckled),
-                ("signal.", self._counted),
-                ("optics.", self._through_optics),
-                ("projector.", self._projected),
-                ("pattern", self._projected),
-                ("", self._in_motion if all(n.removeprefix("camera.") in _TIMES for n in names) else self._redrawn),
-            )
-            if any(name.startswith(kind) for name in names)
-        )
+        only_times = all(name.removeprefix("camera.") in _TIMES for name in names)
+        kinds: dict[str, Callable[..., Any]] = {
+            "signal.speckle": self._speckled,
+            "signal.": self._counted,
+            "optics.": self._through_optics,
+            "projector.": self._projected,
+            "pattern": self._projected,
+            "": self._in_motion if only_times else self._redrawn,
+        }
+        acts = next(act for kind, act in kinds.items() if any(name.startswith(kind) for name in names))
 
         def image(value: Any, view: View, **values: float) -> Any:
             return acts(value, view, values)
@@ -159,9 +156,9 @@ class _Image:
         if camera.shutter == "rolling":
             down = 1.0 if camera.readout == "rows_down" else -1.0
             rows_s = down * camera.line_time_s * (np.arange(height) - (height - 1) / 2)
-        times = camera.exposure_s * ((np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5) if camera.exposure_s else [0.0]
-        seen = [displaced(light, view, side.delay_s + t + rows_s) for t in times]
-        return seen[0] if len(seen) == 1 else Light.of_images(sum(s.images for s in seen) / len(seen))
+        shares = (np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5 if camera.exposure_s else np.zeros(1)
+        seen = [displaced(light, view, side.delay_s + camera.exposure_s * share + rows_s) for share in shares]
+        return seen[0] if len(seen) == 1 else Light.of_images(np.mean([s.images for s in seen], axis=0))
 
     # ---- the projector ----
 
@@ -172,8 +169,8 @@ class _Image:
         assert own is not None
         for gain in inputs.gains:
             light = light.scale_projector(gain(*tangents(view)))
-        if own.ir_intensity != 1.0:
-            light = light.scale_projector(float(own.ir_intensity))
+        if own.ir_intensity is not None and own.ir_intensity != 1.0:
+            light = light.scale_projector(own.ir_intensity)
         if inputs.blur_px > 0.0:
             seen = light.blurred(inputs.blur_px)
             light = replace(light, direct=seen.direct, flat=seen.flat)
@@ -239,10 +236,8 @@ def _analogue(signal: dict[str, float], light: np.ndarray, view: View, unit: flo
     scale = 255.0 / view.max_dn if unit is None else unit
     in_counts = ("conversion_gain_dn_per_e", "black_level_dn", "black_level_dn_per_k")
     fine = signal | {name: signal[name] * scale for name in in_counts}
-    return (
-        simsense.signal_analogue(fine, light, seed=view.seed, frame_index=view.frame.id, side=int(view.is_right))
-        / scale
-    )
+    counts = simsense.signal_analogue(fine, light, seed=view.seed, frame_index=view.frame.id, side=int(view.is_right))
+    return np.asarray(counts / scale)
 
 
 def tangents(view: View) -> tuple[np.ndarray, np.ndarray]:

@@ -142,7 +142,7 @@ class CaptureRenderer:
         """Hash of all that decides lights(), but for the scene's files and the engine's version: equal in every
         process."""
         inputs = [self.inputs(f, model, scene_measurement) for f in (self.capture.frames if frames is None else frames)]
-        powers = [(i.frame.id, i.ambient.scale, i.projector and i.projector.ir_intensity) for i in inputs]
+        powers = [(i.frame.id, i.projector and i.projector.ir_intensity) for i in inputs]
         smooth = self._smooth and SMOOTH_VERSION
         settings = self.samples_per_pixel, self.max_bounces, self.seed, half, smooth, BOUNCED_VERSION
         return hashlib.sha256(repr((settings, powers, [_job_key(i) for i in inputs])).encode()).hexdigest()
@@ -253,7 +253,7 @@ def _job_key(inputs: EngineInputs) -> tuple:
 def _side_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
     """A rendered view under a frame's own powers."""
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
-    ambient = inputs.ambient.scale * view["ambient"] + view["added"] + view["added_indirect"]
+    ambient = view["ambient"] + view["added"] + view["added_indirect"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
     direct, indirect, room, depth = (image[..., 0].astype(np.float32) for image in lights)
     return CameraLight(direct, indirect, room, depth, view["normal"], view["material_id"][..., 0])
