@@ -11,6 +11,8 @@
 // A wide window about an empty pixel sees the thing beside it. So a near one must correlate, too, by a share of c, within its own noise:
 //   c_near |c_near| >= share^2 c^2 - noise^2 / n_near.
 // A constant image has no h and fails. Sums are of integers; floats hold all of them exactly.
+// What passes is a thing widened by the near window and by the square of the mean. Where 3 x 3 px fail by the near window, nothing is
+// there, and the pixels that a thing is widened by go, too: a closing (Serra, Image Analysis and Mathematical Morphology, 1982).
 #pragma once
 
 #include <algorithm>
@@ -27,6 +29,11 @@ constexpr uint32_t correlation_mean_side(uint32_t window) { return std::max(3u, 
 
 /// Side of the near window, px, odd.
 constexpr uint32_t correlation_near_side(uint32_t window) { return window / 2 | 1; }
+
+/// How far from the middle of 3 x 3 px without correlation a thing beside them is widened to, px.
+constexpr uint32_t correlation_bare_reach(uint32_t window) {
+  return correlation_near_side(window) / 2 + correlation_mean_side(window) / 2 + 1;
+}
 
 /// A pixel's part in the mean of a square of so many px a side, in 65536ths.
 constexpr int32_t correlation_part(uint32_t mean_side) {
@@ -49,15 +56,20 @@ struct CorrelationSums {
   int32_t both = 0, left = 0, right = 0, pixels = 0;
 };
 
+/// Whether either window has enough.
+struct Correlates {
+  bool wide, near;
+};
+
 /// least: of the correlation of a whole wide window, of so many px.
-inline bool correlates(const CorrelationSums& wide, const CorrelationSums& near, float least, uint32_t area) {
+inline Correlates correlates(const CorrelationSums& wide, const CorrelationSums& near, float least, uint32_t area) {
   const auto both = static_cast<float>(wide.both), near_both = static_cast<float>(near.both);
   const auto count = static_cast<float>(wide.pixels), near_count = static_cast<float>(near.pixels);
   const float all = static_cast<float>(wide.left) * static_cast<float>(wide.right);
   const float near_all = static_cast<float>(near.left) * static_cast<float>(near.right);
   const float square = both * both, share = least * least * static_cast<float>(area);
   const float near_square = near_both * std::fabs(near_both) * near_count + CORRELATION_NOISE * near_all;
-  return wide.both > 0 && square * count >= share * all && near_square * all > CORRELATION_SHARE * square * near_all * near_count;
+  return {wide.both > 0 && square * count >= share * all, near_square * all > CORRELATION_SHARE * square * near_all * near_count};
 }
 
 }  // namespace simsense

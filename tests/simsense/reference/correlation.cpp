@@ -70,7 +70,7 @@ Grid<uint8_t> correlates(ConstImage left, ConstImage right, const Grid<float>& d
                       static_cast<float>(sums.pixels)};
   };
   const uint32_t side = p.correlation_window;
-  Grid<uint8_t> out(width, height, 1);
+  Grid<uint8_t> out(width, height, 1), bare(width, height, 0);
   for (size_t y = 0; y < height; ++y)
     for (size_t x = 0; x < width; ++x) {
       if (disparity.at(x, y) == p.invalid_disparity()) continue;
@@ -79,7 +79,24 @@ Grid<uint8_t> correlates(ConstImage left, ConstImage right, const Grid<float>& d
       const float least = p.min_correlation * p.min_correlation * static_cast<float>(side * side) * all;
       const bool is_wide = both > 0 && both * both * pixels >= least;
       const float near = near_both * std::fabs(near_both) * near_pixels + 2.25f * near_all;
-      out.at(x, y) = is_wide && near * all > 0.04f * (both * both) * near_all * near_pixels;
+      const bool is_near = near * all > 0.04f * (both * both) * near_all * near_pixels;
+      bare.at(x, y) = !is_near;
+      out.at(x, y) = is_wide && is_near;
+    }
+  const uint32_t reach = side / 2 / 2 + std::max(3u, 3 * side / 10 | 1) / 2 + 1;
+  for (size_t y = 1; y + 1 < height; ++y)
+    for (size_t x = 1; x + 1 < width; ++x) {
+      bool is_bare = true;
+      const auto inside = [&](ptrdiff_t u, ptrdiff_t v) {
+        return u >= 0 && v >= 0 && u < static_cast<ptrdiff_t>(width) && v < static_cast<ptrdiff_t>(height);
+      };
+      around(x, y, 3, [&](ptrdiff_t u, ptrdiff_t v) { is_bare &= bare.at(static_cast<size_t>(u), static_cast<size_t>(v)) != 0; });
+      if (!is_bare) continue;
+      around(x, y, 2 * reach + 1, [&](ptrdiff_t u, ptrdiff_t v) {
+        if (!inside(u, v)) return;
+        const auto column = static_cast<size_t>(u), row = static_cast<size_t>(v);
+        if (disparity.at(column, row) != p.invalid_disparity()) out.at(column, row) = 0;
+      });
     }
   return out;
 }

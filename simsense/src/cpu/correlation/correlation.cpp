@@ -143,7 +143,14 @@ class Window {
   std::vector<int32_t> columns_[kinds], sums_[kinds];  // over the rows of a window, with its reach beyond both ends; over all of it
 };
 
-void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps) {
+void refuse(const MatchMaps& maps, size_t at, float invalid) {
+  maps.disparity[at] = invalid;
+  if (maps.confidence) maps.confidence[at] = 0;
+  if (maps.reason) maps.reason[at] = MatchReason::low_texture;
+}
+
+/// bare: [height][width], 1 where the near window fails.
+void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps, uint8_t* bare) {
   const uint32_t side = p.correlation_side(), near_side = correlation_near_side(side);
   const size_t reach = side / 2;
   MatchedRows rows(pair, side + 1);  // one leaves the window as another comes
@@ -155,11 +162,65 @@ void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t
     near.move_to(y, next);
     for (size_t x = 0; x < pair.width; ++x) {
       const size_t at = y * pair.width + x;
-      if (pair.found[at] == pair.invalid || correlates(wide.at(x), near.at(x), p.min_correlation, side * side)) continue;
-      maps.disparity[at] = pair.invalid;
-      if (maps.confidence) maps.confidence[at] = 0;
-      if (maps.reason) maps.reason[at] = MatchReason::low_texture;
+      bare[at] = 0;
+      if (pair.found[at] == pair.invalid) continue;
+      const Correlates own = correlates(wide.at(x), near.at(x), p.min_correlation, side * side);
+      bare[at] = own.near ? 0 : 1;
+      if (!own.wide || !own.near) refuse(maps, at, pair.invalid);
     }
+  }
+}
+
+/// The pixels that have 3 x 3 bare ones about one within reach, row by row.
+class NearBare {
+ public:
+  NearBare(const uint8_t* bare, size_t width, size_t height, size_t reach)
+      : bare_(bare),
+        width_(width),
+        height_(height),
+        reach_(reach),
+        line_(width + 2 * reach),
+        kept_((2 * reach + 1) * width),
+        counts_(width) {}
+
+  void add(size_t y) {
+    std::fill(line_.begin(), line_.end(), 0);
+    if (y > 0 && y + 1 < height_)
+      for (size_t x = 1; x + 1 < width_; ++x) {
+        const uint8_t* at = bare_ + y * width_ + x;
+        uint8_t all = 1;
+        for (const uint8_t* row : {at - width_, at, at + width_}) all &= row[-1] & row[0] & row[1];
+        line_[x + reach_] = all;
+      }
+    for (size_t seen = 1, step = 0; seen < 2 * reach_ + 1; seen += step) {
+      step = std::min(seen, 2 * reach_ + 1 - seen);
+      for (size_t x = 0; x + step < line_.size(); ++x) line_[x] |= line_[x + step];
+    }
+    uint8_t* own = kept(y);
+    for (size_t x = 0; x < width_; ++x) counts_[x] += own[x] = line_[x];
+  }
+  void drop(size_t y) {
+    for (size_t x = 0; x < width_; ++x) counts_[x] -= kept(y)[x];
+  }
+  [[nodiscard]] bool at(size_t x) const { return counts_[x] > 0; }
+
+ private:
+  uint8_t* kept(size_t y) { return kept_.data() + y % (2 * reach_ + 1) * width_; }
+
+  const uint8_t* bare_;
+  size_t width_, height_, reach_;
+  std::vector<uint8_t> line_, kept_, counts_;  // a row with its reach beyond both ends; those of the last rows; their sums by column
+};
+
+void close_band(const Pair& pair, const uint8_t* bare, size_t reach, size_t begin, size_t end, const MatchMaps& maps) {
+  NearBare near(bare, pair.width, pair.height, reach);
+  const size_t first = begin - std::min(begin, reach);
+  size_t next = first;
+  for (size_t y = begin; y < end; ++y) {
+    if (y > first + reach) near.drop(y - reach - 1);
+    for (; next < std::min(pair.height, y + reach + 1); ++next) near.add(next);
+    for (size_t x = 0; x < pair.width; ++x)
+      if (near.at(x) && maps.disparity[y * pair.width + x] != pair.invalid) refuse(maps, y * pair.width + x, pair.invalid);
   }
 }
 
@@ -177,7 +238,13 @@ void CorrelationCheck::apply(const MatchParameters& p, ConstImage left, ConstIma
         .rows(begin, std::min(height, begin + band), high_[side].data());
   });
   const Pair pair{high_[0].data(), high_[1].data(), found, width, height, p.invalid_disparity()};
-  workers.parallel_for(bands, [&](size_t i) { check_band(pair, p, i * band, std::min(height, (i + 1) * band), maps); });
+  const auto in_bands = [&](auto check) {
+    workers.parallel_for(bands, [&](size_t i) { check(i * band, std::min(height, (i + 1) * band)); });
+  };
+  bare_.resize(width * height);
+  in_bands([&](size_t begin, size_t end) { check_band(pair, p, begin, end, maps, bare_.data()); });
+  const size_t reach = correlation_bare_reach(p.correlation_side());
+  in_bands([&](size_t begin, size_t end) { close_band(pair, bare_.data(), reach, begin, end, maps); });
 }
 
 }  // namespace simsense::cpu

@@ -23,6 +23,7 @@ class CorrelationCheck {
 
  private:
   std::vector<int8_t> high_[2];  // [height][width]
+  std::vector<uint8_t> bare_;    // the same: 1 where the near window fails
 };
 
 }  // namespace simsense::cpu

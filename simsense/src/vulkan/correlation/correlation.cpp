@@ -3,6 +3,7 @@
 
 #include "match/correlation.h"
 #include "spirv/correlation.h"
+#include "spirv/correlation_bare.h"
 #include "spirv/high_pass.h"
 #include "vulkan/dispatch.h"
 #include "vulkan/lane_constants.h"
@@ -14,7 +15,8 @@ VulkanCorrelation::VulkanCorrelation(const std::shared_ptr<ks::Device>& device, 
       parameters_(p),
       of_bytes_(device, high_pass_spirv, sizeof(HighPassPush), Constants{1u}),
       of_words_(device, high_pass_spirv, sizeof(HighPassPush), Constants{2u}),
-      correlation_(device, correlation_spirv, sizeof(CorrelationPush)) {}
+      correlation_(device, correlation_spirv, sizeof(CorrelationPush)),
+      bare_(device, correlation_bare_spirv, sizeof(CorrelationPush)) {}
 
 void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   const uint32_t columns = groups_of(plan_.width, CORRELATION_GROUP), rows = groups_of(plan_.height, CORRELATION_GROUP);
@@ -37,6 +39,7 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
   push.left = buffers.high[0]->address();
   push.right = buffers.high[1]->address();
   push.found = buffers.refined(arrays);
+  push.bare = buffers.right_winner->address();  // which the left-right check has read
   push.disparity = arrays.disparity;
   push.confidence = arrays.confidence;
   push.reason = arrays.reason;
@@ -45,11 +48,13 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
   const uint32_t side = parameters_.correlation_side();
   push.reach = static_cast<int>(side / 2);
   push.near_reach = static_cast<int>(correlation_near_side(side) / 2);
+  push.bare_reach = correlation_bare_reach(side);
   push.least = parameters_.min_correlation;
   push.area = static_cast<float>(side * side);
   push.invalid = parameters_.invalid_disparity();
   push.maps = arrays.maps();
   commands.dispatch(correlation_, push, columns, rows, pairs);
+  commands.dispatch(bare_, push, columns, rows, pairs);
 }
 
 }  // namespace simsense

@@ -16,7 +16,7 @@ class VulkanCorrelation {
  private:
   const MatchPlan& plan_;
   const MatchParameters& parameters_;
-  ks::ComputePipeline of_bytes_, of_words_, correlation_;
+  ks::ComputePipeline of_bytes_, of_words_, correlation_, bare_;
 };
 
 }  // namespace simsense
