@@ -63,7 +63,7 @@ def test_materials_that_break_stereo_do(by_material):
     assert (
         by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m
     )  # little light comes back: some matches are noise
-    assert 1 - by_material["glass"].fill > 3 * (1 - by_material["clay"].fill)  # and some find none
+    assert 1 - by_material["glass"].fill > 1.5 * (1 - by_material["clay"].fill)  # and some find none
 
 
 def test_infrared_pictures_are_well_exposed(table):
