@@ -36,7 +36,7 @@ struct CorrelationPush {
   uint width, height;
   int reach, near_reach;  // of the windows
   uint bare_reach;
-  float least, area;      // of a wide window's correlation; px of it
+  float least, area;  // of a wide window's correlation; px of it
   float invalid;
   uint maps;  // MAPS_*
 };
