@@ -33,7 +33,8 @@ class Numbers:
     structure_kept: float = _number(0.017, "noise variances", "the same beside a name: the structure that remains, "
         "times its share of the first one")
     scene_error: float = _number(0.5, "noise variances", "excess that errors of the scene measurement leave")
-    strain: float = _number(4.0, "1", "stated deviations by which a name may move the rig or an albedo")
+    strain: float = _number(4.0, "1", "stated deviations by which a name may move the rig or an albedo, "
+        "or two albedos be off without one")
     # Draws, and the depth engine.
     neighbours: float = _number(0.4, "1", "correlation of neighbours above which values are no draws")
     outlier: float = _number(5.0, "1", "deviations by which a sparse draw, such as a hot pixel, stands out")

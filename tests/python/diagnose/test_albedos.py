@@ -60,6 +60,13 @@ def test_the_largest_material_is_told_where_all_others_seem_wrong_alike(evidence
     assert told[0]["factor"] == pytest.approx(1.5, abs=0.1)
 
 
+@pytest.mark.parametrize("factors, farthest, second", [({0: 0.7}, 10.0, 0.0), ({0: 0.7, 1: 0.7}, 10.0, 10.0)])
+def test_a_second_wrong_albedo_is_told_apart_from_one(evidence, factors, farthest, second):
+    _, fitter, solution = reflecting(evidence, factors)
+    found = [fitter.albedo_sigmas(solution, 0.03, k) for k in (1, 2)]
+    np.testing.assert_allclose(found, (farthest, second), atol=1.5)
+
+
 def test_what_is_as_stated_is_not_told(evidence):
     assert albedo_json(*reflecting(evidence, {0: 1.05})) == []
 

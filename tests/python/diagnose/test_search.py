@@ -78,6 +78,8 @@ def fitted(name, chi2):
         (Remainder(0.0, 0.02, 0.01, 0.01), False, False, UNDETERMINED),
         (Remainder(0.0, 0.7, 0.01, 0.01), False, True, UNKNOWN),
         (Remainder(0.0, 0.3, 0.2, 0.2), False, True, UNKNOWN),
+        (Remainder(0.0, 0.02, 0.01, 0.01, strain=3.0), False, True, NONE),
+        (Remainder(0.0, 0.02, 0.01, 0.01, strain=9.0), False, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6), True, False, EFFECT),
         (Remainder(0.0, 0.3, 0.01, 0.01), True, True, EFFECT),
         (Remainder(0.0, 0.7, 0.01, 0.01), True, True, UNKNOWN),

@@ -17,7 +17,7 @@ from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.observation import NuisancePrior, Observation
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, fit_key
-from activestereo.diagnose.refine.light import SCALES, AllPixels, LightMemory, exposed
+from activestereo.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
 from activestereo.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.effects import Light, Model
@@ -222,6 +222,13 @@ class Fitter:
         strain = np.abs(self.sigmas(solution.phi))
         farthest = (strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0)
         return float(farthest / np.sqrt(self.nuisance_prior.weighed_up))
+
+    def albedo_sigmas(self, solution: Solution, stated: float, farthest: int = 1) -> float:
+        """How far the farthest albedo, or a later one, is from the scene's, in stated deviations; 0 where there are
+        fewer. Light and albedos have a factor in common: it is what the median material reflects as stated."""
+        factors = np.append(1.0, 1.0 + solution.phi[DENSE : DENSE + self.materials])
+        sigmas = np.sort(np.abs(factors / np.median(factors) - 1.0)) / stated
+        return float(sigmas[-farthest]) if len(sigmas) > farthest else 0.0
 
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""

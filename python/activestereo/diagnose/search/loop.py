@@ -176,7 +176,10 @@ class Search:
         return terms, unjudged
 
     def _strain(self) -> float:
-        """How far names take the rig or an albedo. Of what air and surfaces do it makes another quantity."""
+        """How far names take the rig or an albedo. Of what air and surfaces do it makes another quantity. Where nothing
+        is named, how far a second material is: one may be measured wrong, several show what surfaces do."""
+        if not self._names:
+            return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
             return 0.0
         return self._fitter.prior_sigmas(self._solution, self._first)
