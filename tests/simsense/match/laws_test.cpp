@@ -107,7 +107,8 @@ TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {
     for (uint32_t x = 0; x < pair.width; ++x)
       for (auto* image : {&pair.left, &pair.right})
         if (!is_thing(image == &pair.left ? x : x + 11, y)) (*image)[y * pair.width + x] = static_cast<uint8_t>(40 + random() % 3);
-  const auto shares = [&](float least) {
+  // (share of the thing, share of what lies so far from it) with a disparity
+  const auto shares = [&](float least, uint32_t far) {
     MatchParameters p;
     p.max_disparity = 32;
     p.block_width = p.block_height = 5;
@@ -117,17 +118,18 @@ TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {
     double thing = 0, nothing = 0, pixels = 0;
     for (uint32_t y = 0; y < pair.height; ++y)
       for (uint32_t x = 0; x < pair.width; ++x) {
-        const bool is_far = x < 58 || x >= 122 || y < 38 || y >= 82, is_found = found[y * pair.width + x] >= 0;
+        const bool is_far = x + far < 60 || x >= 120 + far || y + far < 40 || y >= 80 + far, is_found = found[y * pair.width + x] >= 0;
         thing += is_thing(x, y) && is_found;
         nothing += is_far && is_found;
         pixels += is_far;
       }
     return std::pair{thing / (60 * 40), nothing / pixels};
   };
-  EXPECT_GT(shares(0).second, 0.2);
-  const auto [thing, nothing] = shares(0.4f);
+  EXPECT_GT(shares(0, 20).second, 0.2);
+  EXPECT_LT(shares(0.4f, 20).second, 0.01);
+  const auto [thing, beside] = shares(0.4f, 2);
   EXPECT_GT(thing, 0.95);
-  EXPECT_LT(nothing, 0.07);  // twice as much where windows widen the thing
+  EXPECT_LT(beside, 0.07);  // twice as much where windows widen the thing
 }
 
 TEST_P(matcher_law, featureless_pair_gives_disparity_zero) {
