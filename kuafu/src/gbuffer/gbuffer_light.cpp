@@ -60,10 +60,10 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   tables_.update(scene, gbuffers.launch.band, 1, {});
   fit(gbuffers);
   prepare_pattern(scene, gbuffers);
-  write_record(scene, gbuffers, frame);
+  const GbufferRecord record = record_of(scene, gbuffers, frame);
+  record_.resize(memory_, 1)[0] = record;
   const Launch& launch = gbuffers.launch;
   const uint32_t pixels = launch.pixel_count(), camera_pixels = pixels / 2;
-  const GbufferRecord& record = record_.resize(memory_, 1)[0];
   const uint32_t given_cameras = gbuffers.given[1].depth ? 2 : 1, cells = gbuffers.environments() * record.cell_columns * record.cell_rows;
   const auto step = [&](const char* name, uint32_t which, uint32_t count) {
     step_.run(commands, name, GbufferPush{.record = record_.address(), .step = which, .count = count});
@@ -113,7 +113,8 @@ void GbufferLight::prepare_pattern(const Scene& scene, const GbufferLaunch& gbuf
   pattern_key_ = key;
 }
 
-void GbufferLight::write_camera(const GbufferLaunch& gbuffers, uint32_t camera, GbufferCamera& record) const {
+GbufferCamera GbufferLight::camera_of(const GbufferLaunch& gbuffers, uint32_t camera) const {
+  GbufferCamera record{};
   const GbufferImages& given = gbuffers.given[camera];
   const View &view = gbuffers.launch.views[camera * gbuffers.environments()], &left = gbuffers.launch.views[0];
   const auto address = [&](const std::shared_ptr<ks::Buffer>& buffer) { return buffer ? memory_.address(*buffer) : 0; };
@@ -134,9 +135,10 @@ void GbufferLight::write_camera(const GbufferLaunch& gbuffers, uint32_t camera, 
   const glm::dvec3 way = projector_ == nullptr ? glm::dvec3(0) : glm::dvec3(projector_->light_to_world[3] - view.camera_to_world[3]);
   record.projector_px_m = float(view.k[0][0] * glm::dot(way, glm::dvec3(view.camera_to_world[0])));
   record.shift_px = float(view.k[2][0] - left.k[2][0]);
+  return record;
 }
 
-void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame) {
+GbufferRecord GbufferLight::record_of(const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame) {
   const Launch& launch = gbuffers.launch;
   const View &left = launch.views[0], &right = launch.views[gbuffers.environments()];
   std::ranges::copy(gbuffers.power, power_.resize(memory_, gbuffers.power.size()).begin());
@@ -150,9 +152,8 @@ void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffer
     const uint32_t place = places[id + 1] = material_index(scene, id);
     measured[place] = std::isnan(scene.materials()[id].ir_albedo) ? 0 : 1;
   }
-  GbufferRecord& r = record_.resize(memory_, 1)[0];
-  r = {};
-  for (uint32_t camera = 0; camera < 2; ++camera) write_camera(gbuffers, camera, r.cameras[camera]);
+  GbufferRecord r{};
+  for (uint32_t camera = 0; camera < 2; ++camera) r.cameras[camera] = camera_of(gbuffers, camera);
   r.projector_depth = gbuffers.projector_depth ? memory_.address(*gbuffers.projector_depth) : 0;
   r.projector_inverse = memory_.address(*projector_inverse_);
   r.power = power_.address();
@@ -180,6 +181,7 @@ void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffer
   r.focal_px = float(left.k[0][0]);
   const glm::dvec3 beside(right.camera_to_world[3] - left.camera_to_world[3]);
   r.baseline_px_m = float(left.k[0][0] * glm::dot(beside, glm::dvec3(left.camera_to_world[0])));
+  return r;
 }
 
 void GbufferLight::check(const GbufferLaunch& gbuffers) const {

@@ -41,8 +41,8 @@ class GbufferLight {
  private:
   void fit(const GbufferLaunch& gbuffers);
   void prepare_pattern(const Scene& scene, const GbufferLaunch& gbuffers);
-  void write_record(const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame);
-  void write_camera(const GbufferLaunch& gbuffers, uint32_t camera, GbufferCamera& record) const;
+  GbufferRecord record_of(const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame);
+  [[nodiscard]] GbufferCamera camera_of(const GbufferLaunch& gbuffers, uint32_t camera) const;
 
   /// The inputs of a pattern's means.
   struct PatternKey {

@@ -113,12 +113,14 @@ void CameraOptics::fit(const Launch& launch) {
 void CameraOptics::write_records(const Launch& launch) {
   const auto records = records_.resize(memory_, launch.views.size());
   std::vector<float> kernels = {1.0f};  // the kernel of views without blur
+  OpticsRecord record{};
   for (size_t i = 0; i < launch.views.size(); ++i) {
-    OpticsRecord record = optics_record(launch.views[i]);
+    const OpticsRecord before = record;  // reading it back from the table takes a microsecond a word
+    record = optics_record(launch.views[i]);
     if (i > 0 && same(launch.views[i].optics, launch.views[i - 1].optics)) {  // a batch's views are alike
-      record.psf_radius = records[i - 1].psf_radius;
-      record.psf_kernels = records[i - 1].psf_kernels;
-      record.psf_kernels_per_variance = records[i - 1].psf_kernels_per_variance;
+      record.psf_radius = before.psf_radius;
+      record.psf_kernels = before.psf_kernels;
+      record.psf_kernels_per_variance = before.psf_kernels_per_variance;
     } else {
       add_kernels(launch.views[i].optics, record, kernels);
     }
