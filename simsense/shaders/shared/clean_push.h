@@ -5,12 +5,12 @@
 #include "shared/choices.h"
 #include "shared/image_ref.h"
 
-// Passes of the speckle filter, in their order.
-#define SPECKLE_BEGIN 0u
-#define SPECKLE_JOIN 1u
-#define SPECKLE_COUNT 2u
-#define SPECKLE_DROP 3u
-#define SPECKLE_PASSES 4u
+// Passes of the speckle filter after that of its tiles, in their order.
+#define SPECKLE_TILE 32u  // on a side
+#define SPECKLE_JOIN 0u
+#define SPECKLE_COUNT 1u
+#define SPECKLE_DROP 2u
+#define SPECKLE_PASSES 3u
 
 // Passes of the filling of holes.
 #define HOLES_PASS_GUESS 0u

@@ -8,6 +8,7 @@
 #include "spirv/padding.h"
 #include "spirv/reason.h"
 #include "spirv/speckle.h"
+#include "spirv/speckle_tile.h"
 #include "spirv/texture.h"
 #include "vulkan/dispatch.h"
 #include "vulkan/upload.h"
@@ -76,7 +77,9 @@ void VulkanChecks::filter_speckles(const Call& call) {
   CleanPush push = clean_push(call, width_, height_);
   push.parent = reserved(parent_, call, sizeof(uint32_t));
   push.size = reserved(size_, call, sizeof(uint32_t));
-  for (push.step = SPECKLE_BEGIN; push.step < SPECKLE_PASSES; ++push.step) run(speckles_, speckle_spirv, call, push, width_, height_);
+  if (!speckle_tiles_) speckle_tiles_.emplace(device_, speckle_tile_spirv, sizeof push);
+  call.commands.dispatch(*speckle_tiles_, push, groups_of(width_, SPECKLE_TILE), groups_of(height_, SPECKLE_TILE), call.pairs);
+  for (push.step = SPECKLE_JOIN; push.step < SPECKLE_PASSES; ++push.step) run(speckles_, speckle_spirv, call, push, width_, height_);
 }
 
 void VulkanChecks::drop_edges(const Call& call) {

@@ -48,7 +48,7 @@ class VulkanChecks {
 
   std::shared_ptr<ks::Device> device_;
   uint32_t width_, height_;
-  Pipeline padding_, texture_, speckles_, edges_, holes_, reason_;
+  Pipeline padding_, texture_, speckle_tiles_, speckles_, edges_, holes_, reason_;
   std::shared_ptr<ks::Buffer> blank_, row_blank_, parent_, size_, marks_, guesses_;  // parent, size: union-find of islands
 };
 
