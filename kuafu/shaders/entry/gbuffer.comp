@@ -10,6 +10,7 @@
 #include "shared/gbuffer_record.h"
 
 layout(push_constant, scalar) uniform Push { GbufferPush push; };
+layout(constant_id = 4) const uint step = gbuffer_read;
 #include "stage/gbuffer.glsl"
 #include "stage/gbuffer_warp.glsl"
 #include "stage/gbuffer_bounce.glsl"

@@ -6,6 +6,7 @@
 #include "shared/optics_record.h"
 
 layout(push_constant, scalar) uniform Push { OpticsPush push; };
+layout(constant_id = 4) const uint step = optics_vignetting;
 #include "stage/optics.glsl"
 
 void main() {

@@ -315,11 +315,11 @@ void bounce_pixel(uint i, IN(GbufferPlace) p) {
 }
 
 void gbuffer_step(uint i) {
-  if (push.step == gbuffer_read) read_pixel(i);
-  else if (push.step == gbuffer_warp) warp_row(i);
-  else if (push.step == gbuffer_light) light_pixel(i);
-  else if (push.step == gbuffer_cells) mean_of_cell(i);
-  else if (push.step == gbuffer_sky) look_around(i);
-  else if (push.step == gbuffer_smooth) smooth_cell(i);
+  if (step == gbuffer_read) read_pixel(i);
+  else if (step == gbuffer_warp) warp_row(i);
+  else if (step == gbuffer_light) light_pixel(i);
+  else if (step == gbuffer_cells) mean_of_cell(i);
+  else if (step == gbuffer_sky) look_around(i);
+  else if (step == gbuffer_smooth) smooth_cell(i);
   else bounce_pixel(i, gbuffer_place(i));
 }

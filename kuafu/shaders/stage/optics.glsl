@@ -22,7 +22,7 @@ int mirrored(int position, int last) {
 /// Light of `from` that did not come straight from the projector; the second step finds it by itself.
 float indirect(uint word) {
   float light = push.from.at[word];
-  return push.step == optics_fireflies ? max(light - push.direct.at[word], 0.0f) : light;
+  return step == optics_fireflies ? max(light - push.direct.at[word], 0.0f) : light;
 }
 
 void fireflies(uint pixel, int reach) {
@@ -43,7 +43,7 @@ void fireflies(uint pixel, int reach) {
     uint word = pixel * push.channels + c;
     float light = indirect(word);
     if (light > factor * brightest) light = brightest;
-    push.to.at[word] = push.step == optics_fireflies ? light : light + push.direct.at[word];
+    push.to.at[word] = step == optics_fireflies ? light : light + push.direct.at[word];
   }
 }
 
@@ -170,15 +170,15 @@ void veiling_glare(uint pixel) {
 }
 
 void optics(uint i) {
-  if (push.step == optics_vignetting) vignetting(i);
-  if (push.step == optics_circle_rows) circle_row(i);
-  if (push.step == optics_defocus) defocus(i);
-  if (push.step == optics_psf_columns) psf(i, true);
-  if (push.step == optics_psf_rows) psf(i, false);
-  if (push.step == optics_row_sums) row_sum(i);
-  if (push.step == optics_view_means) view_mean(i);
-  if (push.step == optics_veiling_glare) veiling_glare(i);
-  if (push.step == optics_copy) copy_pixel(i);
-  if (push.step == optics_fireflies) fireflies(i, 1);
-  if (push.step == optics_firefly_pairs) fireflies(i, 2);
+  if (step == optics_vignetting) vignetting(i);
+  if (step == optics_circle_rows) circle_row(i);
+  if (step == optics_defocus) defocus(i);
+  if (step == optics_psf_columns) psf(i, true);
+  if (step == optics_psf_rows) psf(i, false);
+  if (step == optics_row_sums) row_sum(i);
+  if (step == optics_view_means) view_mean(i);
+  if (step == optics_veiling_glare) veiling_glare(i);
+  if (step == optics_copy) copy_pixel(i);
+  if (step == optics_fireflies) fireflies(i, 1);
+  if (step == optics_firefly_pairs) fireflies(i, 2);
 }

@@ -33,7 +33,7 @@ class ImageStep {
         kernel_(kernel),
         specialisation_{group_size, queue_layout, 1, feature_motion | feature_lookups, 0} {}
 
-  /// `constant` becomes the shader's specialisation constant 4, where it has one.
+  /// `constant` becomes the shader's specialisation constant 4, where it has one: the step, say, so that no step has another's registers.
   void run(ks::Commands& commands, const char* stage, const Push& push, uint32_t constant = 0) {
     if (memory_.on_host) return run_on_host(commands, stage, push);
     commands.begin_stage(stage);

@@ -66,7 +66,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   const uint32_t pixels = launch.pixel_count(), camera_pixels = pixels / 2;
   const uint32_t given_cameras = gbuffers.given[1].depth ? 2 : 1, cells = gbuffers.environments() * record.cell_columns * record.cell_rows;
   const auto step = [&](const char* name, uint32_t which, uint32_t count) {
-    step_.run(commands, name, GbufferPush{.record = record_.address(), .step = which, .count = count});
+    step_.run(commands, name, GbufferPush{.record = record_.address(), .step = which, .count = count}, which);
   };
   step("read", gbuffer_read, camera_pixels * (gbuffers.projector_depth ? 3 : given_cameras));
   step("warp", gbuffer_warp, 2 * gbuffers.environments() * launch.height);

@@ -21,6 +21,7 @@ inline void atomicMin(uint& word, uint value) {
 
 struct Gbuffer {
   const GbufferPush& push;
+  const uint step = push.step;
 #include "stage/gbuffer.glsl"
 #include "stage/gbuffer_bounce.glsl"
 #include "stage/gbuffer_warp.glsl"

@@ -14,6 +14,7 @@ namespace {
 
 struct OpticsStage {
   const OpticsPush& push;
+  const uint step = push.step;
 #include "stage/optics.glsl"
 };
 

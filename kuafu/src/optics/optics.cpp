@@ -168,7 +168,7 @@ void CameraOptics::develop(ks::Commands& commands, OpticsPush push) {
 void CameraOptics::step(ks::Commands& commands, OpticsPush push, uint32_t step, uint32_t count) {
   push.step = step;
   push.count = count;
-  step_.run(commands, "optics", push);
+  step_.run(commands, "optics", push, step);
 }
 
 }  // namespace kuafu
