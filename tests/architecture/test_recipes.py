@@ -40,9 +40,9 @@ doc = "The light is multiplied by 10^-neutral_density."
         "kuafu/src/optics/optics.cpp": [
             ("  return (vignettes ?",
              "  return (optics.neutral_density > 0.0 ? 1u << optics_neutral_density : 0) |\n         (vignettes ?"),
-            ("  if (takes(optics_vignetting))",
+            ("  if (takes(optics_vignetting) &&",
              "  if (takes(optics_neutral_density)) in_place(optics_neutral_density, pixels);\n"
-             "  if (takes(optics_vignetting))")],
+             "  if (takes(optics_vignetting) &&")],
         "kuafu/shaders/stage/optics.glsl": [
             ("void optics(uint i) {", """void neutral_density(uint pixel) {
   float factor = pow(10.0f, -optics_of(pixel).neutral_density);
@@ -50,7 +50,7 @@ doc = "The light is multiplied by 10^-neutral_density."
 }
 
 void optics(uint i) {
-  if (push.step == optics_neutral_density) neutral_density(i);""")],
+  if (step == optics_neutral_density) neutral_density(i);""")],
     }),
     "a matcher option": ("speckle_growth_px", {
         f"{TABLES}/simsense_parameters.toml": [("_OUTSIDE. 0 switches this check off.\"\"\"", """\

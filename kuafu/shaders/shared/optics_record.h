@@ -10,7 +10,9 @@
 namespace kuafu {
 #endif
 
-KUAFU_CONST optics_most_radius_px = 32u;  // of a circle of confusion
+KUAFU_CONST optics_most_radius_px = 32u;        // of a circle of confusion
+KUAFU_CONST optics_tile_px = 32u;               // on a side, of the point spread's tiles
+KUAFU_CONST optics_most_tiled_radius_px = 8u;   // of a kernel: the memory that all devices have
 
 /// Images are packed [view][row][column][channel].
 struct OpticsPush {

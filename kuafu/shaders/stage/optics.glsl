@@ -55,16 +55,18 @@ float power_of_cosine(float square, float exponent) {
   return pow(square, -0.5f * exponent);
 }
 
-void vignetting(uint pixel) {
-  IN(OpticsRecord) f = push.optics.at[pixel / pixels_per_view()];
-  uint column = pixel % push.width, row = pixel / push.width % push.height;
+float vignetting_factor(IN(OpticsRecord) f, uint column, uint row) {
   float y = (float(row) - f.cy) / f.fy;
   vec2 p = vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
   p = undistort(f.lens, p);
   float r2 = field_square(column, row);
   vec3 a = f.vignetting_polynomial;
   float factor = max(0.0f, 1.0f + r2 * (a.x + r2 * (a.y + r2 * a.z)));
-  factor *= power_of_cosine(1.0f + dot(p, p), f.vignetting_exponent);
+  return factor * power_of_cosine(1.0f + dot(p, p), f.vignetting_exponent);
+}
+
+void vignetting(uint pixel) {
+  float factor = vignetting_factor(push.optics.at[pixel / pixels_per_view()], pixel % push.width, pixel / push.width % push.height);
   for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
 }
 
@@ -178,7 +180,6 @@ void optics(uint i) {
   if (step == optics_row_sums) row_sum(i);
   if (step == optics_view_means) view_mean(i);
   if (step == optics_veiling_glare) veiling_glare(i);
-  if (step == optics_copy) copy_pixel(i);
   if (step == optics_fireflies) fireflies(i, 1);
   if (step == optics_firefly_pairs) fireflies(i, 2);
 }

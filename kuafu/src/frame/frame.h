@@ -29,6 +29,8 @@ class Frame {
   [[nodiscard]] bool is_empty() const;
   [[nodiscard]] ks::Buffer& image(uint32_t kind) const { return *images_[kind].buffer; }
   [[nodiscard]] uint64_t address(uint32_t kind) const { return memory_.address(image(kind)); }
+  /// Takes a buffer of at least its size for the image, and gives the image's for it: a later step wrote the image there.
+  void exchange(uint32_t kind, std::shared_ptr<ks::Buffer>& buffer) { std::swap(images_[kind].buffer, buffer); }
   /// Address of an OutputArray, by output_*: where the stages write each output, which is here or in the caller's image.
   [[nodiscard]] uint64_t outputs() const { return outputs_.address(); }
   /// Brings the held images to the caller's, in the caller's formats.

@@ -7,6 +7,7 @@
 #include "optics/gaussian.h"
 #include "scene/scene.h"
 #include "spirv/optics.h"
+#include "spirv/optics_psf.h"
 
 namespace kuafu {
 namespace {
@@ -77,7 +78,7 @@ uint32_t held_for_optics(const Launch& launch) {
 
 CameraOptics::CameraOptics(Memory memory) : memory_(std::move(memory)), step_(memory_, optics_spirv, host::optics) {}
 
-void CameraOptics::run(ks::Commands& commands, const Launch& launch, const Frame& frame) {
+void CameraOptics::run(ks::Commands& commands, const Launch& launch, Frame& frame) {
   fit(launch);
   if (steps_ == 0) return;
   write_records(launch);
@@ -96,8 +97,7 @@ void CameraOptics::run(ks::Commands& commands, const Launch& launch, const Frame
   for (uint32_t kind = output_radiance; kind < light_kind_end; ++kind) {
     if (!launch.shows(kind)) continue;
     push.channels = launch.channels(kind);
-    push.to = frame.address(kind);
-    develop(commands, push);
+    develop(commands, push, kind, frame);
   }
 }
 
@@ -114,6 +114,7 @@ void CameraOptics::write_records(const Launch& launch) {
   const auto records = records_.resize(memory_, launch.views.size());
   std::vector<float> kernels = {1.0f};  // the kernel of views without blur
   OpticsRecord record{};
+  psf_radius_ = 0;
   for (size_t i = 0; i < launch.views.size(); ++i) {
     const OpticsRecord before = record;  // reading it back from the table takes a microsecond a word
     record = optics_record(launch.views[i]);
@@ -125,6 +126,7 @@ void CameraOptics::write_records(const Launch& launch) {
       add_kernels(launch.views[i].optics, record, kernels);
     }
     records[i] = record;
+    psf_radius_ = std::max(psf_radius_, record.psf_radius);
   }
   std::copy(kernels.begin(), kernels.end(), kernels_.resize(memory_, kernels.size()).begin());
 }
@@ -140,24 +142,25 @@ void CameraOptics::limit_fireflies(ks::Commands& commands, OpticsPush push, cons
   step(commands, push, optics_firefly_pairs, launch.pixel_count());
 }
 
-void CameraOptics::develop(ks::Commands& commands, OpticsPush push) {
+void CameraOptics::develop(ks::Commands& commands, OpticsPush push, uint32_t kind, Frame& frame) {
   const uint32_t pixels = push.view_count * push.width * push.height, channels = push.channels;
-  const FloatArray image = push.to;
-  FloatArray spare = memory_.address(*scratch_);
   const auto in_place = [&](uint32_t which, uint32_t count) {
-    push.from = push.to;
+    push.from = push.to = frame.address(kind);
     step(commands, push, which, count);
   };
   const auto moved = [&](uint32_t which) {
-    push.from = push.to;
-    push.to = spare;
+    push.from = frame.address(kind);
+    push.to = memory_.address(*scratch_);
     step(commands, push, which, pixels);
-    spare = push.from;
+    frame.exchange(kind, scratch_);
   };
-  if (takes(optics_vignetting)) in_place(optics_vignetting, pixels);
+  const bool tiled_vignetting = tiles() && takes(optics_vignetting) && !takes(optics_defocus);
+  if (takes(optics_vignetting) && !tiled_vignetting) in_place(optics_vignetting, pixels);
   if (takes(optics_defocus)) moved(optics_defocus);
-  if (takes(optics_psf_columns)) moved(optics_psf_columns), moved(optics_psf_rows);
-  if (push.to.at != image.at) moved(optics_copy);
+  if (tiles())
+    moved(tiled_vignetting ? optics_vignetted_psf : optics_psf);
+  else if (takes(optics_psf_columns))
+    moved(optics_psf_columns), moved(optics_psf_rows);
   if (!takes(optics_veiling_glare)) return;
   push.rows.at += push.view_count * push.height;  // behind the circles
   in_place(optics_row_sums, push.view_count * push.height * channels);
@@ -168,7 +171,16 @@ void CameraOptics::develop(ks::Commands& commands, OpticsPush push) {
 void CameraOptics::step(ks::Commands& commands, OpticsPush push, uint32_t step, uint32_t count) {
   push.step = step;
   push.count = count;
+  if (step == optics_psf || step == optics_vignetted_psf) return spread(commands, push);
   step_.run(commands, "optics", push, step);
+}
+
+void CameraOptics::spread(ks::Commands& commands, const OpticsPush& push) {
+  const auto tiles_along = [](uint32_t length) { return (length + optics_tile_px - 1) / optics_tile_px; };
+  const uint32_t step[] = {push.step};
+  commands.begin_stage("optics");
+  commands.dispatch_line(tiled_psf_[push.step == optics_psf ? 0 : 1].get(memory_.device, optics_psf_spirv, sizeof push, step), push,
+                         tiles_along(push.width) * tiles_along(push.height) * push.view_count);
 }
 
 }  // namespace kuafu

@@ -18,13 +18,14 @@ class CameraOptics {
  public:
   explicit CameraOptics(Memory memory);
   /// Changes the light images that the caller asked for.
-  void run(ks::Commands& commands, const Launch& launch, const Frame& frame);
+  void run(ks::Commands& commands, const Launch& launch, Frame& frame);
 
  private:
   void fit(const Launch& launch);
   void write_records(const Launch& launch);
   void limit_fireflies(ks::Commands& commands, OpticsPush push, const Launch& launch, const Frame& frame);
-  void develop(ks::Commands& commands, OpticsPush push);
+  void develop(ks::Commands& commands, OpticsPush push, uint32_t kind, Frame& frame);
+  void spread(ks::Commands& commands, const OpticsPush& push);
   void step(ks::Commands& commands, OpticsPush push, uint32_t step, uint32_t count);
 
   Memory memory_;
@@ -33,7 +34,11 @@ class CameraOptics {
   MappedTable<float> kernels_;
   std::shared_ptr<ks::Buffer> scratch_, rows_;
   [[nodiscard]] bool takes(uint32_t step) const { return (steps_ >> step & 1u) != 0; }
-  uint32_t steps_ = 0;  // bit optics_*: some view needs this step
+  /// Point spread in tiles: a GPU's, whose kernels leave room in shared memory.
+  [[nodiscard]] bool tiles() const { return takes(optics_psf_columns) && !memory_.on_host && psf_radius_ <= optics_most_tiled_radius_px; }
+  ks::PipelineInBuild tiled_psf_[2];  // without and with vignetting
+  uint32_t steps_ = 0;                // bit optics_*: some view needs this step
+  uint32_t psf_radius_ = 0;           // the views' largest
 };
 
 namespace host {
