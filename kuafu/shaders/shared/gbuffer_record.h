@@ -11,13 +11,15 @@ namespace kuafu {
 #endif
 
 // The steps, in their order.
-KUAFU_CONST gbuffer_read = 0u;    // per pixel that was given: checked, its depth inverted
-KUAFU_CONST gbuffer_warp = 1u;    // per row: the views that were not given
-KUAFU_CONST gbuffer_light = 2u;   // per pixel of both cameras
-KUAFU_CONST gbuffer_cells = 3u;   // per cell of the left camera
-KUAFU_CONST gbuffer_sky = 4u;     // the same
-KUAFU_CONST gbuffer_smooth = 5u;  // the same
-KUAFU_CONST gbuffer_bounce = 6u;  // per pixel of both cameras
+KUAFU_CONST gbuffer_read = 0u;     // per pixel that was given: checked, its depth inverted
+KUAFU_CONST gbuffer_between = 1u;  // per pixel of the right camera's view and the projector's, which were not given: what lands between
+KUAFU_CONST gbuffer_middles = 2u;  // the same: what lands on a pixel's middle
+KUAFU_CONST gbuffer_warp = 3u;     // the same: what is seen
+KUAFU_CONST gbuffer_light = 4u;    // per pixel of both cameras
+KUAFU_CONST gbuffer_cells = 5u;    // per cell of the left camera
+KUAFU_CONST gbuffer_sky = 6u;      // the same
+KUAFU_CONST gbuffer_smooth = 7u;   // the same
+KUAFU_CONST gbuffer_bounce = 8u;   // per pixel of both cameras
 
 // GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
@@ -73,6 +75,7 @@ struct GbufferRecord {
   UintArray errors;               // by environment: the least word of what is wrong, or gbuffer_no_error
   UintArray material_places;      // by 1 + a material's id: its place in the scene's table, 0 where it was removed
   UintArray measured_albedo;      // by place: nonzero where it has an infrared albedo
+  UintArray between, middles;     // [right camera, projector][environment][row][place]: the last pixel there, or 0; later matt and lobes
   FloatArray matt, lobes, laser;  // [camera][environment][row][column]: shares of light from all sides that are reflected; radiance
   GbufferCells cells;             // of the left camera, [environment][row][column]
   OutputArray outputs;
@@ -96,7 +99,7 @@ struct GbufferPush {
 
 #ifdef __cplusplus
 static_assert(sizeof(GbufferCamera) == 176);
-static_assert(sizeof(GbufferRecord) == 528);
+static_assert(sizeof(GbufferRecord) == 544);
 static_assert(sizeof(GbufferPush) == 16);
 }  // namespace kuafu
 #endif

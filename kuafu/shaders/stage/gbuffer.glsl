@@ -53,6 +53,10 @@ void check_surface(uint image, uint pixel) {
 /// Image 0 is the left camera's, 1 the right one's, 2 the projector's.
 void read_pixel(uint i) {
   uint image = i / pixels_per_camera(), pixel = i - image * pixels_per_camera();
+  if (image == 0u) {
+    push.record.at[0].between.at[pixel] = push.record.at[0].between.at[pixels_per_camera() + pixel] = 0u;
+    push.record.at[0].middles.at[pixel] = push.record.at[0].middles.at[pixels_per_camera() + pixel] = 0u;
+  }
   if (image == 1u && (push.record.at[0].cameras[1].given & gbuffer_has_depth) == 0u) return;
   if (image == 2u && push.record.at[0].projector_depth_given == 0u) return;
   float z = image == 2u ? push.record.at[0].projector_depth.at[pixel] : push.record.at[0].cameras[image].depth.at[pixel];

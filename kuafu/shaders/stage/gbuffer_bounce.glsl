@@ -316,7 +316,9 @@ void bounce_pixel(uint i, IN(GbufferPlace) p) {
 
 void gbuffer_step(uint i) {
   if (step == gbuffer_read) read_pixel(i);
-  else if (step == gbuffer_warp) warp_row(i);
+  else if (step == gbuffer_between) mark_between(i);
+  else if (step == gbuffer_middles) mark_middle(i);
+  else if (step == gbuffer_warp) warp_pixel(i);
   else if (step == gbuffer_light) light_pixel(i);
   else if (step == gbuffer_cells) mean_of_cell(i);
   else if (step == gbuffer_sky) look_around(i);

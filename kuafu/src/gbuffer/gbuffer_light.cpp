@@ -69,7 +69,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
     step_.run(commands, name, GbufferPush{.record = record_.address(), .step = which, .count = count}, which);
   };
   step("read", gbuffer_read, camera_pixels * (gbuffers.projector_depth ? 3 : given_cameras));
-  step("warp", gbuffer_warp, 2 * gbuffers.environments() * launch.height);
+  for (const uint32_t which : {gbuffer_between, gbuffer_middles, gbuffer_warp}) step("warp", which, pixels);
   step("light", gbuffer_light, pixels);
   step("bounce", gbuffer_cells, cells);
   step("bounce", gbuffer_sky, cells);
@@ -161,6 +161,8 @@ GbufferRecord GbufferLight::record_of(const Scene& scene, const GbufferLaunch& g
   r.errors = memory_.address(*errors_);
   r.material_places = places_.address();
   r.measured_albedo = measured_.address();
+  r.between = memory_.address(*matt_);
+  r.middles = memory_.address(*lobes_);
   r.matt = memory_.address(*matt_);
   r.lobes = memory_.address(*lobes_);
   r.laser = memory_.address(*laser_);

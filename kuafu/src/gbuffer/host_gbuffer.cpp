@@ -14,6 +14,11 @@ inline void atomicMin(uint& word, uint value) {
   for (uint before = shared.load(); value < before && !shared.compare_exchange_weak(before, value);) {
   }
 }
+inline void atomicMax(uint& word, uint value) {
+  std::atomic_ref<uint> shared(word);
+  for (uint before = shared.load(); value > before && !shared.compare_exchange_weak(before, value);) {
+  }
+}
 #include "lib/frame.glsl"
 #include "lib/pattern_mean.glsl"
 #include "lib/pixels.glsl"
