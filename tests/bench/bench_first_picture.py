@@ -104,7 +104,7 @@ def main() -> None:
     share, noise = wall_figures(image, disparity, px_m)
     real_share = dots_share(real, BOX_SIDE, BOX_DISTANCE_M)
     print("|D435|recorded|simulated|\n|--|--|--|")
-    print(f"|dots' share of the light at 1 m, %|{real_share:.1f}|{share:.1f}|")
+    print(f"|dots' share at 1 m, %|{real_share:.1f}|{share:.1f}|")
     print(f"|noise of the wall, px|{NOISE_PX}|{noise:.3f}|")
     if args.out:
         captions = {"a real D435": f"dots have {real_share:.1f} % of the light at 1 m",

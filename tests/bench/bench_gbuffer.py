@@ -24,6 +24,7 @@ import numpy as np
 from gbuffer_worlds import KINDS, World
 from numpy.typing import NDArray
 
+import kuafu
 import simsense
 from activestereo import GBufferStereo, Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 
@@ -154,12 +155,14 @@ def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[
     return work
 
 
-def print_stages(environments: int, rounds: int, seed: int, device: str | int) -> None:
-    """Pairs/s of 128x128 on the device, and microseconds per pair by stage, of the fastest round."""
-    config = StereoDepthSensorConfig("D435").resized(128, 128)
+def print_stages(environments: int, size_px: int, rounds: int, seed: int, device: str | int) -> None:
+    """Pairs/s on the device, beside a traced z-buffer's frames/s, and microseconds per pair by stage, of the fastest
+    round."""
+    config = StereoDepthSensorConfig("D435").resized(size_px, size_px)
     world = World.draw(seed, device)
     with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
         given = world.gbuffers(sensor)
+        frames = environments / _z_buffer_s(sensor, world, environments, rounds)
     many = {name: np.ascontiguousarray(np.broadcast_to(i, (environments, *i.shape))) for name, i in given.items()}
     config.ir_exposure_mode = "fixed"
     ours = GBufferStereo(config, environments, device=device, materials=world.materials())
@@ -171,8 +174,22 @@ def print_stages(environments: int, rounds: int, seed: int, device: str | int) -
         if seconds < least:
             least, stages = seconds, times
     per_pair = 1e6 / environments
-    print(f"{environments} environments: {environments / least:.0f} pairs/s, {per_pair * least:.2f} us per pair")
+    print(f"{environments} of {size_px}x{size_px}: {environments / least:.0f} pairs/s, z-buffer {frames:.0f} frames/s")
+    print(f"us per pair: {per_pair * least:.2f}", end=", ")
     print("; ".join(f"{name} {per_pair * 1e-3 * ms:.2f}" for name, ms in stages.items() if ms > 0), flush=True)
+
+
+def _z_buffer_s(sensor: StereoDepthSensor, world: World, environments: int, rounds: int) -> float:
+    """Seconds of the left cameras' depth alone, to memory of the device, of the fastest round."""
+    renderer, shape = kuafu.Renderer(sensor.device), (environments, *sensor.get_config().ir_resolution[::-1], 1)
+    memory = kuafu.Buffer(sensor.device, 4 * int(np.prod(shape)), host_visible=False)
+    targets, cameras = {"depth": memory.image(np.float32, shape)}, sensor.ir_cameras()[:1] * environments
+    least = float("inf")
+    for _ in range(rounds + 1):
+        start = time.perf_counter()
+        renderer.render(world.scene, cameras, targets, band="infrared", samples_per_pixel=1)
+        least = min(least, time.perf_counter() - start)
+    return least
 
 
 def main() -> None:
@@ -182,12 +199,13 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=64, help="of the traced pictures (default 64)")
     parser.add_argument("--environments", type=int, default=32, help="of the timed batch (default 32)")
     parser.add_argument("--rounds", type=int, default=5, help="of the timing, 0 = none (default 5)")
-    parser.add_argument("--stages", type=int, nargs="+", help="only times by stage, of so many environments")
+    parser.add_argument("--stages", nargs="+", metavar="N:PX", help="only times by stage, of N environments of PX x PX")
     parser.add_argument("--device", default="cpu", help="as kuafu.Device has it (default cpu)")
     args = parser.parse_args()
     device = int(args.device) if args.device.isdigit() else args.device
-    for environments in args.stages or ():
-        print_stages(environments, args.rounds, int(args.seeds.split(":")[0]), device)
+    for batch in args.stages or ():
+        environments, size_px = (int(number) for number in batch.split(":"))
+        print_stages(environments, size_px, args.rounds, int(args.seeds.split(":")[0]), device)
     if args.stages:
         return
     first, end = (int(number) for number in args.seeds.split(":"))

@@ -45,7 +45,12 @@ FIGURES = (
         "{matcher_vulkan.0:D 128:0} ms, in batches of 32 {matcher_vulkan.0:D 128, 32 pairs:0} ms",
     ),
     ("infrared image 960x540 of metal and glass, path depth 8, 8 samples, H200", "{render.0:8 samples:0} ms"),
-    ("the whole sensor at 848x480, 2 samples, H200", "{sensor.1:2 samples, infrared and depth:0} ms"),
+    ("the whole sensor at 848x480, 2 samples, H200", "{sensor.1:2 samples:0} ms"),
+    (
+        "others' images to infrared, noise and matched depth, fixed exposure, 4096 environments of 64x64, H100",
+        "{gbuffer_gpu.0:4096 of 64x64:0} pairs/s (a traced z-buffer alone {gbuffer_gpu.0:4096 of 64x64:1} frames/s)",
+    ),
+    ("the same for 256 environments of 128x128", "{gbuffer_gpu.0:256 of 128x128:0} pairs/s"),
     (
         "a frame of `generate` without a GPU: RGB of 640x480, a D435, 16 samples",
         "{generate.0:one frame:0} processor seconds",

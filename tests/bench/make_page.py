@@ -20,7 +20,10 @@ RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel", "invented"),
-    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism", "noise_profiles", "generate"),
+    "Sensor": (
+        *("sensor", "split", "model_sensor", "gbuffer", "gbuffer_gpu"),
+        *("camera", "realism", "noise_profiles", "generate"),
+    ),
     "Calibration": ("calibrate", "materials"),
 }
 HEAD = """# Benchmarks
