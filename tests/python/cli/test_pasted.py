@@ -14,6 +14,7 @@ from room_worlds import BASELINE_M, CX, CY, F, Room
 from virtual_sensor.world import make_world
 
 _QUICK = ("--device", "cpu", "--spp", "1")
+_CLEAR = ("--device", "cpu", "--spp", "64")  # a diagnosis with fewer takes the renderer's noise for an effect
 _PATIENCE_S = 500
 
 
@@ -51,7 +52,7 @@ def _kind(words):
 
 def _follow(capsys, *seed):
     """The kinds of commands that a command and those that it leads to give; led_on() views, each other kind is run
-    once, as it is pasted. The options of _QUICK are handed on."""
+    once, as it is pasted. The options of _QUICK and _CLEAR are handed on."""
     waiting, done = [[str(word) for word in seed]], []
     while waiting:
         words = waiting.pop(0)
@@ -62,13 +63,13 @@ def _follow(capsys, *seed):
         done.append(_kind(words))
         if done[-1] != "model show":  # a table is its end
             leads = led_on(end.stdout)
-            assert all(lead[0] == "view" or set(_QUICK) & set(words) <= set(lead) for lead in leads), leads
+            assert all(lead[0] == "view" or set(_QUICK + _CLEAR) & set(words) <= set(lead) for lead in leads), leads
             waiting += leads
     return done
 
 
 def test_from_a_comparison_to_a_sensor_with_what_was_found(capsys, folder, capture):
-    kinds = _follow(capsys, "compare", capture, *_QUICK, "-o", folder / "compare")
+    kinds = _follow(capsys, "compare", capture, *_CLEAR, "-o", folder / "compare")
     assert kinds[:4] == ["compare", "diagnose", "compare --model", "simulate --model"]
 
 
