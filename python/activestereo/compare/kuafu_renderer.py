@@ -127,7 +127,10 @@ def _matt_layers(
             np.stack([image[i, ..., 0] for image in light]), matt_world.surfaces_of(bounced, i, wide[i], albedo), own,
             wide[i].K[0, 0],
         )  # fmt: skip
-        indirect, ambient, direct_sky = spread if room is None else (spread[0], sky[i, ..., 0], sky[i, ..., 0])
+        if room is None:
+            indirect, ambient, direct_sky = spread
+        else:
+            [indirect], ambient, direct_sky = spread, sky[i, ..., 0], sky[i, ..., 0]
         direct, flat = matt_world.first_light(first, i, request.pattern)
         depth_m, normal, material = (seen[name][i].copy() for name in matt_world.SURFACE)
         return Layers(direct, indirect, ambient, flat, depth_m[..., 0], normal, material[..., 0], direct_sky)

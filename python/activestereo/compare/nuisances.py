@@ -232,7 +232,7 @@ def _fitted(
             raise ValueError(_beyond_measure(observations))
         if used == 0 and best is None:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
-        if not is_straight:  # a step along a strongly bent line may overshoot: then half of it
+        if solution is not None and not is_straight:  # a step along a strongly bent line may overshoot: then half of it
             here = _deviation(solution, gram, moment, energy, used)
             if best is not None and here > _WORSE * best[1]:
                 solution = 0.5 * (solution + best[0])

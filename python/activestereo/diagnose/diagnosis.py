@@ -178,6 +178,7 @@ def diagnose(
         from activestereo.compare.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
+    tracer: Renderer = renderer
     kept = cache or LayerCache()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.work = megapixels(capture)
@@ -190,7 +191,7 @@ def diagnose(
     made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
 
     def render(capture: Capture, split: str = "train", progress: Progress | None = phases) -> LayersOfFrames:
-        return render_frames(capture, renderer, **sampled, progress=progress, frames=capture.split(split))
+        return render_frames(capture, tracer, **sampled, progress=progress, frames=capture.split(split))
 
     def located(model: Model, near: Evidence | None = None) -> tuple[Evidence, Rendering | None]:
         evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near)

@@ -24,6 +24,7 @@ def pattern_scale_drift(inputs: EngineInputs, scale: float, per_k: float) -> Non
     growth = 1.0 + scale + per_k * inputs.warming_k
     if inputs.projector is not None and growth != 1.0:
         # Light at a tangent t came from t (1 + e (1 + t^2))^-0.5, e = growth^2 - 1: Brown's k1, k2 to e^2.
-        e, (k1, k2, *others) = growth**2 - 1.0, inputs.projector.distortion
-        inputs.projector.distortion = (k1 - growth * e * (0.5 - 0.75 * e), k2 + 0.375 * growth * e**2, *others)
+        e, (k1, k2, p1, p2, k3, k4, k5, k6) = growth**2 - 1.0, inputs.projector.distortion
+        k1, k2 = k1 - growth * e * (0.5 - 0.75 * e), k2 + 0.375 * growth * e**2
+        inputs.projector.distortion = (k1, k2, p1, p2, k3, k4, k5, k6)
         inputs.projector.pattern_scale *= growth

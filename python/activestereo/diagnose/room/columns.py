@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -209,6 +210,7 @@ def size_of(room: Room, light: RoomLight, column: Column, linear: float) -> tupl
     derivative by `linear`): a blur grows as the square of its width."""
     effect, p = column.effect, column.parameter
     assert effect is not None and p is not None
+    acts, name = partial(acting, effect), p.name
     sign = np.sign(linear) if p.low < p.neutral else 1.0
     limit = p.high if sign > 0.0 else -p.low
     step = min(p.typical_value * _share(effect), limit)
@@ -216,7 +218,7 @@ def size_of(room: Room, light: RoomLight, column: Column, linear: float) -> tupl
         view, image, looks = _view(room, k), light.both[k], light.looks[k]
 
         def moved(size: float, view: View = view, image: Image = image, looks: Looks = looks) -> Image:
-            change = (acting(effect, {p.name: sign * size}, image, view, light.black_dn) - image).astype(np.float32)
+            change = (acts({name: sign * size}, image, view, light.black_dn) - image).astype(np.float32)
             return looks.pair(change) if "fine" in column.bands else change
 
         unit = moved(step)

@@ -174,7 +174,7 @@ class _Image:
         if inputs.blur_px > 0.0:
             seen = light.blurred(inputs.blur_px)
             light = replace(light, direct=seen.direct, flat=seen.flat)
-        if inputs.pattern is not view.pattern:
+        if inputs.pattern is not None and inputs.pattern is not view.pattern:
             dots = DotView.of(view)
             light = dots.change(light, dots.nominal(), dots.mean(inputs.pattern))
         if own.pattern_scale != 1.0 or any(own.distortion):
