@@ -217,7 +217,10 @@ void Buffer::write(uint64_t offset_bytes, const void* data, uint64_t size_bytes)
     device_->count_copy(size_bytes);
     return;
   }
-  const auto staging = create(device_, std::min(size_bytes, staging_bytes), KS_BUFFER_HOST_VISIBLE);
+  std::unique_lock lock(staging_mutex_);
+  const bool was_read = staging_ != nullptr;
+  lock.unlock();
+  const auto staging = take_staging(size_bytes);
   Commands commands(device_);
   for (uint64_t done = 0; done < size_bytes; done += staging->size_bytes()) {
     const uint64_t bytes = std::min(staging->size_bytes(), size_bytes - done);
@@ -225,6 +228,7 @@ void Buffer::write(uint64_t offset_bytes, const void* data, uint64_t size_bytes)
     commands.copy(*staging, 0, *this, offset_bytes + done, bytes);
     commands.flush();
   }
+  if (was_read) keep_staging(staging);
 }
 
 void Buffer::read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const {

@@ -41,7 +41,7 @@ class Buffer {
   [[nodiscard]] const std::shared_ptr<Device>& device() const { return device_; }
 
   /// Counted copies (Device::copied_bytes); through a staging buffer where the memory is not host visible. That of a read is kept for
-  /// the next one, because making it takes longer than copying an image. Bounds are checked.
+  /// the next copy, because making it takes longer than copying an image. Bounds are checked.
   void write(uint64_t offset_bytes, const void* data, uint64_t size_bytes);
   void read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const;
 
@@ -50,7 +50,7 @@ class Buffer {
   static std::shared_ptr<Buffer> make(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags, VkBufferUsageFlags extra_usage,
                                       VkMemoryPropertyFlags preferred);
   void check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const;
-  /// Memory that the host sees, to read so many bytes through: what was kept, unless another thread has it or it is too small.
+  /// Memory that the host sees, to copy so many bytes through: what was kept, unless another thread has it or it is too small.
   [[nodiscard]] std::shared_ptr<Buffer> take_staging(uint64_t size_bytes) const;
   void keep_staging(std::shared_ptr<Buffer> staging) const;
   void allocate_host();

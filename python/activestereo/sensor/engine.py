@@ -357,7 +357,7 @@ class SensorEngine:
         if auto.mode == "fixed":
             return
         inputs = self.rig.inputs()
-        after = auto.after(self.rig.setting, inputs.left.signal, link.first_image(), inputs.max_dn)
+        after = auto.after(self.rig.setting, inputs.left.signal, link.left_images(1)[0], inputs.max_dn)
         if auto.mode == "settled":
             self.rig.set_exposure(after)
         else:

@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 import kuafu
 import simsense
 
+_CACHED_BYTES = 1 << 22
+
 
 def shared_memory_kind(renderer_device: kuafu.Device, engine_device: simsense.Device) -> Literal["host", "opaque_fd"]:
     """'opaque_fd' if both devices are one physical device and share file descriptors, else 'host'."""
@@ -85,20 +87,36 @@ class IrLink:
         GPU's own memory, which put() writes back."""
         return self._seen(2 * self._count)
 
-    def first_image(self) -> np.ndarray:
-        """The first left image alone, float32 [height, width]."""
-        return np.asarray(self._seen(1)[0])
+    def left_images(self, count: int | None = None) -> np.ndarray:
+        """The first left images alone, float32 [count, height, width]; None: all."""
+        return self._seen(self._count if count is None else count)
 
     def put(self, images: np.ndarray) -> None:
         """Sends the changes in `images` to the renderer's memory."""
         if self._is_on_gpu:
             self._source.write(images)
 
-    def _seen(self, count: int) -> np.ndarray:
-        height, width = self._size
+    def brighten(self, factors: np.ndarray) -> None:
+        """Multiplies both images of each pair by its factor, float32 [count]. Images of a GPU's own memory come in
+        pieces that stay in the processor's cache."""
+        for_views = np.tile(factors, 2)[:, None, None]
+        at_once = max(1, _CACHED_BYTES // self._image_bytes) if self._is_on_gpu else len(for_views)
+        for first in range(0, len(for_views), at_once):
+            part = for_views[first : first + at_once]
+            images = self._seen(len(part), first)
+            images *= part
+            if self._is_on_gpu:
+                self._source.write(images, first * self._image_bytes)
+
+    @property
+    def _image_bytes(self) -> int:
+        return 4 * self._size[0] * self._size[1]
+
+    def _seen(self, count: int, first: int = 0) -> np.ndarray:
         if self._is_on_gpu:
-            return self._source.read(4 * count * height * width).view(np.float32).reshape(count, height, width)
-        return self.target.array()[:count, ..., 0]
+            read = self._source.read(count * self._image_bytes, first * self._image_bytes)
+            return read.view(np.float32).reshape(count, *self._size)
+        return self.target.array()[first : first + count, ..., 0]
 
     def deliver(self) -> None:
         """After a render: makes `left` and `right` current. Costs nothing unless the link copies."""

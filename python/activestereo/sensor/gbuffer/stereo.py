@@ -194,9 +194,10 @@ class GBufferStereo:
 
         seen = lit(share)
         if self._exposure.mode != "fixed":
-            left = self._link.images()[: self._count]
-            light = self._exposure.settled_light(inputs.left.signal, left, inputs.max_dn)
-            self._brighten(light, inputs.speckle_of_laser)
+            light = self._exposure.settled_light(inputs.left.signal, self._link.left_images(), inputs.max_dn)
+            self._link.brighten(light)
+            if inputs.speckle_of_laser:
+                self._link.laser().brighten(light)
         self._frame = frame
         wanted = {*outputs, *(["depth"] if "valid" in outputs else []), *(["ir_left", "reason"] if wants_cause else [])}
         found = self._matched([name for name in (*_OF_ENGINE, "reason") if name in wanted])
@@ -277,13 +278,6 @@ class GBufferStereo:
         return causes(
             self._config, own, is_odd, is_lit, is_hidden, found["ir_left"], found.pop("reason"), black_dn, inputs.max_dn
         )
-
-    def _brighten(self, factors: NDArray[np.float32], is_laser_apart: bool) -> None:
-        """Scales each environment's images to its exposure."""
-        for link in [self._link, self._link.laser()] if is_laser_apart else [self._link]:
-            images = link.images()
-            images *= np.tile(factors, 2)[:, None, None]
-            link.put(images)
 
 
 def _read(image: Any) -> NDArray[Any]:
