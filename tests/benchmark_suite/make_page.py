@@ -6,9 +6,9 @@
     python3 tests/benchmark_suite/make_page.py --check    # fails where it is not what the results say
 
 results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number of
-answered test cases n, and a note on those that were not; mitsuba.json has those of another
-renderer's worlds; next.json and practice.json hold what run_next.py and practice.py printed; causes.json says what goes
-wrong.
+answered test cases n, and a note on those that were not; mitsuba.json has those of another renderer's worlds, next.json
+and practice.json what run_next.py and practice.py printed, all three of the search before this one; causes.json says
+what goes wrong.
 """
 
 import json
@@ -19,21 +19,6 @@ from suite_bars import BARS
 
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
-BEFORE = """The search that scores all effects first: {machine}.
-All further answers on this page are of the search by rules before it, which is gone.
-
-    {command}
-
-"""
-
-
-def of_scores():
-    """The first results of the search that scores all effects first."""
-    found = json.loads((RESULTS / "by_scores.json").read_text())
-    rows = ["|".join(["", *row, ""]) for row in (found["columns"], ["--"] * len(found["columns"]), *found["rows"])]
-    return BEFORE.format(**found) + "\n".join(rows)
-
-
 HEAD = """# The benchmark suite
 
 Does `activestereo diagnose` find an effect that it does not know? An independent virtual sensor
@@ -74,7 +59,6 @@ BOUND = (
     "Errors of the scene measurement bound the error fall F: in test case g1-none-000 they leave 0.054 of the noise",
     "variance, so that an F of 0.88 is the most for a medium effect, where exact measurements would allow 0.94.",
 )
-HIDDEN = ("seconds per diagnosis (median)", "failed", "depth alone is undetermined")
 
 
 def main(arguments):
@@ -90,11 +74,8 @@ def main(arguments):
 
 def make_page():
     """The page as text."""
-    runs = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
-    runs.sort(key=lambda run: (run["date"], run["generation"]), reverse=True)
-    own = runs[-1]
-    lines = [HEAD, "## How often it is right", "", of_scores(), "", *_measures(runs), ""]
-    lines += [f"By strength, of generation {own['generation']}:", "", *_strengths(own["by_strength"]), ""]
+    [run] = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
+    lines = [HEAD, "## How often it is right", "", *_measures(run), "", *_strengths(run["by_strength"]), ""]
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
     lines += ["![Stated confidence against how often it was right](calibration.png)", "", "## What goes wrong", ""]
     lines += [*_rows(_read("causes"), ("hidden", "answer", "cause")), "", *BOUND]
@@ -102,17 +83,19 @@ def make_page():
     return "\n".join([*lines, "", *_next(_read("next")), "", *_practice(_read("practice"))]) + "\n"
 
 
-def _measures(runs):
-    newest = runs[0]
-    lines = ["|generation|date|machine|of 336 test cases answered|", "|--|--|--|--|"]
-    lines += [f"|{r['generation']}|{r['date']}|{r['machine']}|{r['n']}{r['note']}|" for r in runs]
-    lines += ["", f"The columns are generations; brackets hold the 95 % interval and n of {newest['generation']}.", ""]
-    lines += [f"|measure|bar|aim|{'|'.join(str(r['generation']) for r in runs)}|", "|--" * (3 + len(runs)) + "|"]
-    names = dict.fromkeys(name for run in reversed(runs) for name in run["measures"])
-    for name in (name for name in names if name not in HIDDEN):
+def _measures(run):
+    lines = [
+        f"{run['n']} of the 336 test cases of generation {run['generation']}, drawn after the code was frozen and "
+        f"opened once ({run['date']}, {run['machine']}{run['note']}); brackets hold the 95 % interval and n:",
+        "",
+        f"    {run['command']}",
+        "",
+        "|measure|bar|aim|measured|",
+        "|--" * 4 + "|",
+    ]
+    for name, measure in run["measures"].items():
         sign, bar, aim = BARS.get(name, ("", "", ""))
-        values = [_value(run["measures"].get(name), run is newest) for run in runs]
-        lines.append(f"|{name}|{sign}{bar}|{sign}{aim}|{'|'.join(values)}|")
+        lines.append(f"|{name}|{sign}{bar}|{sign}{aim}|{_value(measure, True)}|")
     return lines
 
 
@@ -130,7 +113,7 @@ def _strengths(by_strength):
     lines = [f"|strength|{'|'.join(measures)}|", "|--" * (1 + len(measures)) + "|"]
     return [
         *lines,
-        *(f"|{name}|{'|'.join(str(part[key]['value']) for key in measures)}|" for name, part in by_strength.items()),
+        *(f"|{name}|{'|'.join(_value(part[key], True) for key in measures)}|" for name, part in by_strength.items()),
     ]
 
 
@@ -146,7 +129,8 @@ def _another_renderer(run):
     return [
         "## Worlds of another renderer",
         "",
-        f"{run['n']} of the {run['of']} worlds that Mitsuba 3 renders were answered ({run['date']}, {run['machine']}):",
+        f"{run['n']} of the {run['of']} worlds that Mitsuba 3 renders were answered by the search before this one "
+        f"({run['date']}, {run['machine']}):",
         "",
         f"    {run['command']}",
         "",
@@ -159,7 +143,8 @@ def _next(run):
     return [
         "## The next measurement",
         "",
-        "Where several names fit equally, the tool asks for one more measurement. In ambiguous cases of generations "
+        "Where several names fit equally, the tool asks for one more measurement. By the search before this one, in "
+        "ambiguous cases of generations "
         f"{', '.join(map(str, run['generations']))} its frames resolved {shares[0]}, and random frames {shares[1]}"
         f" ({run['date']}, {run['machine']}):",
         "",
@@ -172,8 +157,8 @@ def _practice(run):
         "## The practice captures",
         "",
         "Another program rendered nine captures (424x240, 12 frames). Gap is (before - after) / (before - floor), from "
-        "the answers; the last columns are test errors of the diagnosis and of `compare --model`, which renders what "
-        f"was found ({run['date']}, {run['machine']}, n = {run['n']}):",
+        "the answers of the search before this one; the last columns are test errors of the diagnosis and of `compare "
+        f"--model`, which renders what was found ({run['date']}, {run['machine']}, n = {run['n']}):",
         "",
         f"    {run['command']}",
         "",

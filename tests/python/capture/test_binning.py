@@ -2,7 +2,6 @@
 """Captures whose images are averaged over blocks of pixels show the same scene from the same places."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from activestereo.capture.binning import binned, unbinned, usual_binning, usual_
 from activestereo.capture.capture import Camera, CaptureError, read_capture
 from activestereo.capture.images import block_means, write_gray
 from activestereo.effects import Light, Model, builtin
+from activestereo.effects.core.laws import example_view
 from virtual_sensor.world import make_world
 
 SIZE = 3
@@ -59,7 +59,7 @@ def test_lengths_in_pixels_are_those_of_whole_images():
     image = gaussian_filter(np.random.default_rng(1).normal(100.0, 20.0, (120, 120)), 2.0)
     psf = Model().with_effect(builtin()["lens_psf"], sigma_px=3.0)
     blur = lambda pixels, size: psf.light(  # noqa: E731
-        Light.of_images([pixels] * 4), SimpleNamespace(binning=size, shape=pixels.shape)
+        Light.of_images([pixels] * 4), replace(example_view(), binning=size, depth_m=np.ones(pixels.shape))
     ).ambient
     fine, coarse = block_means(blur(image, 1), 2), blur(block_means(image, 2), 2)
     assert np.std(coarse - fine) < 0.1 * np.std(block_means(image, 2) - fine)
