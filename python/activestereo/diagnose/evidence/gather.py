@@ -46,11 +46,14 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
     seen = [(s.frame, s.layers, s.where_known()) for s in train]
     nuisances = fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances
     noise_variances, noise_model, has_floor = _noise(capture, measured_images, nuisances)
+    predicted = _predicted(train, nuisances)
     if has_floor:
         noise_model, noise_variances = noise_at_other_gains(
-            noise_model, noise_variances, measured_images, train, _predicted(train, nuisances)
+            noise_model, noise_variances, measured_images, train, predicted
         )
     tiles, count = _tiles(train)
+    material_of = _material_of(capture)
+    materials = _albedo_materials(train, material_of)
     evidence = Evidence(
         capture=capture,
         train=(),
@@ -59,12 +62,13 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
         noise_model=noise_model,
         noise_variances=noise_variances,
         has_floor=has_floor,
-        materials=len(_albedo_materials(train, _material_of(capture))),
+        materials=len(materials),
         tiles=count,
         geometry=geometry,
         seed=seed,
     )
-    observed = _observed(evidence, train, measured_images, tiles)
+    edge_discrepancy_m = edge_discrepancy(train, predicted, noise_model)
+    observed = _observed(evidence, measured_images, tiles, edge_discrepancy_m, material_of, materials)
     of = {split: tuple(o for o in observed if o.frame.split == split) for split in SPLITS}
     return replace(evidence, **of)
 
@@ -74,8 +78,10 @@ def held_out(evidence: Evidence, capture: Capture, layers: LayersOfFrames) -> tu
     frames."""
     images, noise = _measured_images(capture, layers, evidence.seed), evidence.noise_model
     variances = {s.key: max(noise.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in images}
-    evidence = replace(evidence, noise_variances=variances | evidence.noise_variances)
-    return _observed(evidence, evidence.train, images, {})
+    evidence, train = replace(evidence, noise_variances=variances | evidence.noise_variances), evidence.train
+    edge_discrepancy_m = edge_discrepancy(train, _predicted(train, evidence.nuisances), noise)
+    material_of = _material_of(evidence.capture)
+    return _observed(evidence, images, {}, edge_discrepancy_m, material_of, _albedo_materials(train, material_of))
 
 
 def _measured_images(capture: Capture, layers: LayersOfFrames, seed: int) -> list[MeasuredImage]:
@@ -95,17 +101,16 @@ def _predicted(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[tu
 
 def _observed(
     evidence: Evidence,
-    train: Sequence[MeasuredImage],
     images: Sequence[MeasuredImage],
     tiles: Mapping[tuple[int, str], np.ndarray],
+    edge_discrepancy_m: float,
+    material_of: np.ndarray,
+    materials: Sequence[int],
 ) -> tuple[Observation, ...]:
-    """Images with their weights, slopes and materials, as the evidence and its train images have noise and materials.
-    tiles: each pixel's tile of train images."""
+    """Images with their weights, slopes and materials. tiles: each pixel's tile of train images; edge_discrepancy_m,
+    material_of, materials: of the train images."""
     nuisances, noise_model, places = evidence.nuisances, evidence.noise_model, evidence.geometry.places()
-    edge_discrepancy_m = edge_discrepancy(train, _predicted(train, nuisances), noise_model)
     expected = _expected(images, evidence.noise_variances, nuisances)
-    material_of = _material_of(evidence.capture)
-    materials = _albedo_materials(train, material_of)
     growing, moving = focal_slopes(images, nuisances), geometry_slopes(images, nuisances)
 
     def observation(s: MeasuredImage) -> Observation:
