@@ -1,32 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-/* C++17 owners of the C handles; used by kuafu/kuafu.hpp and simsense/simsense.hpp. Nothing here is compiled into the libraries. */
 #ifndef KS_HANDLE_HPP
 #define KS_HANDLE_HPP
-
 #include <stdexcept>
 #include <string>
 #include <utility>
-
 #include "ks/status.h"
-
 namespace ks {
-
-/* What a call threw: the library's text, and the status it returned. */
 class Error : public std::runtime_error {
  public:
   Error(ks_status status, const char* text) : std::runtime_error(std::string(ks_status_name(status)) + ": " + text), status_(status) {}
   [[nodiscard]] ks_status status() const noexcept { return status_; }
-
  private:
   ks_status status_;
 };
-
-/* One reference to an object: a copy takes one more, the destructor gives it back. Converts to the C handle, so every C function takes it. */
 template <class Handle, void (*retain)(Handle), void (*release)(Handle)>
 class Reference {
  public:
   Reference() = default;
-  /* Takes over the reference that a create or import returned. */
   explicit Reference(Handle handle) noexcept : handle_(handle) {}
   Reference(const Reference& other) noexcept : handle_(other.handle_) {
     if (handle_) retain(handle_);
@@ -37,14 +27,10 @@ class Reference {
     return *this;
   }
   ~Reference() { release(handle_); }
-
   [[nodiscard]] Handle get() const noexcept { return handle_; }
   operator Handle() const noexcept { return handle_; }
-
  protected:
   Handle handle_ = nullptr;
 };
-
-} /* namespace ks */
-
+}
 #endif

@@ -1,13 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Status codes shared by kuafu and simsense. 0 is success, < 0 is an error.
- * The text of the last error of the calling thread is kuafu_last_error() / simsense_last_error(). */
 #ifndef KS_STATUS_H
 #define KS_STATUS_H
-
 #include <stdint.h>
-
 typedef int32_t ks_status;
-
 #define KS_OK 0
 #define KS_ERROR_INVALID_ARGUMENT (-1)
 #define KS_ERROR_INVALID_STATE (-2)
@@ -21,8 +16,6 @@ typedef int32_t ks_status;
 #define KS_ERROR_VERSION (-10)
 #define KS_ERROR_FILE (-11)
 #define KS_ERROR_INTERNAL (-12)
-
-/* Short name of a status, for messages; "unknown status" for a value this header does not know. */
 static inline const char* ks_status_name(ks_status status) {
   switch (status) {
     case KS_OK: return "ok";
@@ -41,5 +34,4 @@ static inline const char* ks_status_name(ks_status status) {
     default: return "unknown status";
   }
 }
-
 #endif
