@@ -3,7 +3,6 @@
 #pragma once
 
 #include <bit>
-#include <ctime>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -54,34 +53,6 @@ class RayBench {
     std::vector<bool> hits(rays.size());
     for (uint32_t i = 0; i < hits.size(); ++i) hits[i] = value(i, ray_t_far) < 0.0f;
     return hits;
-  }
-
-  /// Milliseconds of one trace. GPUs: mean of their timestamps over back-to-back traces, which keeps their clocks up. CPU devices: least
-  /// CPU time over all threads, spread over the cores, so that what else runs on the machine does not count.
-  double trace_ms(const std::vector<TestRay>& rays, bool any, bool coherent, int repetitions) {
-    coherent_ = coherent;
-    fill(rays, any ? occlusion_words : closest_words);
-    const auto fresh = create(words_buffer_->size_bytes());
-    commands_.copy(*words_buffer_, 0, *fresh, 0, fresh->size_bytes());
-    commands_.flush();
-    commands_.reset_stage_times();
-    const bool cpu = test_device()->is_cpu();
-    std::clock_t best = std::numeric_limits<std::clock_t>::max();
-    for (int i = 0; i < repetitions; ++i) {
-      commands_.begin_stage("restore");
-      commands_.copy(*fresh, 0, *words_buffer_, 0, fresh->size_bytes());
-      if (cpu) commands_.flush();
-      commands_.begin_stage("trace");
-      const std::clock_t start = std::clock();
-      any ? tracer_.occluded(commands_, queue()) : tracer_.closest(commands_, queue());
-      if (cpu) commands_.flush();
-      best = std::min(best, std::clock() - start);
-    }
-    commands_.flush();
-    if (cpu) return double(best) * 1e3 / CLOCKS_PER_SEC / double(test_device()->workers().size());
-    for (const auto& [name, milliseconds] : commands_.stage_times())
-      if (name != "restore") return milliseconds / repetitions;
-    return 0.0;
   }
 
   /// Lanes past the count, which no tracer may touch, still hold what fill() put there.
