@@ -24,7 +24,6 @@ OTHERS = {
     ("effects/engines/scene_renderer.py", "Path(path).read_bytes()"): "the loaded libraries",
     ("diagnose/refine/fit_cache.py", "path.read_bytes()"): "the package's sources",
     ("effects/core/differences.py", "_FILE.read_text(encoding='utf-8')"): "the package's",
-    ("scene_io/ktx2.py", "opengl_basisu.open(data)"): "bytes",
     ("report/page.py", "resources.files('activestereo.report').joinpath(f'web/{name}').read_text(encoding='utf-8')"):
         "the package's",
 }  # fmt: skip

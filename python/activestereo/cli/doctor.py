@@ -26,8 +26,7 @@ The exit status is 0 where all is well, else 1.
 PACKAGES = {
     "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
     "pyrealsense2": "live", "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "onnxruntime": "onnx",
-    "opengl_basisu": "ktx2", "lerobot": "lerobot", "h5py": "resense",
-    "argcomplete": "completion",
+    "lerobot": "lerobot", "h5py": "resense", "argcomplete": "completion",
 }  # fmt: skip
 
 

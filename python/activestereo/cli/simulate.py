@@ -51,10 +51,9 @@ infrared pair with projected dots, imager noise, stereo matching, registration t
 the RGB camera.
 
 SCENE is .gltf .glb .obj .dae .stl or .ply, in metres, or .usd .usda .usdc .usdz
-(needs: pip install usd-core), or a capture's folder; KTX2 textures of glTF need:
-pip install --pre opengl_basisu. The sensor stands at the file's first camera, at a
-capture's first view, at --camera-to-world, or where all of the scene is seen. Lamps have
-the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
+(needs: pip install usd-core), or a capture's folder. The sensor stands at the file's
+first camera, at a capture's first view, at --camera-to-world, or where all of the scene
+is seen. Lamps have the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
 
 Writes into DIR:
   rgb.png                   RGB picture
@@ -292,7 +291,6 @@ def _light_scene(
 
 def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, float, float] | None:
     """Returns the radiance of a USD stage's dome light, where there is one."""
-    from activestereo.scene_io.ktx2 import Ktx2Error
     from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
     from activestereo.scene_io.usd import UsdError
 
@@ -300,7 +298,7 @@ def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, flo
         keep_transparent()
     try:
         return load_scene_file(scene, args.scene, args.time, args.unit)
-    except (Ktx2Error, UsdError) as error:
+    except UsdError as error:
         raise CommandError(str(error)) from error
 
 

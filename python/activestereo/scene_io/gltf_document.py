@@ -14,16 +14,14 @@ from numpy.typing import NDArray
 from activestereo.common.input_files import open_file
 
 
-def read_document(path: Path) -> tuple[dict[str, Any], int | None]:
-    """The document, and where the binary chunk of a .glb begins in the file (glTF 2.0, section 4.4); None: there is
-    none. OSError, ValueError, TypeError or struct.error where this is no glTF."""
+def read_document(path: Path) -> dict[str, Any]:
+    """The document of a .gltf or .glb file (glTF 2.0, section 4.4). Raises OSError, ValueError, TypeError or
+    struct.error for another file."""
     with open_file(path) as file:
         head = file.read(20)
         if head[:4] != b"glTF":
-            return dict(json.loads(head + file.read())), None
-        (length,) = struct.unpack_from("<I", head, 12)
-        document = dict(json.loads(file.read(length)))
-        return document, 28 + length if len(file.read(8)) == 8 else None
+            return dict(json.loads(head + file.read()))
+        return dict(json.loads(file.read(*struct.unpack_from("<I", head, 12))))
 
 
 def scale(unit_m: float) -> NDArray[np.float64]:

@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene files of every kind, told by their names and contents: what kuafu reads itself, glTF whose textures are KTX2,
-and USD. The latter two are converted by packages that are there or not (activestereo.scene_io.ktx2,
-activestereo.scene_io.usd)."""
+"""Scene files of every kind: kuafu reads them itself, or usd-core, where it is installed, converts them first."""
 
 from __future__ import annotations
 
 import os
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from activestereo.scene_io.gltf_document import scale
-from activestereo.scene_io.ktx2 import load_ktx2, needs_ktx2
 from activestereo.scene_io.usd import is_usd, load_usd
 
 if TYPE_CHECKING:
@@ -25,16 +21,11 @@ def load_scene_file(
     for a metre, such as 0.001 for a file in millimetres.
 
     Returns the radiance of a USD stage's dome light, W/(sr m^2), or None where there is none: it is the caller's to
-    set. Raises Ktx2Error and UsdError, which are ValueErrors of one line that names the file and what to do, and what
-    Scene.load raises.
+    set. Raises UsdError, a ValueError of one line that names the file and what to do, and what Scene.load raises.
     """
-    path = Path(path)
     if is_usd(path):
         return load_usd(scene, path, time_s, unit_m).ambient
-    if needs_ktx2(path):
-        load_ktx2(scene, path, time_s, unit_m)
-    else:
-        scene.load(path, scale(unit_m), time_s=time_s)
+    scene.load(path, scale(unit_m), time_s=time_s)
     return None
 
 

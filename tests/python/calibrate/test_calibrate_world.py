@@ -119,7 +119,7 @@ def test_the_held_out_view_is_no_part_of_the_scene(measured):
     assert "3" not in capture.measured["pattern"]["left_out_r"]
     from activestereo.scene_io.gltf_document import read_document
 
-    document = read_document(capture.scene_path)[0]
+    document = read_document(capture.scene_path)
     assert [m["name"] for m in document["materials"]] == ["view 0", "view 1", "view 2"]
     assert document["asset"]["extras"] == {"room_light": "emission"}
     known = capture.known(capture.frames[3], "left")

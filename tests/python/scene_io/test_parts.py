@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes and materials of files in Python are those that are rendered."""
 
+import re
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
+import activestereo
 from activestereo.scene_io.parts import read_parts
 
 # A concave quad of 1 m^2 in the plane z = 0, an arrow.
@@ -41,3 +45,11 @@ def test_a_file_without_a_mesh_is_said(tmp_path):
     for name, said in (("points.ply", "this is a point cloud: it has 4 points"), ("gone.stl", "there is no such file")):
         with pytest.raises(ValueError, match=rf"{name}: {said}"):
             read_parts(tmp_path / name)
+
+
+def test_scene_files_are_loaded_in_one_place():
+    """Captures, data sets and sensors read what `simulate` does, for nothing but scene_io calls Scene.load."""
+    package = Path(activestereo.__file__).resolve().parent
+    calls = re.compile(r"\b(?:scene|_scene|alone)\.load\(")
+    found = {str(path.relative_to(package)) for path in package.rglob("*.py") if calls.search(path.read_text("utf-8"))}
+    assert found == {f"scene_io/{name}.py" for name in ("parts", "scene_files", "usd/convert")}

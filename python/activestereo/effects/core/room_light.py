@@ -32,7 +32,7 @@ def has_room_light(scene_path: Path) -> bool:
     """Whether a scene file's emission is measured room light."""
     if scene_path.suffix.lower() not in (".gltf", ".glb"):
         return False
-    extras = read_document(scene_path)[0].get("asset", {}).get("extras")
+    extras = read_document(scene_path).get("asset", {}).get("extras")
     return isinstance(extras, dict) and extras.get("room_light") == "emission"
 
 

@@ -51,7 +51,7 @@ class _Instance:
 def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
     """The surfaces of a glTF file by number; none where the file cannot be read, which loading it explains."""
     try:
-        document = read_document(Path(scene_path))[0] if scene_path is not None else {}
+        document = read_document(Path(scene_path)) if scene_path is not None else {}
         instances = _instances(document)
     except (OSError, ValueError, KeyError, IndexError, TypeError, struct.error):
         return []
@@ -80,7 +80,7 @@ def surface_names(scene_path: str | Path | None) -> list[str]:
 def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
     """Numbers of the surfaces of the objects of a name. ValueError lists the objects where there is none, and where one
     has no material."""
-    instances = _instances(read_document(Path(scene_path))[0])
+    instances = _instances(read_document(Path(scene_path)))
     chosen = [k for k, instance in enumerate(instances) if instance.name == name]
     if not chosen:
         known = ", ".join(dict.fromkeys(instance.name for instance in instances)) or "none"
@@ -102,7 +102,7 @@ def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
     extra = range(scene.summary.material_count, len(surfaces))
     if not extra:
         return
-    instances = _instances(read_document(Path(scene_path))[0])
+    instances = _instances(read_document(Path(scene_path)))
     if len(instances) != scene.summary.instance_count:
         found = scene.summary.instance_count
         raise ValueError(f"{scene_path}: the scene has {found} objects, its file {len(instances)}")
@@ -152,7 +152,7 @@ def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float6
     path = Path(scene_path)
     if path.suffix.lower() not in (".gltf", ".glb"):
         return np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
-    instances = _instances(read_document(path)[0])
+    instances = _instances(read_document(path))
     if len(instances) != count:
         raise ValueError(f"{path}: loading it makes {count} objects, its nodes are {len(instances)}")
     return np.array([instance.to_file for instance in instances]).reshape(-1, 4, 4)
