@@ -6,6 +6,7 @@ array that maps coordinates in a to coordinates in b. Images are digital numbers
 """
 
 import warnings
+from collections import Counter
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -266,20 +267,26 @@ def capture_from(root: JsonObject) -> Capture:
         root.fail("version", f"is {root.integer('version')}; this program reads version {VERSION}")
     rig = _read_rig(root.object("rig"))
     frames = tuple(_read_frame(entry, rig) for entry in root.objects("frames"))
-    _check_frames(root, frames)
-    lights = tuple(_read_light(entry) for entry in root.objects("lights")) if root.has("lights") else ()
+    if not frames:
+        root.complain("frames", "is empty")
+    repeated = [number for number, count in Counter(frame.id for frame in frames).items() if count > 1]
+    if repeated:
+        root.complain("frames", f"id {min(repeated)} is used more than once")
+    lights = tuple(
+        KnownLight(
+            entry.text("name"), entry.numbers("position_m", [LENGTH] * 3),
+            entry.number("radius_m", RADIUS, optional=True) or 0.0,
+        )
+        for entry in (root.objects("lights") if root.has("lights") else ())
+    )  # fmt: skip
+    stated = root.object("uncertainty", optional=True)
+    names = [own.name for own in fields(Uncertainty)] if stated else []
+    deviations = {name: stated.number(name, UNCERTAINTY, optional=True) for name in names}
     return Capture(
         root.path.parent, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights,
         root.free_form("measured"),
-        _read_uncertainty(root.object("uncertainty", optional=True)),
+        Uncertainty(**{name: value for name, value in deviations.items() if value is not None}),
     )  # fmt: skip
-
-
-def _read_uncertainty(entry: JsonObject | None) -> Uncertainty:
-    if entry is None:
-        return Uncertainty()
-    stated = {f.name: entry.number(f.name, UNCERTAINTY, optional=True) for f in fields(Uncertainty)}
-    return Uncertainty(**{name: value for name, value in stated.items() if value is not None})
 
 
 def _read_camera(entry: JsonObject) -> Camera:
@@ -287,18 +294,8 @@ def _read_camera(entry: JsonObject) -> Camera:
     return Camera(width, height, entry.camera_matrix("K"), entry.lens("distortion"))
 
 
-def _read_color(entry: JsonObject) -> ColorCamera:
-    camera = _read_camera(entry)
-    return ColorCamera(camera.width, camera.height, camera.K, camera.distortion, entry.rigid_transform("left_to_color"))
-
-
-def _read_light(entry: JsonObject) -> KnownLight:
-    radius = entry.number("radius_m", RADIUS, optional=True)
-    return KnownLight(entry.text("name"), entry.numbers("position_m", [LENGTH] * 3), 0.0 if radius is None else radius)
-
-
 def _read_rig(entry: JsonObject) -> Rig:
-    projector = entry.object("projector")
+    projector, color = entry.object("projector"), entry.object("color") if entry.has("color") else None
     black_dn = entry.numbers("black_dn", [BLACK, BLACK_DEVIATION], optional=True) if entry.has("black_dn") else None
     readout = entry.object("readout", optional=True)
     return Rig(
@@ -310,7 +307,9 @@ def _read_rig(entry: JsonObject) -> Rig:
         ),
         bit_depth=entry.integer("bit_depth", BITS),
         line_time_s=readout.number("line_time_s", LINE_TIME, optional=True) if readout else None,
-        color=_read_color(entry.object("color")) if entry.has("color") else None,
+        color=ColorCamera(**vars(_read_camera(color)), left_to_color=color.rigid_transform("left_to_color"))
+        if color
+        else None,
         black_dn=None if black_dn is None else (float(black_dn[0]), float(black_dn[1])),
     )
 
@@ -334,6 +333,10 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     split = entry.text("split")
     if split not in SPLITS:
         entry.complain("split", f"is {split!r}, expected 'train' or 'test'")
+    masks = {side: entry.file(f"{side}_mask", optional=True) for side in SIDES}
+    for side in SIDES:
+        if masks[side] is not None:
+            _check_size(entry, f"{side}_mask", (rig.camera(side).width, rig.camera(side).height))
     velocity = entry.numbers("camera_velocity", [SPEED] * 3 + [TURN_RATE] * 3, optional=True)
     return Frame(
         id=frame_id,
@@ -354,16 +357,9 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
         depth_scale=entry.number("depth_scale", DEPTH_SCALE, optional=depth_path is None),
         color_path=color_path,
         gripper_to_base=entry.rigid_transform("gripper_to_base") if entry.has("gripper_to_base") else None,
-        left_mask_path=_mask(entry, rig, "left"),
-        right_mask_path=_mask(entry, rig, "right"),
+        left_mask_path=masks["left"],
+        right_mask_path=masks["right"],
     )
-
-
-def _mask(entry: JsonObject, rig: Rig, side: str) -> Path | None:
-    path: Path | None = entry.file(f"{side}_mask", optional=True)
-    if path is not None:
-        _check_size(entry, f"{side}_mask", (rig.camera(side).width, rig.camera(side).height))
-    return path
 
 
 def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
@@ -377,26 +373,3 @@ def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
         return
     if size != expected:
         entry.complain(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
-
-
-def _check_frames(root: JsonObject, frames: tuple[Frame, ...]) -> None:
-    if not frames:
-        root.complain("frames", "is empty")
-    ids = [frame.id for frame in frames]
-    repeated = sorted({i for i in ids if ids.count(i) > 1})
-    if repeated:
-        root.complain("frames", f"id {repeated[0]} is used more than once")
-
-
-__all__ = [
-    "Camera",
-    "Capture",
-    "CaptureError",
-    "CaptureWarning",
-    "ColorCamera",
-    "Frame",
-    "KnownLight",
-    "Projector",
-    "Rig",
-    "read_capture",
-]

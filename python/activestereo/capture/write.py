@@ -14,6 +14,8 @@ from activestereo.capture.images import write_gray
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import new_folder, write_bytes, write_png, write_text
 
+_EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}\n'
+
 
 def write_capture(
     path: str | Path,
@@ -23,47 +25,39 @@ def write_capture(
     depths: Mapping[int, np.ndarray] | None = None,
     colors: Mapping[int, np.ndarray] | None = None,
     masks: Mapping[tuple[int, str], np.ndarray] | None = None,
+    with_empty_scene: bool = False,
 ) -> None:
     """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
 
     images: {(frame id, side): uint8 or uint16 [height][width]}, empty for recordings of colour and depth alone;
     pattern: uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale;
     colors: {frame id: sRGB uint8 [height][width][3]}; masks: {(frame id, side): bool [height][width]}, true at pixels
-    of known scene. The caller writes the scene: capture.scene_path is copied with every file beside it that has the
-    same stem.
+    of known scene. capture.scene_path is copied with every file beside it that has the same stem; with_empty_scene
+    writes a scene without objects under its name instead.
     """
-    with new_folder(Path(path)) as folder:
-        _write(folder, capture, images, pattern, depths, colors, masks or {})
-
-
-def _write(
-    partial: Path,
-    capture: Capture,
-    images: Mapping[tuple[int, str], np.ndarray],
-    pattern: np.ndarray,
-    depths: Mapping[int, np.ndarray] | None,
-    colors: Mapping[int, np.ndarray] | None,
-    masks: Mapping[tuple[int, str], np.ndarray],
-) -> None:
-    for folder in ("left", "right", "depth", *(("color",) if colors else ())):
-        (partial / folder).mkdir(parents=True, exist_ok=True)
-    for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):
-        if source.is_file():
-            write_bytes(partial / source.name, read_bytes(source))
-    write_gray(partial / "pattern.png", pattern)
-    for (frame_id, side), image in images.items():
-        write_gray(partial / side / f"{frame_id:06d}.png", image)
-    for frame_id, image in (depths or {}).items():
-        write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
-    for frame_id, image in (colors or {}).items():
-        write_png(partial / "color" / f"{frame_id:06d}.png", image)
-    for (frame_id, side), known in masks.items():
-        (partial / "mask" / side).mkdir(parents=True, exist_ok=True)
-        write_gray(partial / "mask" / side / f"{frame_id:06d}.png", known.astype(np.uint8) * 255)
-    with_infrared = {frame_id for frame_id, _ in images}
-    entries = [_frame_json(f, with_infrared, depths or {}, colors or {}, masks) for f in capture.frames]
-    text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)
-    write_text(partial / "capture.json", text + "\n")
+    with new_folder(Path(path)) as out:
+        for name in ("left", "right", "depth", *(("color",) if colors else ())):
+            (out / name).mkdir(parents=True, exist_ok=True)
+        if with_empty_scene:
+            write_text(out / capture.scene_path.name, _EMPTY_SCENE)
+        else:
+            for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):
+                if source.is_file():
+                    write_bytes(out / source.name, read_bytes(source))
+        write_gray(out / "pattern.png", pattern)
+        for (frame_id, side), image in images.items():
+            write_gray(out / side / f"{frame_id:06d}.png", image)
+        for frame_id, image in (depths or {}).items():
+            write_gray(out / "depth" / f"{frame_id:06d}.png", image)
+        for frame_id, image in (colors or {}).items():
+            write_png(out / "color" / f"{frame_id:06d}.png", image)
+        for (frame_id, side), known in (masks or {}).items():
+            (out / "mask" / side).mkdir(parents=True, exist_ok=True)
+            write_gray(out / "mask" / side / f"{frame_id:06d}.png", known.astype(np.uint8) * 255)
+        with_infrared = {frame_id for frame_id, _ in images}
+        entries = [_frame_json(f, with_infrared, depths or {}, colors or {}, masks or {}) for f in capture.frames]
+        text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)
+        write_text(out / "capture.json", text + "\n")
 
 
 def _capture_json(capture: Capture) -> dict[str, Any]:
@@ -104,12 +98,8 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
 
 
 def _camera_json(camera: Camera) -> dict[str, Any]:
-    return {
-        "width": camera.width,
-        "height": camera.height,
-        "K": _flat(camera.K),
-        "distortion": _flat(camera.distortion),
-    }
+    shared = {"K": _flat(camera.K), "distortion": _flat(camera.distortion)}
+    return {"width": camera.width, "height": camera.height, **shared}
 
 
 def _frame_json(

@@ -60,12 +60,8 @@ def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[Devi
                 f"{option} has its centre at {own[0, 2]:g}, {own[1, 2]:g}, outside of the images' {width}x{height}: "
                 "were they rescaled? K is scaled along with them"
             )
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -baseline_m
-    names = ("Infrared 1", "Infrared 2")
-    modes = {(name, width, height): Camera(width, height, own) for name, own in zip(names, (K, right_K), strict=True)}
     assumed.append("both cameras are rectified to this K")
-    return DeviceText(Path("--k"), modes, {names: left_to_right}), assumed
+    return DeviceText.of_pair(Path("--k"), [Camera(width, height, own) for own in (K, right_K)], baseline_m), assumed
 
 
 def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> DeviceText | None:

@@ -36,9 +36,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("source", type=Path, metavar="SOURCE", help="capture, PNG file, folder of PNG files, or live")
     parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene (default: the capture's own)")
     parser.add_argument("--blend", type=share, default=0.0, metavar="SHARE", help="of the surfaces, 0 to 1 (0)")
-    parser.add_argument(
-        "-o", "--out", type=Path, metavar="DIR", help="folder for PNG files; without it a window opens"
-    )
+    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="folder for PNG files; without it a window opens")
     parser.add_argument("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera (848x480)")
     add_shared(parser, device=True)
     parser.set_defaults(run=_run)

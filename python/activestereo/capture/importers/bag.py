@@ -15,7 +15,7 @@ import re
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
-from activestereo.capture.importers.realsense_text import DeviceText
+from activestereo.capture.importers.realsense_text import INFRARED, DeviceText
 from activestereo.common.baseline import chosen_baseline_m
 from activestereo.common.output_files import write_text
 from activestereo.common.pose import printed_motion
@@ -81,8 +81,7 @@ _STREAMS = {
     "Depth": re.compile(r"depth", re.I),
 }
 _TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.uint16}
-SIDES = ("Infrared 1", "Infrared 2")
-_OF_A_PAIR = (*SIDES, "Depth")
+_OF_A_PAIR = (*INFRARED, "Depth")
 IMAGES = ("Image", "CompressedImage")
 _STEREO_BASELINE = "stereo_baseline"
 _MENDED_BY = {".bag": "'rosbag reindex'", ".mcap": "'mcap recover'", ".db3": "sqlite3's '.recover'"}
@@ -125,7 +124,8 @@ def extract_bag(
         stream = stream_of(topic)
         kind = type(message).__name__
         if kind.endswith(("sensor_msgs__msg__Image", "CompressedImage")) and stream is not None:
-            start_ms = start_ms if start_ms is not None else _time_before(time_ms)
+            if start_ms is None:  # names of files hold times, also of a recording whose time begins at 0
+                start_ms = 0.0 if time_ms > LEAST_TIME_MS else LEAST_TIME_MS + 1.0
             write_gray(folder / f"{stream} {start_ms + time_ms:.3f}.png", pixels_of(path, topic, message))
             found.counts[stream] = found.counts.get(stream, 0) + 1
             if stream == "Depth" and found.depth_units_m is None and not topic.startswith("/device_"):
@@ -142,11 +142,6 @@ def extract_bag(
 def depth_units_of(topic: str, message: Any) -> float | None:
     """Metres per unit of depth if a message is librealsense's option for it, else None."""
     return float(message.data) if "depth_units" in topic.lower() and hasattr(message, "data") else None
-
-
-def _time_before(first_ms: float) -> float:
-    """Offset in milliseconds for a recording whose time begins at 0, so that file names hold times."""
-    return 0.0 if first_ms > LEAST_TIME_MS else LEAST_TIME_MS + 1.0
 
 
 def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> None:
@@ -196,14 +191,14 @@ def read_pairs(
     """(name, left, right) of each infrared pair, in order of time, one at a time in memory; the name is the left
     image's time in milliseconds. is_wanted: of a name; others are not decoded. Raises as extract_bag()."""
     waiting: dict[str, tuple[float, str, Any]] = {}
-    for topic, message, time_ms, _ in messages(path, IMAGES, SIDES):
+    for topic, message, time_ms, _ in messages(path, IMAGES, INFRARED):
         stream = stream_of(topic) or ""
         waiting[stream] = time_ms, topic, message
-        if len(waiting) < 2 or abs(waiting[SIDES[0]][0] - waiting[SIDES[1]][0]) > SAME_FRAME_MS:
+        if len(waiting) < 2 or abs(waiting[INFRARED[0]][0] - waiting[INFRARED[1]][0]) > SAME_FRAME_MS:
             continue
-        name = f"{waiting[SIDES[0]][0]:.3f}"
+        name = f"{waiting[INFRARED[0]][0]:.3f}"
         if is_wanted(name):
-            left, right = (pixels_of(path, *waiting[side][1:]) for side in SIDES)
+            left, right = (pixels_of(path, *waiting[side][1:]) for side in INFRARED)
             yield name, left, right
         waiting.clear()
 
@@ -212,7 +207,7 @@ def count_pairs(path: Path) -> int:
     """Upper limit of the number of pairs. Raises as extract_bag()."""
     with _opened(path) as reader:
         counts = {stream_of(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in IMAGES}
-    return min(counts.get(side, 0) for side in SIDES)
+    return min(counts.get(side, 0) for side in INFRARED)
 
 
 def has_color(path: Path) -> bool:
@@ -263,8 +258,7 @@ def messages(
         wanted = [
             c
             for c in _wanted(reader)
-            if (not kinds or c.msgtype.split("/")[-1] in kinds)
-            and stream_of(c.topic) in (*streams, None)
+            if (not kinds or c.msgtype.split("/")[-1] in kinds) and stream_of(c.topic) in (*streams, None)
         ]
         total, seen = max(1, sum(c.msgcount for c in wanted)), set()
         for number, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
@@ -357,16 +351,14 @@ def intrinsic_of(path: Path, topic: str, message: Any) -> Camera:
     return _sized(path, topic, message, K, distortion)
 
 
-def _sized(
-    path: Path, topic: str, message: Any, K: NDArray[np.float64], distortion: NDArray[np.float64]
-) -> Camera:
+def _sized(path: Path, topic: str, message: Any, K: NDArray[np.float64], distortion: NDArray[np.float64]) -> Camera:
     if not (K[0, 0] > 0 and K[1, 1] > 0):
         raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
     return Camera(int(message.width), int(message.height), K, distortion)
 
 
 def _device(path: Path, found: _Found, given_m: float | None) -> DeviceText:
-    for stream in ("Infrared 1", "Infrared 2"):
+    for stream in INFRARED:
         if stream not in found.counts:
             raise ValueError(f"{path}: {stream}: no topic has its images: record both infrared streams")
         if stream not in found.intrinsics:
@@ -377,7 +369,6 @@ def _device(path: Path, found: _Found, given_m: float | None) -> DeviceText:
             f"{path}: Infrared 2: the baseline is {told_m:g} m, expected above 0: left and right are swapped"
         )
     baseline_m = chosen_baseline_m(f"{path}: Infrared 2", told_m, given_m)
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -baseline_m
     modes = {(name, i.width, i.height): i for name, i in found.intrinsics.items()}
-    return DeviceText(path, modes, {("Infrared 1", "Infrared 2"): left_to_right})
+    pair = DeviceText.of_pair(path, [found.intrinsics[stream] for stream in INFRARED], baseline_m)
+    return replace(pair, intrinsics=modes)

@@ -11,12 +11,11 @@ import numpy as np
 
 from activestereo.capture.importers.calibration_yaml import read_calibration_yaml
 from activestereo.capture.importers.middlebury import is_middlebury, read_middlebury
-from activestereo.capture.importers.realsense_text import DeviceText, read_device_text
+from activestereo.capture.importers.realsense_text import INFRARED, DeviceText, read_device_text
 from activestereo.capture.importers.trajectory import refuse_foreign
 from activestereo.common.baseline import with_baseline
 from activestereo.common.input_files import read_text
 
-_SIDES = ("Infrared 1", "Infrared 2")
 # JSON is YAML, and OpenCV's FileStorage writes both.
 _YAML = (".yaml", ".yml", ".json")
 
@@ -41,9 +40,9 @@ def read_calibration_files(
         raise ValueError(f"{paths[0]}: --rectified is about ROS' and OpenCV's YAML: leave it out")
     else:
         device = read_device_text(paths[0])
-    is_told = _SIDES in device.extrinsics or _SIDES[::-1] in device.extrinsics
+    is_told = INFRARED in device.extrinsics or INFRARED[::-1] in device.extrinsics
     if not is_told and baseline_m is None:
         return device  # whoever asks for the extrinsic is told that it is missing
-    told = device.extrinsic(*_SIDES) if is_told else np.eye(4)
+    told = device.extrinsic(*INFRARED) if is_told else np.eye(4)
     motion = with_baseline(str(device.path), told, baseline_m)
-    return replace(device, extrinsics=device.extrinsics | {_SIDES: motion})
+    return replace(device, extrinsics=device.extrinsics | {INFRARED: motion})

@@ -24,7 +24,6 @@ from activestereo.capture.importers.yaml_entries import Entry, read_entries
 from activestereo.common.limits import FOCAL, LENGTH, PIXEL, SIDE
 from activestereo.common.pose import printed_motion
 
-_SIDES = ("Infrared 1", "Infrared 2")
 _NO_LENS = np.zeros(5)
 _FISHEYE = ("equidistant", "fisheye")
 _ROS_MODELS = ("plumb_bob", "rational_polynomial", *_FISHEYE)
@@ -110,7 +109,7 @@ def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool, given_m: 
         # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
         left_to_right[:3, :3] = right.R.T @ left.R
         left_to_right[:3, 3] = right.R.T @ (-baseline_m, 0.0, 0.0)
-    return _device(path, lenses, left_to_right)
+    return DeviceText.of_pair(path, lenses, left_to_right)
 
 
 def _kalibr(path: Path, chain: Entry) -> DeviceText:
@@ -136,7 +135,8 @@ def _kalibr_lens(camera: Entry) -> Camera:
 
 
 def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int] | None) -> DeviceText:
-    width, height = _opencv_size(entry, size)
+    is_told = entry.has("image_width") or size is None
+    width, height = (entry.side("image_width"), entry.side("image_height")) if is_told else size
     if are_rectified:
         P1, P2 = (entry.numbers((12,), PIXEL, key).reshape(3, 4) for key in ("P1", "P2"))
         lenses = [
@@ -158,25 +158,14 @@ def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int]
     return _ordered(path, lenses, motion)
 
 
-def _opencv_size(entry: Entry, size: tuple[int, int] | None) -> tuple[int, int]:
-    if entry.has("image_width") or size is None:
-        return entry.side("image_width"), entry.side("image_height")
-    return size
-
-
 def _ordered(path: Path, lenses: Sequence[Camera], first_to_second: NDArray[np.float64]) -> DeviceText:
     """Orders two cameras: the right one lies right of the left one."""
     if first_to_second[0, 3] > 0.0:
-        return _device(path, lenses[::-1], np.linalg.inv(first_to_second))
-    return _device(path, lenses, first_to_second)
+        return DeviceText.of_pair(path, lenses[::-1], np.linalg.inv(first_to_second))
+    return DeviceText.of_pair(path, lenses, first_to_second)
 
 
 def _matrix(entry: Entry, K: NDArray[np.float64], key: str) -> NDArray[np.float64]:
     if min(K[0, 0], K[1, 1]) < FOCAL.low or np.any(K[2] != (0.0, 0.0, 1.0)) or K[1, 0] != 0.0:
         entry.fail(key, f"is no camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
     return K
-
-
-def _device(path: Path, lenses: Sequence[Camera], left_to_right: NDArray[np.float64]) -> DeviceText:
-    modes = {(name, lens.width, lens.height): lens for name, lens in zip(_SIDES, lenses, strict=True)}
-    return DeviceText(path, modes, {_SIDES: left_to_right})

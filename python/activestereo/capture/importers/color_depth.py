@@ -19,9 +19,6 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.capture.write import write_capture
-from activestereo.common.output_files import write_text
-
-EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}\n'
 
 
 @dataclass(frozen=True)
@@ -90,39 +87,21 @@ def write_color_depth(
         depths[number] = depth
         if entry.color is not None:
             colors[number] = read_color(entry.color, (color.width, color.height), "color")
-        frames.append(
-            Frame(
-                number,
-                None,
-                None,
-                entry.time_s,
-                0.008,
-                np.eye(4) if entry.camera_to_world is None else entry.camera_to_world,
-                "train",
-                repeat_group=0 if still else None,
-                depth_path=entry.depth,
-                depth_scale=entry.depth_scale,
-                color_path=entry.color,
-            )
-        )
+        pose = np.eye(4) if entry.camera_to_world is None else entry.camera_to_world
+        frames.append(Frame(
+            number, None, None, entry.time_s, 0.008, pose, "train", repeat_group=0 if still else None,
+            depth_path=entry.depth, depth_scale=entry.depth_scale, color_path=entry.color,
+        ))  # fmt: skip
         tell((number + 1) / len(recording.frames))
     camera = Camera(width, height, recording.K)
     left_to_right, left_to_projector = np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[:3, 3] = -baseline_m, -np.array(projector_in_left_m)
     projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
     rig = Rig(camera, camera, left_to_right, projector, color=color if colors else None)
-    empty = out.with_name(f".{out.name}.scene.gltf")
-    chosen = scene or recording.scene
-    try:
-        if chosen is None:
-            write_text(empty, EMPTY_SCENE)
-        notes = {
-            "notes": f"imported from {recording.kind}: colour and depth, no infrared; baseline and pattern are nominal"
-        }
-        capture = Capture(out, out.name, chosen or empty, rig, tuple(frames), notes)
-        write_capture(out, capture, {}, pattern, depths, colors)
-    finally:
-        empty.unlink(missing_ok=True)
+    scene = scene or recording.scene
+    notes = f"imported from {recording.kind}: colour and depth, no infrared; baseline and pattern are nominal"
+    capture = Capture(out, out.name, scene or out / "scene.gltf", rig, tuple(frames), {"notes": notes})
+    write_capture(out, capture, {}, pattern, depths, colors, with_empty_scene=scene is None)
     return capture
 
 

@@ -19,7 +19,6 @@ from activestereo.capture.images import write_gray
 from activestereo.capture.importers.bag import (
     IMAGES,
     ROS2_DEPTH_SCALE_M,
-    SIDES,
     depth_units_of,
     intrinsic_of,
     messages,
@@ -29,6 +28,7 @@ from activestereo.capture.importers.bag import (
     topics,
 )
 from activestereo.capture.importers.color_depth import ColorDepthFrame, ColorDepthRecording, nearest
+from activestereo.capture.importers.realsense_text import INFRARED
 from activestereo.common.output_files import write_png
 
 _WITHIN_S = 0.02
@@ -43,7 +43,7 @@ _YUV = {
 def has_color_depth_alone(path: Path) -> bool:
     """Whether a bag has depth and no infrared stream. Raises ValueError if it cannot be read."""
     streams = {stream_of(topic) for topic, kind in topics(path) if kind in IMAGES}
-    return not streams & set(SIDES) and bool(streams & {"Depth", "Aligned"})
+    return not streams & set(INFRARED) and bool(streams & {"Depth", "Aligned"})
 
 
 def read_color_depth_bag(

@@ -10,8 +10,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
 from activestereo.capture.capture import Camera
 from activestereo.capture.importers.color_depth import camera_matrix_of
 from activestereo.capture.importers.realsense_text import DeviceText
@@ -40,11 +38,8 @@ def read_middlebury(path: Path) -> DeviceText:
     width, height = (_number(path, key, _value(path, values, key)) for key in ("width", "height"))
     for key, side in (("width", width), ("height", height)):
         SIDE.check(f"{path}: {key}:", int(side) if side.is_integer() else side)
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -1e-3 * _number(path, "baseline", _value(path, values, "baseline"))
-    sides, size = ("Infrared 1", "Infrared 2"), (int(width), int(height))
-    lenses = {(side, *size): Camera(*size, own) for side, own in zip(sides, K, strict=True)}
-    return DeviceText(path, lenses, {sides: left_to_right})
+    baseline_m = 1e-3 * _number(path, "baseline", _value(path, values, "baseline"))
+    return DeviceText.of_pair(path, [Camera(int(width), int(height), own) for own in K], baseline_m)
 
 
 def _value(path: Path, values: dict[str, str], key: str) -> str:

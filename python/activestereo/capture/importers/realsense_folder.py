@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture.images import image_size, read_color, read_gray
-from activestereo.capture.importers.color_depth import EMPTY_SCENE
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.capture.importers.trajectory import pose_at
 from activestereo.capture.write import write_capture
-from activestereo.common.output_files import write_text
 
 _STREAMS = {
     "left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I),
@@ -157,9 +155,7 @@ def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFile
     return frames
 
 
-def _by_name(
-    folder: Path, by_stream: dict[str, list[Path]], streams: dict[str, re.Pattern[str]]
-) -> list[FrameFiles]:
+def _by_name(folder: Path, by_stream: dict[str, list[Path]], streams: dict[str, re.Pattern[str]]) -> list[FrameFiles]:
     """Joins files into frames by names that differ only in the stream's word, in natural order."""
     named: dict[str, dict[str, Path]] = {}
     for stream, files in by_stream.items():
@@ -187,7 +183,7 @@ def _without_stream(name: str, stream: str, pattern: re.Pattern[str]) -> str:
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """A key of sorting by which 'view 9' is before 'view 10'."""
+    """Sorts 'view 9' before 'view 10'."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
@@ -213,7 +209,7 @@ def import_realsense(
     if left_to_right[0, 3] >= 0:
         raise ValueError(
             f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected '
-            'below 0: left and right are swapped'
+            "below 0: left and right are swapped"
         )
     images, depths, colors, frames = {}, {}, {}, []
     color = _color_camera(files, device)
@@ -243,17 +239,9 @@ def import_realsense(
     left_to_projector[:3, 3] = -np.array(projector_in_left_m)
     projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
     rig = Rig(left, right, left_to_right, projector, 8 if is_byte else 16, color=color)
-    out = Path(out)
-    empty = out.with_name(f".{out.name}.scene.gltf")
-    try:
-        if scene is None:
-            write_text(empty, EMPTY_SCENE)
-        capture = Capture(
-            out, out.name, Path(scene) if scene else empty, rig, tuple(frames), {"notes": "imported from librealsense"}
-        )
-        write_capture(out, capture, images, pattern, depths, colors)
-    finally:
-        empty.unlink(missing_ok=True)
+    notes = {"notes": "imported from librealsense"}
+    capture = Capture(out, out.name, scene or out / "scene.gltf", rig, tuple(frames), notes)
+    write_capture(out, capture, images, pattern, depths, colors, with_empty_scene=scene is None)
     return capture
 
 

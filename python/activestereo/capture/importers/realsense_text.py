@@ -12,7 +12,10 @@ streams.
 An extrinsic maps coordinates in the first stream to those in the second: the right camera's x is minus the baseline.
 """
 
+from __future__ import annotations
+
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +26,7 @@ from activestereo.capture.capture import Camera
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion
 
+INFRARED = ("Infrared 1", "Infrared 2")  # the left and the right camera
 _INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+)x(?P<height>\d+)')
 _EXTRINSIC = re.compile(r'Extrinsic from\s+"(?P<first>[^"]+)"\s+To\s+"(?P<second>[^"]+)"', re.IGNORECASE)
 _FIELD = re.compile(r"^\s*(?P<key>Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs)\s*:\s*(?P<value>.*)$")
@@ -39,6 +43,17 @@ class DeviceText:
     path: Path
     intrinsics: dict[tuple[str, int, int], Camera]
     extrinsics: dict[tuple[str, str], NDArray[np.float64]]
+
+    @classmethod
+    def of_pair(cls, path: Path, lenses: Sequence[Camera], left_to_right: NDArray[np.float64] | float) -> DeviceText:
+        """Both infrared cameras alone. left_to_right: 4x4, or the baseline in metres of rectified ones."""
+        motion = np.eye(4)
+        if isinstance(left_to_right, float):
+            motion[0, 3] = -left_to_right
+        else:
+            motion = left_to_right
+        modes = {(side, lens.width, lens.height): lens for side, lens in zip(INFRARED, lenses, strict=True)}
+        return cls(path, modes, {INFRARED: motion})
 
     def intrinsic(self, stream: str, width: int, height: int) -> Camera:
         """Intrinsics of a mode. Raises ValueError, which lists the modes."""
