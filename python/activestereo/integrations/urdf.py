@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from activestereo.common.input_files import read_bytes
 from activestereo.scene_io import solids
@@ -86,7 +87,13 @@ class Urdf:
         for name, visuals in zip(self.link_names, self._visuals, strict=True):
             shapes = []
             for visual in visuals:
-                numbers = add_parts(bodies.scene, [_painted(part, visual.colour) for part in visual.parts], name)
+                parts = [
+                    part.painted(visual.colour or _GREY)
+                    if visual.colour or (part.material is None and part.colors is None)
+                    else part
+                    for part in visual.parts
+                ]
+                numbers = add_parts(bodies.scene, parts, name)
                 shapes += [Shape(mesh, [material], visual.to_link) for mesh, material in numbers]
             out.append(bodies.add(prefix + name, shapes))
         return out
@@ -205,8 +212,7 @@ class Urdf:
         out, found = np.eye(4), element.find("origin")
         if found is None:
             return out
-        roll, pitch, yaw = self._numbers(found.get("rpy", "0 0 0"), 3)
-        out[:3, :3] = _about(2, yaw) @ _about(1, pitch) @ _about(0, roll)
+        out[:3, :3] = Rotation.from_euler("xyz", self._numbers(found.get("rpy", "0 0 0"), 3)).as_matrix()
         out[:3, 3] = self._numbers(found.get("xyz", "0 0 0"), 3)
         return out
 
@@ -246,12 +252,6 @@ class Urdf:
         return values
 
 
-def _painted(part: Part, colour: Colour | None) -> Part:
-    if colour is None and (part.material is not None or part.colors is not None):
-        return part
-    return part.painted(colour or _GREY)
-
-
 def _sized(mesh: Mesh, scale: NDArray[np.float64]) -> tuple[Sequence[Part], NDArray[np.float64]]:
     return [Part(mesh)], np.diag([*scale, 1.0])
 
@@ -272,23 +272,12 @@ def _as_written(path: Path) -> NDArray[np.float64]:
     return out
 
 
-def _about(axis: int, angle: float) -> NDArray[np.float64]:
-    return _rotations(np.eye(3)[axis], np.array(angle))
-
-
-def _rotations(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[..., 3, 3] by Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, rest = np.sin(angle)[..., None, None], 1.0 - np.cos(angle)[..., None, None]
-    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
-
-
 def _motion(joint: _Joint, position: NDArray[np.float64]) -> NDArray[np.float64]:
     """[..., 4, 4] of joint positions [...]."""
     out = np.broadcast_to(np.eye(4), (*position.shape, 4, 4)).copy()
     if joint.kind == "prismatic":
         out[..., :3, 3] = position[..., None] * joint.axis
     else:
-        out[..., :3, :3] = _rotations(joint.axis, position)
+        turns = Rotation.from_rotvec(position.reshape(-1, 1) * joint.axis)
+        out[..., :3, :3] = turns.as_matrix().reshape(*position.shape, 3, 3)
     return out

@@ -11,7 +11,6 @@ reads."""
 from __future__ import annotations
 
 import ctypes as c
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -115,18 +114,19 @@ class CudaMemory:
         part = _BufferDesc(offset=desc.offset_bytes, size=desc.size_bytes)
         self._driver.call("cuExternalMemoryGetMappedBuffer", c.byref(self._address), self._external, c.byref(part))
 
-    def _unmap(self) -> None:
-        if self._address.value:
-            self._driver.call("cuMemFree_v2", self._address)
-        if self._external.value:
-            self._driver.call("cuDestroyExternalMemory", self._external)
-
     def close(self) -> None:
         """Releases the mapping. Arrays of it must not be used afterwards."""
         if self._context is None:
             return
+
+        def unmap() -> None:
+            if self._address.value:
+                self._driver.call("cuMemFree_v2", self._address)
+            if self._external.value:
+                self._driver.call("cuDestroyExternalMemory", self._external)
+
         try:
-            self._inside(self._unmap)
+            self._inside(unmap)
             self._driver.call("cuDevicePrimaryCtxRelease_v2", self._device)
         finally:
             self._context = None
@@ -228,7 +228,7 @@ class CudaMap:
 
     def array(self, shape: tuple[int, ...]) -> CudaArray:
         """The map as an array of another shape with as many elements."""
-        assert math.prod(shape) == math.prod(self.image.shape)
+        assert prod(shape) == prod(self.image.shape)
         return self.memory.array(self.image.dtype, shape)
 
     def read(self) -> NDArray[Any]:
@@ -249,13 +249,10 @@ class CudaMaps:
         this GPU lacks it."""
         names = list(names)
         new = [name for name in names if name not in self._maps]
+        is_host = self._device.info.kind in ("cpu", "host")
         for name, like in match(new).items() if new else ():
-            self._maps[name] = self._made(like)
+            buffer = simsense.Buffer(self._device, like.nbytes, exportable=True, host_visible=is_host)
+            self._maps[name] = CudaMap(buffer.image(like.dtype, like.shape), CudaMemory(buffer))
         found = {name: self._maps[name] for name in names}
         match({name: one.image for name, one in found.items()})
         return found
-
-    def _made(self, like: NDArray[Any]) -> CudaMap:
-        is_host = self._device.info.kind in ("cpu", "host")
-        buffer = simsense.Buffer(self._device, like.nbytes, exportable=True, host_visible=is_host)
-        return CudaMap(buffer.image(like.dtype, like.shape), CudaMemory(buffer))

@@ -11,8 +11,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.sensor.result_memory import joined
-
 _Result = TypeVar("_Result")
 
 
@@ -47,11 +45,14 @@ class Devices:
         """Joins the devices' images [environments, ...] in one array: their common memory, or a copy."""
         if len(images) == 1:
             return images[0]
-        whole = joined(images)
-        if whole is None:
-            whole = np.empty((sum(len(image) for image in images), *images[0].shape[1:]), images[0].dtype)
-            targets = np.split(whole, np.cumsum([len(image) for image in images])[:-1])
-            self.each(lambda k: np.copyto(targets[k], images[k]))
+        shape, dtype = (sum(len(image) for image in images), *images[0].shape[1:]), images[0].dtype
+        common = images[0].base
+        if isinstance(common, np.ndarray) and (common.shape, common.dtype) == (shape, dtype):
+            if all(image.base is common for image in images):
+                return common
+        whole = np.empty(shape, dtype)
+        targets = np.split(whole, np.cumsum([len(image) for image in images])[:-1])
+        self.each(lambda k: np.copyto(targets[k], images[k]))
         return whole
 
     def close(self) -> None:

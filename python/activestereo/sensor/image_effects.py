@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import simsense
 from activestereo.camera.plan import SensorPlan
 from activestereo.camera.registration import registered
-from activestereo.capture.capture import SIDES, Frame
+from activestereo.capture.capture import SIDES
 from activestereo.effects.core.descriptor import Effect, Stage
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
@@ -167,7 +167,7 @@ class ImageEffects:
             if projector is None
             else np.linalg.inv(self._sensor.projector_to_world) @ own,
             left_to_camera=np.linalg.inv(own) @ left,
-            frame=self._frame(inputs.frame),
+            frame=replace(inputs.frame, id=self._sensor.frame_index),
             max_dn=inputs.max_dn,
             line_time_s=camera.get("line_time_s"),
             seed=inputs.seed,
@@ -175,9 +175,6 @@ class ImageEffects:
             baseline_m=float(np.linalg.norm((np.linalg.inv(right) @ left)[:3, 3])),
             material=seen["material_id"][..., 0],
         )
-
-    def _frame(self, frame: Frame) -> Frame:
-        return replace(frame, id=self._sensor.frame_index)
 
 
 def _light(seen: Pictures, power: float, ambient: float) -> Light:

@@ -58,9 +58,7 @@ class RigPlace:
         return self._matrix
 
 
-def as_mount(
-    scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device: str | int | kuafu.Device
-) -> HasPose:
+def as_mount(scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device: str | int | kuafu.Device) -> HasPose:
     """Makes a Mount from a scene, a scene file on a device, or an object with a scene and a pose. It takes every file
     that load_scene_file knows; a USD stage's dome light becomes the environment."""
     if isinstance(scene_or_mount, kuafu.Scene):

@@ -101,12 +101,3 @@ class PartOfResults:
     def __init__(self, results: JoinedResults, number: int) -> None:
         self.learn = results.learn
         self.reserve = partial(results.reserve, number)
-
-
-def joined(images: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
-    """Returns [all environments, ...] if the parts' images [environments, ...] lie in one such array, else None."""
-    first, whole = images[0], images[0].base
-    if not isinstance(whole, np.ndarray) or any(image.base is not whole for image in images):
-        return None
-    shape = (sum(len(image) for image in images), *first.shape[1:])
-    return whole if (whole.shape, whole.dtype) == (shape, first.dtype) else None

@@ -211,6 +211,8 @@ class RigInputs:
             for camera, is_right in ((plan.left, False), (plan.right, True))
         )
         summary = self.scene.summary
+        corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
+        box = np.array([*corners, np.zeros(3)])  # of the scene and the sensor
         inputs = EngineInputs(
             left=left,
             right=right,
@@ -221,7 +223,7 @@ class RigInputs:
             new_medium=kuafu.Medium,
             scene_materials=self.in_scene.material,
             material_count=summary.material_count,
-            bounds_m=_bounds(summary),
+            bounds_m=(tuple(box.min(axis=0) - _MARGIN_M), tuple(box.max(axis=0) + _MARGIN_M)),
             max_dn=float(2 ** int(plan.signal["bit_depth"]) - 1),
             seed=plan.engine["noise_seed"],
             ambient_radiance=self._ambient_radiance,
@@ -259,13 +261,6 @@ class RigInputs:
             raise ValueError(
                 f"such sensors have no {', '.join(names)}: a StereoDepthSensor has, without on_cuda and pipelined"
             )
-
-
-def _bounds(summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Corners of the box, metres, that holds the scene and the sensor."""
-    corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
-    points = np.array([*corners, np.zeros(3)])
-    return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
 
 
 def _fit_model(

@@ -128,13 +128,6 @@ def test_frames_need_no_lens():
     np.testing.assert_array_equal(queue.wait_for_frame().as_depth_frame().get_data(), images()["depth"])
 
 
-def test_streams_of_a_software_device_are_related():
-    _, profiles, _ = software(rs)
-    motion = rs.extrinsics(translation=[-0.015, 0.0, 0.0])
-    profiles["depth"].register_extrinsics_to(profiles["color"], motion)
-    assert profiles["depth"].get_extrinsics_to(profiles["color"]).translation == [-0.015, 0.0, 0.0]
-
-
 @pytest.mark.parametrize(
     ("pixels", "fields", "said"),
     [

@@ -25,10 +25,8 @@ def record_live(
     folder: Path, frame_count: int, size: tuple[int, int], progress: Callable[[float], None] | None = None
 ) -> tuple[DeviceText, float, float]:
     """Writes frame_count frames of both infrared streams, depth and colour into `folder`; returns (calibration, metres
-    per unit of depth, exposure in seconds of the last frame).
-
-        Raises ValueError if pyrealsense2 is missing; RuntimeError is librealsense's: no device, no such mode, no frames.
-    """
+    per unit of depth, exposure in seconds of the last frame). Raises ValueError if pyrealsense2 is missing;
+    RuntimeError is librealsense's: no device, no such mode, no frames."""
     try:
         import pyrealsense2 as rs
     except ImportError as error:

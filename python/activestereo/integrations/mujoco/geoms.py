@@ -63,9 +63,11 @@ class Looks:
 
     def _texture(self, number: int) -> int:
         if number not in self._textures:
-            name = self._model.texture(number).name
-            is_linear = self._model.tex_colorspace[number] == mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR
-            texels = texture_image(self._model, number)
+            model, name = self._model, self._model.texture(number).name
+            is_linear = model.tex_colorspace[number] == mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR
+            shape = [int(a[number]) for a in (model.tex_height, model.tex_width, model.tex_nchannel)]
+            data = model.tex_data[model.tex_adr[number] :][: int(np.prod(shape))]
+            texels = np.ascontiguousarray(data.reshape(shape))  # row 0 on top
             self._textures[number] = self._scene.add_texture(texels, srgb=not is_linear, name=name)
         return self._textures[number]
 
@@ -94,13 +96,6 @@ def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
     if number >= 0 and np.allclose(rgba, _DEFAULT_RGBA):
         return tuple(float(v) for v in model.mat_rgba[number])
     return rgba
-
-
-def texture_image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
-    """[height, width, channels], row 0 on top."""
-    height, width, channels = (int(a[number]) for a in (model.tex_height, model.tex_width, model.tex_nchannel))
-    data = model.tex_data[model.tex_adr[number] :][: height * width * channels]
-    return np.ascontiguousarray(data.reshape(height, width, channels))
 
 
 def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
@@ -166,7 +161,11 @@ def geom_mesh(model: mujoco.MjModel, geom: int) -> Mesh | None:
     if kind in (kinds.mjGEOM_MESH, kinds.mjGEOM_SDF) and model.geom_dataid[geom] >= 0:
         return _model_mesh(model, model.geom_dataid[geom])
     if kind == kinds.mjGEOM_HFIELD:
-        return _height_field(model, model.geom_dataid[geom])
+        field = model.geom_dataid[geom]
+        rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
+        data = model.hfield_data[model.hfield_adr[field] :][: rows * columns].reshape(rows, columns)
+        half_x, half_y, height, _ = model.hfield_size[field]
+        return solids.height_field(data.astype(np.float64) * height, half_x, half_y)
     return None
 
 
@@ -229,10 +228,3 @@ def _model_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
     if has_uvs:
         uvs = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + corners[:, 2]] * [1.0, -1.0] + [0.0, 1.0]
     return Mesh.of(positions, normals, uvs, number.reshape(-1, 3))
-
-
-def _height_field(model: mujoco.MjModel, field: int) -> Mesh:
-    rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
-    data = model.hfield_data[model.hfield_adr[field] :][: rows * columns].reshape(rows, columns)
-    half_x, half_y, height, _ = model.hfield_size[field]
-    return solids.height_field(data.astype(np.float64) * height, half_x, half_y)

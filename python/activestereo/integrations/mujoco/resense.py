@@ -94,15 +94,12 @@ def resense(
             world.update()
             sensor.take_picture()
             sensor.compute_depth()
-            _write(sensor, out, f"{number:06d}.png")
+            name = f"{number:06d}.png"
+            write_depth_png(out / "depth" / name, sensor.get_depth())
+            write_depth_png(out / "depth_true" / name, sensor.get_true_depth())
+            for side, image in zip(("left", "right"), sensor.get_ir_measured(), strict=True):
+                write_png(out / f"ir_{side}" / name, image)
+            write_png(out / "cause" / name, sensor.get_depth_map("cause"))
             if progress is not None:
                 progress(done / len(numbers))
     return len(numbers)
-
-
-def _write(sensor: StereoDepthSensor, out: Path, name: str) -> None:
-    write_depth_png(out / "depth" / name, sensor.get_depth())
-    write_depth_png(out / "depth_true" / name, sensor.get_true_depth())
-    for side, image in zip(("left", "right"), sensor.get_ir_measured(), strict=True):
-        write_png(out / f"ir_{side}" / name, image)
-    write_png(out / "cause" / name, sensor.get_depth_map("cause"))

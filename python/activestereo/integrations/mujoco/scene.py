@@ -69,13 +69,21 @@ class MujocoScene:
         self._geoms = [g for g in range(model.ngeom) if self._add_geom(g, groups)]
         self._lights = self._add_lights()
         self.scene.set_environment(ambient_radiance(model))
-        self._warn()
+        counts = {"skins": model.nskin, "flexes": model.nflex, "tendons": model.ntendon}
+        left_out = [f"{count} {what}" for what, count in counts.items() if count]
+        if left_out:
+            text = f"the scene lacks {', '.join(left_out)} of the model: only geoms are mirrored"
+            warnings.warn(text, MujocoMirrorWarning, stacklevel=2)
         self.update()
 
     def update(self) -> int:
         """Moves the scene to the present states. Returns the number of geoms that moved. Raises BodyPoseError, with
         environment and geom, if a state has turned NaN; the other environments have moved."""
-        self._move_lights()
+        for in_scene, number, environment in self._lights:
+            record = light(self.model, self._states[environment or 0], number, environment)
+            before = self.scene.get_light(in_scene)
+            if record is not None and not np.array_equal(record.light_to_world, before.light_to_world):
+                self.scene.set_light(in_scene, record)
         poses = np.zeros((len(self._states), len(self._geoms), 4, 4))
         for pose, data in zip(poses, self._states, strict=True):
             pose[:, :3, :3] = data.geom_xmat[self._geoms].reshape(-1, 3, 3)
@@ -142,20 +150,6 @@ class MujocoScene:
                 if record is not None:
                     out.append((self.scene.add_light(record), number, where))
         return out
-
-    def _move_lights(self) -> None:
-        for in_scene, number, environment in self._lights:
-            record = light(self.model, self._states[environment or 0], number, environment)
-            before = self.scene.get_light(in_scene)
-            if record is not None and not np.array_equal(record.light_to_world, before.light_to_world):
-                self.scene.set_light(in_scene, record)
-
-    def _warn(self) -> None:
-        counts = {"skins": self.model.nskin, "flexes": self.model.nflex, "tendons": self.model.ntendon}
-        left_out = [f"{count} {what}" for what, count in counts.items() if count]
-        if left_out:
-            text = f"the scene lacks {', '.join(left_out)} of the model: only geoms are mirrored"
-            warnings.warn(text, MujocoMirrorWarning, stacklevel=3)
 
 
 class MujocoMount:

@@ -216,16 +216,13 @@ class SimulatedCamera:
         config = self.config()
         if self._sensor is None or self._made_for is not config:
             self.close()
-            scene = self._loaded()
-            pose = _first_view(scene) if self.world.pose is None else self.world.pose
+            self._scene = scene = self._scene or _scene(self.world)
+            pose = self.world.pose
+            if pose is None:
+                pose = body_pose(scene.camera(0).camera_to_world) if scene.summary.camera_count else Pose()
             self._sensor = StereoDepthSensor(config, scene, pose, self.world.device)
             self._made_for = config
         return self._sensor
-
-    def _loaded(self) -> kuafu.Scene:
-        if self._scene is None:
-            self._scene = _scene(self.world)
-        return self._scene
 
 
 def _scene(world: World) -> kuafu.Scene:
@@ -236,11 +233,6 @@ def _scene(world: World) -> kuafu.Scene:
         path = Path(folder) / "table_top.gltf"
         write_table_top(path)
         return as_mount(path, world.device).scene
-
-
-def _first_view(scene: kuafu.Scene) -> Pose:
-    """The pose of the scene's first camera, or its origin."""
-    return body_pose(scene.camera(0).camera_to_world) if scene.summary.camera_count else Pose()
 
 
 def _sized(

@@ -13,7 +13,7 @@ from activestereo.common.output_files import write_ply
 from activestereo.integrations.realsense.enums import format, option, stream
 from activestereo.integrations.realsense.filters import filter
 from activestereo.integrations.realsense.frames import composite_frame, frame, video_frame, video_stream_profile
-from activestereo.integrations.realsense.geometry import deprojected, intrinsics, projected, rs2_fov
+from activestereo.integrations.realsense.geometry import deprojected, projected, rs2_fov
 from activestereo.integrations.realsense.options import option_range
 
 _CORNER_PX = 0.5  # a pixel covers the area between its corners
@@ -45,20 +45,11 @@ def _points(depth: frame, corner_px: float = 0.0) -> NDArray[np.float64]:
     return np.stack([rays[0] * z, rays[1] * z, z])
 
 
-def _moved(points: NDArray[np.float64], a: video_stream_profile, b: video_stream_profile) -> NDArray[np.float64]:
-    matrix = b.left_to_stream @ np.linalg.inv(a.left_to_stream)
-    return matrix[:3, :3] @ points + matrix[:3, 3:]
-
-
-def _is_coarser(a: intrinsics, b: intrinsics) -> bool:
-    """Whether a has fewer pixels to a degree than b."""
-    mine, theirs = rs2_fov(a), rs2_fov(b)
-    return a.width / mine[0] < b.width / theirs[0] or a.height / mine[1] < b.height / theirs[1]
-
-
 def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
     """[2, n] pixels of the target that a corner of each measured pixel falls into."""
-    at = projected(target.intrinsics, _moved(_points(depth, corner_px), depth.profile, target))
+    depth_to_target = target.left_to_stream @ np.linalg.inv(depth.profile.left_to_stream)
+    moved = depth_to_target[:3, :3] @ _points(depth, corner_px) + depth_to_target[:3, 3:]
+    at = projected(target.intrinsics, moved)
     return np.rint(at + _CORNER_PX).astype(np.int64)
 
 
@@ -68,7 +59,10 @@ def _depth_in_color(depth: frame, target: video_stream_profile) -> frame:
     values."""
     lens, counts = target.intrinsics, np.asarray(depth.get_data())
     first = _pixels(depth, target, -_CORNER_PX)
-    last = _pixels(depth, target, _CORNER_PX) if _is_coarser(depth.profile.intrinsics, lens) else first
+    own = depth.profile.intrinsics
+    own_fov, fov = rs2_fov(own), rs2_fov(lens)
+    is_coarser = own.width / own_fov[0] < lens.width / fov[0] or own.height / own_fov[1] < lens.height / fov[1]
+    last = _pixels(depth, target, _CORNER_PX) if is_coarser else first
     values, spans = counts[counts > 0], np.minimum(last - first, _WIDEST_PX)
     far = np.iinfo(np.uint16).max
     out = np.full((lens.height, lens.width), far, np.uint16)
@@ -111,12 +105,6 @@ class points(frame):
 
     def size(self) -> int:
         return len(self._vertices)
-
-    def is_points(self) -> bool:
-        return True
-
-    def as_points(self) -> points:
-        return self
 
     def get_vertices(self, dims: int = 1) -> NDArray[Any]:
         """[n] of x, y, z; dims 2: [n, 3]."""

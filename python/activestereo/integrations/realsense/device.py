@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
+from activestereo.camera.advanced_mode import AdvancedSettings
 from activestereo.camera.advanced_mode.settings import parse_settings
 from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
-from activestereo.integrations.realsense.enums import camera_info, format, option, rs400_visual_preset, stream
+from activestereo.integrations.realsense.enums import camera_info, format, option, stream
 from activestereo.integrations.realsense.frames import StreamRequest, video_stream_profile
-from activestereo.integrations.realsense.options import GROUPS, ControlGroup, Options, group_of, with_group
+from activestereo.integrations.realsense.options import GROUPS, Options, group_of, with_group
 
 _PRODUCT_IDS = {"D405": "0B5B", "D415": "0AD3", "D435": "0B07", "D435I": "0B3A", "D455": "0B5C"}
 _SIZES, _FPS = ((640, 480), (848, 480), (1280, 720)), 30
@@ -21,10 +22,6 @@ _worlds: list[World] = []
 def simulate(world: World) -> None:
     """Sets the world for cameras of this module; running pipelines keep theirs."""
     _worlds[:] = [world]
-
-
-def present_world() -> World:
-    return _worlds[0] if _worlds else World.of_environment()
 
 
 class sensor(Options):
@@ -55,22 +52,6 @@ class sensor(Options):
             raise RuntimeError(f"info {which} not supported by the device")
         return self.name
 
-    def is_depth_sensor(self) -> bool:
-        return isinstance(self, depth_sensor)
-
-    def is_color_sensor(self) -> bool:
-        return not self.is_depth_sensor()
-
-    def as_depth_sensor(self) -> sensor:
-        return self
-
-    def get_option_value_description(self, which: option, value: float) -> str | None:
-        """The name of a visual preset."""
-        self._require(which)
-        if which == option.visual_preset:
-            return rs400_visual_preset(int(value)).name.replace("_", " ").title()
-        return None
-
 
 class depth_sensor(sensor):
     modes = {
@@ -97,7 +78,7 @@ class depth_sensor(sensor):
 
 class device:
     def __init__(self, camera: SimulatedCamera | None = None) -> None:
-        self.camera = SimulatedCamera(present_world()) if camera is None else camera
+        self.camera = camera or SimulatedCamera(_worlds[0] if _worlds else World.of_environment())
         self._depth, self._color = depth_sensor(self.camera), sensor("RGB Camera", self.camera, {})
         model = self.camera.base.model.upper().removeprefix("SAPIEN-")
         self._info = {
@@ -122,9 +103,7 @@ class device:
     def query_sensors(self) -> list[sensor]:
         return [self._depth, self._color]
 
-    @property
-    def sensors(self) -> list[sensor]:
-        return [self._depth, self._color]
+    sensors = property(query_sensors)
 
     def first_depth_sensor(self) -> depth_sensor:
         return self._depth
@@ -171,10 +150,7 @@ class rs400_advanced_mode:
 
     def load_json(self, text: str) -> None:
         """Raises RuntimeError, as librealsense does, if a key is unknown or out of range."""
-        try:
-            self._device.camera.set_settings(parse_settings(json.loads(text), "the settings"))
-        except ValueError as error:
-            raise RuntimeError(str(error)) from error
+        self._set(lambda: parse_settings(json.loads(text), "the settings"))
 
     def __getattr__(self, name: str) -> Any:
         what, _, group = name.partition("_")
@@ -182,11 +158,11 @@ class rs400_advanced_mode:
             raise AttributeError(f"'rs400_advanced_mode' object has no attribute '{name}'")
         if what == "get":
             return lambda mode=0: group_of(self._device.camera.settings, group, mode)
-        return lambda numbers: self._set(group, numbers)
+        return lambda numbers: self._set(lambda: with_group(self._device.camera.settings, group, numbers))
 
-    def _set(self, group: str, numbers: ControlGroup) -> None:
+    def _set(self, make: Callable[[], AdvancedSettings]) -> None:
         try:
-            self._device.camera.set_settings(with_group(self._device.camera.settings, group, numbers))
+            self._device.camera.set_settings(make())
         except ValueError as error:
             raise RuntimeError(str(error)) from error
 

@@ -4,8 +4,6 @@ takes a depth frame, or a frameset whose depth it filters."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,9 +30,6 @@ class filter(Options):
     def _filtered(self, depth: frame) -> frame:
         raise NotImplementedError
 
-    def _number(self, which: option) -> float:
-        return self.get_option(which)
-
 
 class decimation_filter(filter):
     """Fewer pixels: each square becomes the median of its measured pixels, from side 4 on their mean."""
@@ -46,32 +41,25 @@ class decimation_filter(filter):
         self.set_option(option.filter_magnitude, magnitude)
 
     def _filtered(self, depth: frame) -> frame:
-        side = int(self._number(option.filter_magnitude))
+        side = int(self.get_option(option.filter_magnitude))
         if side == 1:
             return depth
         pixels = np.asarray(depth.get_data())
         height, width = (n // side for n in pixels.shape[:2])
         blocks = pixels[: height * side, : width * side].reshape(height, side, width, side).swapaxes(1, 2)
         values = blocks.reshape(height, width, side * side)
-        out = (_median if side < 4 else _mean)(values).astype(pixels.dtype)
+        measured = np.count_nonzero(values, axis=-1)
+        if side < 4:  # the lower median
+            place = np.minimum(side * side - 1, side * side - measured + np.maximum(measured - 1, 0) // 2)
+            reduced = np.take_along_axis(np.sort(values, axis=-1), place[..., None], -1)[..., 0]
+        else:
+            reduced = values.sum(axis=-1, dtype=np.float64) / np.maximum(measured, 1)
+        out = reduced.astype(pixels.dtype)
         out = np.pad(out, ((0, -height % 4), (0, -width % 4)))  # both sides are multiples of 4
         height, width = out.shape
         lens = depth.profile.intrinsics.divided(side)
         lens.width, lens.height = width, height
         return depth.changed(out, depth.profile.seen(lens))
-
-
-def _median(values: NDArray[Any]) -> NDArray[Any]:
-    """The lower median of the values above 0, along the last axis."""
-    counts = np.count_nonzero(values, axis=-1)
-    ordered = np.sort(values, axis=-1)
-    place = np.minimum(values.shape[-1] - 1, values.shape[-1] - counts + np.maximum(counts - 1, 0) // 2)
-    return np.take_along_axis(ordered, place[..., None], -1)[..., 0]
-
-
-def _mean(values: NDArray[Any]) -> NDArray[np.float64]:
-    counts = np.count_nonzero(values, axis=-1)
-    return values.sum(axis=-1, dtype=np.float64) / np.maximum(counts, 1)
 
 
 class threshold_filter(filter):
@@ -87,7 +75,7 @@ class threshold_filter(filter):
     def _filtered(self, depth: frame) -> frame:
         pixels = np.asarray(depth.get_data())
         z = pixels * depth.unit_m
-        is_kept = (z >= self._number(option.min_distance)) & (z <= self._number(option.max_distance))
+        is_kept = (z >= self.get_option(option.min_distance)) & (z <= self.get_option(option.max_distance))
         return depth.changed(np.where(is_kept, pixels, 0).astype(pixels.dtype))
 
 
@@ -144,15 +132,15 @@ class spatial_filter(filter):
     def _filtered(self, depth: frame) -> frame:
         pixels = np.asarray(depth.get_data())
         values = pixels.astype(np.float32)
-        alpha, delta = self._number(option.filter_smooth_alpha), self._number(option.filter_smooth_delta)
+        alpha, delta = self.get_option(option.filter_smooth_alpha), self.get_option(option.filter_smooth_delta)
         half = 0.5 if np.issubdtype(pixels.dtype, np.integer) else 0.0  # counts are rounded at each step
-        for _ in range(int(self._number(option.filter_magnitude))):
+        for _ in range(int(self.get_option(option.filter_magnitude))):
             along = values.T
             _smooth(along[:-1], alpha, np.nextafter(delta, np.inf), half)
             _smooth(along[::-1], alpha, np.nextafter(delta, np.inf), half)
             _smooth(values, alpha, delta, half)
             _smooth(values[::-1], alpha, delta, half)
-        radius = _FILL_RADIUS_PX[int(self._number(option.holes_fill))]
+        radius = _FILL_RADIUS_PX[int(self.get_option(option.holes_fill))]
         if radius:
             _fill_rows(values, radius)
         return depth.changed(values.astype(pixels.dtype))
@@ -207,7 +195,7 @@ class temporal_filter(filter):
         if self._last is None or self._last.shape != values.shape:
             self._last, self._seen = values.copy(), [values > 0]
             return depth
-        alpha, delta = self._number(option.filter_smooth_alpha), self._number(option.filter_smooth_delta)
+        alpha, delta = self.get_option(option.filter_smooth_alpha), self.get_option(option.filter_smooth_delta)
         is_steady = (values > 0) & (self._last > 0) & (np.abs(values - self._last) < delta)
         out = np.where(is_steady, alpha * values + (1.0 - alpha) * self._last, values)
         fills = (values == 0) & (self._last > 0) & self._persists(values.shape)
@@ -219,7 +207,7 @@ class temporal_filter(filter):
         return depth.changed(out.astype(pixels.dtype))
 
     def _persists(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        mode = int(self._number(option.holes_fill))
+        mode = int(self.get_option(option.holes_fill))
         if mode in (0, _ALWAYS):
             return np.full(shape, mode == _ALWAYS)
         least, of = _PERSISTENCE[mode]
@@ -238,7 +226,7 @@ class hole_filling_filter(filter):
     def _filtered(self, depth: frame) -> frame:
         pixels = np.asarray(depth.get_data())
         values = pixels.astype(np.float32)
-        mode = int(self._number(option.holes_fill))
+        mode = int(self.get_option(option.holes_fill))
         if mode == 0:
             _fill_rows(values, values.shape[1])
             return depth.changed(values.astype(pixels.dtype))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream, timestamp_domain
+from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream
 from activestereo.integrations.realsense.enums import format as pixel_format
 from activestereo.integrations.realsense.geometry import extrinsics, intrinsics
 
@@ -83,15 +83,10 @@ class video_stream_profile:
     def is_video_stream_profile(self) -> bool:
         return True
 
-    def is_default(self) -> bool:
-        return True
+    is_default = is_video_stream_profile
 
     def get_extrinsics_to(self, to: video_stream_profile) -> extrinsics:
         return extrinsics.from_transform(to.left_to_stream @ np.linalg.inv(self.left_to_stream))
-
-    def register_extrinsics_to(self, to: video_stream_profile, motion: extrinsics) -> None:
-        """Sets another stream's pose relative to this one, for streams of a software device."""
-        to.left_to_stream = motion.matrix() @ self.left_to_stream
 
     def seen(self, lens: intrinsics, form: pixel_format | None = None) -> video_stream_profile:
         """The same stream through other intrinsics, or in another format."""
@@ -128,18 +123,13 @@ class frame:
     def get_data(self) -> NDArray[Any]:
         return self._pixels
 
-    @property
-    def data(self) -> NDArray[Any]:
-        return self._pixels
+    data = property(get_data)
 
     def get_frame_number(self) -> int:
         return self.frame_number
 
     def get_timestamp(self) -> float:
         return self.timestamp
-
-    def get_frame_timestamp_domain(self) -> timestamp_domain:
-        return timestamp_domain.hardware_clock
 
     def get_profile(self) -> video_stream_profile:
         return self.profile
@@ -162,9 +152,6 @@ class frame:
         return isinstance(self, depth_frame)
 
     def is_frameset(self) -> bool:
-        return False
-
-    def is_points(self) -> bool:
         return False
 
     def as_frame(self) -> frame:
@@ -220,14 +207,8 @@ class composite_frame(frame):
         self._frames = list(frames)
 
     def first_or_default(self, s: stream, f: format = format.any) -> frame | None:
-        return next(
-            (
-                one
-                for one in self._frames
-                if one.profile.stream_type() == s and f in (format.any, one.profile.format())
-            ),
-            None,
-        )
+        kinds = ((one, one.profile.stream_type(), one.profile.format()) for one in self._frames)
+        return next((one for one, kind, form in kinds if kind == s and f in (format.any, form)), None)
 
     def first(self, s: stream, f: format = format.any) -> frame:
         found = self.first_or_default(s, f)

@@ -58,10 +58,6 @@ class Options:
         self._require(which)
         return option(which).name.replace("_", " ")
 
-    def get_option_value_description(self, which: option, value: float) -> str | None:
-        self._require(which)
-        return None
-
     def set_option(self, which: option, value: float) -> None:
         """Sets an option. Raises RuntimeError, as librealsense does, for an unknown option or a value out of range."""
         self._require(which)
@@ -96,8 +92,8 @@ class _Field:
         return 1.0 - number if self.is_inverted else number / self.scale
 
 
-def _fields(**of_keys: str) -> dict[str, _Field]:
-    return {name: _Field(key) for name, key in of_keys.items()}
+def _fields(**keys: str) -> dict[str, _Field]:
+    return {name: _Field(key) for name, key in keys.items()}
 
 
 _REGION_PIXELS, _FULL_SCALE = 168.0, 1022.0

@@ -180,17 +180,13 @@ class pipeline:
             dropped = self._random.random(len(streams)) < world.drop_share
             self._number += 1
             if not dropped.any():
-                return True, self._frameset(streams)
+                camera, time_ms = self.device().camera, 1e3 * (self._number - 1) / min(s.fps() for s in streams)
+                camera.take_picture(1e-3 * time_ms, any(s.stream_type() == stream.color for s in streams))
+                return True, composite_frame([self._frame(camera, profile, time_ms) for profile in streams])
         return False, None
 
     def poll_for_frames(self) -> composite_frame | None:
         return self.try_wait_for_frames()[1]
-
-    def _frameset(self, streams: list[video_stream_profile]) -> composite_frame:
-        camera = self.device().camera
-        time_ms = 1e3 * (self._number - 1) / min(profile.fps() for profile in streams)
-        camera.take_picture(1e-3 * time_ms, any(profile.stream_type() == stream.color for profile in streams))
-        return composite_frame([self._frame(camera, profile, time_ms) for profile in streams])
 
     def _frame(self, camera: SimulatedCamera, profile: video_stream_profile, time_ms: float) -> frame:
         pixels, kind = _pixels(camera, profile), profile.stream_type()

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 import activestereo
@@ -85,7 +84,8 @@ def native_config(config: Any) -> NativeConfig:
             k[:2, 2] -= 0.5
             setattr(out, name, k)
     if isinstance(out.light_pattern, (str, PathLike)) and out.light_pattern != "generated":
-        out.light_pattern = _red_of(out.light_pattern)
+        with Image.open(checked_file(Path(out.light_pattern))) as image:  # SAPIEN's projector is red
+            out.light_pattern = np.ascontiguousarray(np.asarray(image.convert("RGB"))[..., 0])
     return out
 
 
@@ -94,12 +94,6 @@ def own_value(name: str, value: Any) -> Any:
     if name == "lr_max_diff":
         return -1 if value == 255 else value
     return min(value, 100) if name == "uniqueness_ratio" else value
-
-
-def _red_of(path: str | PathLike[str]) -> NDArray[np.uint8]:
-    """The red channel of a colour image: SAPIEN's projector is red."""
-    with Image.open(checked_file(Path(path))) as image:
-        return np.ascontiguousarray(np.asarray(image.convert("RGB"))[..., 0])
 
 
 def check_config(c: Any) -> None:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of SAPIEN's get_..._cuda(), computed on the GPU of a sensor that was made with on_cuda."""
+"""Results of SAPIEN's get_..._cuda(): computed on the GPU of a sensor that was made with on_cuda, else copied; and the
+array that holds them, as sapien.CudaArray does."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,7 +49,11 @@ class CudaResults:
     def _rgb(self) -> torch.Tensor:
         """As auto_exposure.encoded_rgb(), on CUDA. Only the exposure factor passes through the host."""
         light = self._light()
-        exposure = self._rgb_exposure or _exposure_of(light)
+        exposure = self._rgb_exposure
+        if not exposure:  # as auto_exposure.rgb_exposure()
+            green = light[::STRIDE, ::STRIDE, 1]
+            lit = green[(green >= float(DARKEST)) & (green < np.inf)]
+            exposure = exposure_of_median(np.float32(lit.median().item())) if lit.numel() else 1.0
         # By float64, for not every torch's root of float32 is the nearest one.
         root = (light * float(np.float32(exposure))).clamp(0.0, 1.0).double().sqrt().float()
         place = (root * (len(SRGB) - 1) + 0.5).int().clamp(0, len(SRGB) - 1)
@@ -85,8 +90,50 @@ class CopiedResults:
         return copied_to_cuda(self._sensor.get_pointcloud(with_rgb))
 
 
-def _exposure_of(light: torch.Tensor) -> float:
-    """As auto_exposure.rgb_exposure()."""
-    green = light[::STRIDE, ::STRIDE, 1]
-    lit = green[(green >= float(DARKEST)) & (green < np.inf)]
-    return exposure_of_median(np.float32(lit.median().item())) if lit.numel() else 1.0
+class DeviceArray:
+    """A torch tensor with the members of sapien.CudaArray."""
+
+    def __init__(self, tensor: torch.Tensor) -> None:
+        self._tensor = tensor
+
+    @property
+    def shape(self) -> list[int]:
+        return list(self._tensor.shape)
+
+    @property
+    def strides(self) -> list[int]:
+        """In bytes."""
+        return [n * self._tensor.element_size() for n in self._tensor.stride()]
+
+    @property
+    def typestr(self) -> str:
+        return str(self.__cuda_array_interface__["typestr"])
+
+    @property
+    def cuda_id(self) -> int:
+        return int(self._tensor.device.index)
+
+    @property
+    def ptr(self) -> int:
+        return int(self._tensor.data_ptr())
+
+    @property
+    def __cuda_array_interface__(self) -> dict[str, Any]:
+        return dict(self._tensor.__cuda_array_interface__)
+
+    def torch(self) -> torch.Tensor:
+        """The torch tensor itself."""
+        return self._tensor
+
+    def dlpack(self) -> Any:
+        return self._tensor.__dlpack__()
+
+    def cupy(self) -> Any:
+        import cupy
+
+        return cupy.asarray(self)
+
+    def jax(self) -> Any:
+        import jax
+
+        return jax.dlpack.from_dlpack(self._tensor)

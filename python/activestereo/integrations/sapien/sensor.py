@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 import activestereo
 from activestereo.common.pose import as_matrix
 from activestereo.integrations.sapien.config import Parameters, check_config, native_config
-from activestereo.integrations.sapien.cuda_results import CopiedResults, CudaResults
-from activestereo.integrations.sapien.device_array import DeviceArray
+from activestereo.integrations.sapien.cuda_results import CopiedResults, CudaResults, DeviceArray
 from activestereo.integrations.sapien.scene import SapienScene
 
 # SAPIEN's Color pictures are coded with this exponent.

@@ -35,18 +35,18 @@ class Looks:
 
     def shapes(self, entity: Any, name: str) -> list[Shape]:
         """The entity's shapes, with meshes of this name."""
-        return [self._shape(part, pose, name) for part, pose in parts(entity)]
+        out = []
+        for part, pose in parts(entity):
+            optional = {"normals": part.normals, "uvs": part.uvs}
+            given = {key: value for key, value in optional.items() if value is not None}
+            mesh = self._scene.add_mesh(part.positions, part.indices, name=name, **given)
+            to_body = as_matrix(pose) @ np.diag([*np.asarray(part.scale, np.float64), 1.0])
+            out.append(Shape(mesh, [self.material(part.material)], to_body))
+        return out
 
     def materials(self, entity: Any) -> list[int]:
         """The materials of shapes(), for an entity with meshes in the scene already."""
         return [self.material(part.material) for part, _ in parts(entity)]
-
-    def _shape(self, part: Part, pose: Any, name: str) -> Shape:
-        optional = {"normals": part.normals, "uvs": part.uvs}
-        given = {key: value for key, value in optional.items() if value is not None}
-        mesh = self._scene.add_mesh(part.positions, part.indices, name=name, **given)
-        to_body = as_matrix(pose) @ np.diag([*np.asarray(part.scale, np.float64), 1.0])
-        return Shape(mesh, [self.material(part.material)], to_body)
 
     def material(self, material: Any) -> int:
         if isinstance(material, kuafu.Material):
@@ -68,16 +68,12 @@ class Looks:
             else:
                 fields["specular"] = min(_SPECULAR * material.specular, 1.0)
             if texture is not None:
-                fields["base_color_texture"] = self._texture(texture)
+                if id(texture) not in self._textures:
+                    number = self._scene.add_texture(np.ascontiguousarray(texture.download()), srgb=texture.is_srgb)
+                    self._textures[id(texture)] = number, texture  # the texture itself, so that its id stays its own
+                fields["base_color_texture"] = self._textures[id(texture)][0]
             self._materials[key] = self._scene.add_material(kuafu.Material(**fields))
         return self._materials[key]
-
-    def _texture(self, texture: Any) -> int:
-        if id(texture) not in self._textures:
-            texels = np.ascontiguousarray(texture.download())
-            # With the texture itself, so that its id stays its own.
-            self._textures[id(texture)] = (self._scene.add_texture(texels, srgb=texture.is_srgb), texture)
-        return self._textures[id(texture)][0]
 
 
 def is_visible(entity: Any) -> bool:

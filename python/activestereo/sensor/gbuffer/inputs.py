@@ -31,7 +31,8 @@ class MaterialNumbers:
 
     def __init__(self, scene: kuafu.Scene, materials: Any = None) -> None:
         self.is_given = materials is not None
-        found = {} if materials is None else dict(_items(materials))
+        items = materials.items() if isinstance(materials, Mapping) else enumerate(materials or ())
+        found = {int(number): material for number, material in items}
         for number, material in found.items():
             if not isinstance(material, kuafu.Material):
                 raise TypeError(f"materials[{number}] is {material!r}, expected a kuafu.Material")
@@ -79,11 +80,6 @@ class MaterialNumbers:
         return np.where((numbers >= 0) & (numbers < last), numbers, last).astype(np.intp)
 
 
-def _items(materials: Any) -> Any:
-    items = materials.items() if isinstance(materials, Mapping) else enumerate(materials)
-    return ((int(number), material) for number, material in items)
-
-
 _TYPES = {"depth": np.float32, "normal": np.float32, "albedo": np.float32, "material": np.uint32}
 _FURTHEST_NEAR_M = 50.0  # no sensor of this kind measures there
 
@@ -91,11 +87,7 @@ _FURTHEST_NEAR_M = 50.0  # no sensor of this kind measures there
 def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     """An array of this shape on the host; adds a missing axis for one environment. Raises ValueError for another shape,
     TypeError for anything but an array of numbers."""
-    if hasattr(values, "detach"):
-        values = values.detach().cpu().numpy()
-    elif hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray):
-        values = np.from_dlpack(values)
-    image = np.asarray(values)
+    image = np.asarray(_on_host(values))
     if image.dtype.kind not in "fiub":
         raise TypeError(f"{name} is of {image.dtype}, expected numbers")
     return _checked_shape(name, image, shape)

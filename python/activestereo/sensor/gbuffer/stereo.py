@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """GBufferStereo: active stereo depth on the images of any renderer, many environments at once.
 
-    sensor = GBufferStereo("D435", environments=4096, materials={7: kuafu.Material(ir_albedo=0.4, roughness=0.3)})
-    out = sensor(depth=depth, normal=normal, albedo=albedo, material=material)  # [E, height, width]
-    out["depth"], out["ir_left"], out["valid"], out["cause"]
+sensor = GBufferStereo("D435", environments=4096, materials={7: kuafu.Material(ir_albedo=0.4, roughness=0.3)})
+out = sensor(depth=depth, normal=normal, albedo=albedo, material=material)  # [E, height, width]
+out["depth"], out["ir_left"], out["valid"], out["cause"]
 """
 
 from __future__ import annotations
@@ -185,10 +185,14 @@ class GBufferStereo:
         if wants_cause:
             targets |= {"depth": None, "projector_visibility": None}
 
+        optics = [copy_record(one) for one in self._rig.infrared()["optics"]]
+        for one in optics:
+            one.firefly_factor = 0.0  # light on G-buffers has no fireflies
+
         def lit(light: NDArray[np.float64]) -> dict[str, Any]:
             return self._renderer.light_gbuffers(
                 self._scene, self._rig.ir_cameras(np.eye(4)[None]), targets, left=own, right=other,
-                projector_depth=hiding, depth_kind=depth_kind, optics=self._optics(), environment_count=self._count,
+                projector_depth=hiding, depth_kind=depth_kind, optics=optics, environment_count=self._count,
                 **{name: light * values for name, values in numbers.items()},
             )  # fmt: skip
 
@@ -243,13 +247,6 @@ class GBufferStereo:
         elif not getattr(material, "is_cuda", False):
             numbers, depth = (host_image(whose + name, given[name], self.shape) for name in ("material", "depth"))
             self._materials.require_known(numbers, depth)
-
-    def _optics(self) -> list[kuafu.Optics]:
-        """The optics without a firefly limit: light on G-buffers has no fireflies."""
-        optics = [copy_record(one) for one in self._rig.infrared()["optics"]]
-        for one in optics:
-            one.firefly_factor = 0.0
-        return optics
 
     def _matched(self, names: Sequence[str]) -> dict[str, Any]:
         link, is_laser_apart = self._link, self._rig.inputs().speckle_of_laser
