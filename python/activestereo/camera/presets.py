@@ -323,6 +323,16 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         forward, left, up = (self.pose_rgb_irproj.p - self.trans_pose_l.p).tolist()
         return -left, -up, forward
 
+    def seen_from_left(self) -> StereoDepthSensorConfig:
+        """A copy whose RGB camera stands in the left infrared one's place, with its image and lens: depth is registered
+        to the left image."""
+        out, to_left = deepcopy(self), self.trans_pose_l.inv()
+        out.trans_pose_l = Pose()
+        out.trans_pose_r, out.pose_rgb_irproj = to_left * self.trans_pose_r, to_left * self.pose_rgb_irproj
+        out.rgb_resolution, out.rgb_distortion = self.ir_resolution, self.ir_distortion
+        out.rgb_intrinsic = np.array(self.ir_intrinsic)
+        return out
+
     def scaled(self, factor: float) -> StereoDepthSensorConfig:
         """A copy with all images and the disparity range `factor` times as large; fields of view, readout times,
         projector and depths are the same. The matcher's block shrinks with them, but not below 7 pixels, and never

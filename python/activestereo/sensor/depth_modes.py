@@ -26,11 +26,9 @@ from activestereo.common.nearest import unknown
 from activestereo.common.pose import PoseLike
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.mounts import HasPoses
-from activestereo.sensor.rival_noise import OF_FOCAL_BASELINE, IsaacSettings, gaussian, isaac
+from activestereo.sensor.rival_noise import OF_TRUTH, IsaacSettings, one_view_depth
 
-MODES = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like", "raster", "full")
-# Of 'gaussian': standard deviation at 1 m. A D435's subpixel noise of 0.08 px gives this.
-_SIGMA_M_AT_1_M = 0.004
+MODES = (*OF_TRUTH, "raster", "full")
 
 
 class DepthCamera:
@@ -71,15 +69,8 @@ class DepthCamera:
         else:
             truth = self.sensors.render_true_depth()
         truth = np.where((truth >= c.min_depth_m) & (truth < c.max_depth_m), truth, np.float32(0.0))
-        if self.mode == "clean":
-            return truth
-        if self.mode == "gaussian":
-            return gaussian(truth, _SIGMA_M_AT_1_M, self._random)
-        if self.mode == "isaac-like":
-            focal_px = float(c.ir_intrinsic[0, 0])
-            baseline_m = c.focal_baseline_px_m / focal_px
-            return isaac(truth, gray, focal_px, baseline_m, self._isaac, self._random)
-        return OF_FOCAL_BASELINE[self.mode](truth, c.focal_baseline_px_m, self._random)
+        lens = float(c.ir_intrinsic[0, 0]), c.focal_baseline_px_m
+        return one_view_depth(self.mode, truth, gray, *lens, self._random, self._isaac)
 
 
 def make_lambertian(scene: kuafu.Scene) -> None:

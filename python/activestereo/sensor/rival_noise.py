@@ -6,7 +6,6 @@ All take depth float32 [E, height, width] in metres, 0 = nothing there, and retu
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,12 +76,25 @@ def redwood(
     return _rounded(near, focal_baseline_px_m, jitter, 1.0 / _REDWOOD_STEPS)
 
 
-# Those that need a sensor's focal length times baseline alone.
-OF_FOCAL_BASELINE: dict[str, Callable[[Depth, float, np.random.Generator], Depth]] = {
-    "datasheet": datasheet,
-    "simkinect": simkinect,
-    "redwood": redwood,
-}
+# Models of one view's depth, by name.
+OF_TRUTH = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like")
+# Standard deviation of 'gaussian' at 1 m. A D435's subpixel noise of 0.08 px gives this.
+_SIGMA_M_AT_1_M = 0.004
+
+
+def one_view_depth(
+    model: str, depth: Depth, gray: NDArray[np.float32] | None, focal_px: float, focal_baseline_px_m: float,
+    random: np.random.Generator, settings: IsaacSettings | None = None,
+) -> Depth:  # fmt: skip
+    """Depth under one of OF_TRUTH. gray, settings: of 'isaac-like', as isaac() has them."""
+    if model == "clean":
+        return depth
+    if model == "gaussian":
+        return gaussian(depth, _SIGMA_M_AT_1_M, random)
+    if model == "isaac-like":
+        return isaac(depth, gray, focal_px, focal_baseline_px_m / focal_px, settings or IsaacSettings(), random)
+    noisy = {"datasheet": datasheet, "simkinect": simkinect, "redwood": redwood}[model]
+    return noisy(depth, focal_baseline_px_m, random)
 
 
 @dataclass(frozen=True)

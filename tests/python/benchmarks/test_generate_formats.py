@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from activestereo.benchmarks.generate import bop, formats, lerobot
-from activestereo.benchmarks.generate.stored import stored_frames
+from activestereo.benchmarks.generate.bop import stored_frames
 from activestereo.benchmarks.generate.studio import Frame
 from activestereo.cli import generate as command
 from activestereo.cli import main

@@ -17,7 +17,8 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from activestereo.benchmarks.generate.layout import Thing
 from activestereo.benchmarks.generate.studio import Found, Frame
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
+from activestereo.capture.images import read_color, read_gray
 from activestereo.common.accuracy import is_invented
 from activestereo.common.input_files import checked_file, read_bytes, read_json
 from activestereo.common.output_files import (
@@ -44,6 +46,8 @@ from activestereo.sensor.results import CameraInfo, camera_info
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
 _RECORDS = ".frames"
+# Frames of a data set are no film; formats with times get this interval.
+FRAMES_PER_S = 30
 
 
 def is_done(out: Path, number: int) -> bool:
@@ -88,7 +92,14 @@ def write_frame(out: Path, frame: Frame) -> None:
                 "cam_R_w2c": frame.world_to_camera[:3, :3].ravel().tolist(),
                 "cam_t_w2c": (1000.0 * frame.world_to_camera[:3, 3]).tolist(),
             },
-            "gt": [_pose(found) for found in frame.found],
+            "gt": [
+                {
+                    "cam_R_m2c": found.model_to_camera[:3, :3].ravel().tolist(),
+                    "cam_t_m2c": (1000.0 * found.model_to_camera[:3, 3]).tolist(),
+                    "obj_id": found.thing_id,
+                }
+                for found in frame.found
+            ],
             "gt_info": [_info(found, frame.depth) for found in frame.found],
             "depth": _counts(frame),
         }
@@ -155,11 +166,6 @@ def _infrared(camera: CameraInfo) -> dict[str, Any]:
         "distortion": list(camera.distortion),
         "camera_to_rgb": camera.camera_to_rgb.ravel().tolist(),
     }
-
-
-def _pose(found: Found) -> dict[str, Any]:
-    rotation, offset = found.model_to_camera[:3, :3], 1000.0 * found.model_to_camera[:3, 3]
-    return {"cam_R_m2c": rotation.ravel().tolist(), "cam_t_m2c": offset.tolist(), "obj_id": found.thing_id}
 
 
 def _info(found: Found, depth: NDArray[np.float32]) -> dict[str, Any]:
@@ -240,3 +246,35 @@ def record_path(out: Path, number: int) -> Path:
 
 def _write_json(path: Path, content: Any) -> None:
     write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """rgb: uint8 [h, w, 3]; depth_mm, depth_true_mm: uint16 [h, w], 0 = none; ir_left, ir_right: [h, w]; k: 3x3, of the
+    RGB camera; camera_to_world: 4x4, metres, camera axes x right, y down, z forward."""
+
+    number: int
+    rgb: NDArray[np.uint8]
+    depth_mm: NDArray[np.uint16]
+    depth_true_mm: NDArray[np.uint16]
+    ir_left: NDArray[Any]
+    ir_right: NDArray[Any]
+    k: NDArray[np.float64]
+    camera_to_world: NDArray[np.float64]
+
+
+def stored_frames(out: Path, count: int) -> Iterator[Stored]:
+    """Frames 0 to count - 1, one at a time."""
+    for number in range(count):
+        folder, name = scene_folder(out, number), f"{number % FRAMES_PER_SCENE:06d}.png"
+        depth, true, left, right = (
+            read_gray(folder / kind / name) for kind in ("depth", "depth_true", "ir_left", "ir_right")
+        )
+        camera = read_json(record_path(out, number))["camera"]
+        world_to_camera = np.eye(4)
+        world_to_camera[:3, :3] = np.reshape(camera["cam_R_w2c"], (3, 3))
+        world_to_camera[:3, 3] = np.array(camera["cam_t_w2c"]) / 1000.0
+        k = np.reshape(np.array(camera["cam_K"], np.float64), (3, 3))
+        yield Stored(
+            number, read_color(folder / "rgb" / name), depth, true, left, right, k, np.linalg.inv(world_to_camera)
+        )

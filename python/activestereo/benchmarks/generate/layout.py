@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.common.declared_ranges import DeclaredRanges
+from activestereo.common.pose import pose_matrices
 from activestereo.effects.core.scene_surfaces import instance_transforms
 from activestereo.scene_io.gltf_document import scale, size_hint
 from activestereo.scene_io.scene_files import load_scene_file
@@ -142,7 +143,8 @@ def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) ->
             at = far * np.array([np.cos(angle), np.sin(angle)])
             if all(np.linalg.norm(at - other) > radius + r for other, r in circles):
                 circles.append((at, radius))
-                pose = _turned_about_z(random.uniform(0.0, 2.0 * np.pi))
+                pose, turn = np.eye(4), random.uniform(0.0, 2.0 * np.pi)
+                pose[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
                 pose[:2, 3] = at
                 out[index] = pose @ things[index].upright
                 break
@@ -175,7 +177,8 @@ def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Po
         size = float(np.linalg.norm(thing.high_m - thing.low_m))
         angle, far = random.uniform(0.0, 2.0 * np.pi), 0.5 * spread * np.sqrt(random.uniform())
         turn = random.standard_normal(4)
-        middle = _rotation(turn) @ (0.5 * (thing.low_m + thing.high_m))
+        turned = pose_matrices(np.concatenate([np.zeros(3), turn]), "a turn")[:3, :3]
+        middle = turned @ (0.5 * (thing.low_m + thing.high_m))
         at = np.array([far * np.cos(angle), far * np.sin(angle), height + 0.5 * size]) - middle
         height += size
         body = spec.worldbody.add_body(name=str(index), pos=at, quat=turn / np.linalg.norm(turn))
@@ -199,16 +202,3 @@ def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Po
 
 
 LAYOUTS: dict[str, Layout] = {"scatter": scatter, "drop": drop}
-
-
-def _turned_about_z(angle: float) -> NDArray[np.float64]:
-    out = np.eye(4)
-    out[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    return out
-
-
-def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotation of a quaternion w, x, y, z of any length."""
-    from activestereo.common.pose import pose_matrices
-
-    return pose_matrices(np.concatenate([np.zeros(3), quaternion]), "a turn")[:3, :3]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from activestereo.benchmarks.generate.stored import FRAMES_PER_S, Stored, stored_frames
+from activestereo.benchmarks.generate.bop import FRAMES_PER_S, Stored, stored_frames
 
 _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -36,7 +36,11 @@ def write(out: Path, count: int, to: Path) -> None:
     for frame in stored_frames(out, count):
         images = _images(frame)
         if data is None:
-            features = {name: _feature(image) for name, image in images.items()}
+            features = {
+                name: {"dtype": "image", "shape": image.shape, "names": ["height", "width", "channels"]}
+                | ({"info": {"is_depth_map": True}} if image.shape[2] == 1 else {})
+                for name, image in images.items()
+            }
             features["observation.state"] = {"dtype": "float32", "shape": (len(_STATE),), "names": list(_STATE)}
             features["observation.rgb_k"] = {"dtype": "float32", "shape": (9,), "names": None}
             data = package().create(
@@ -53,18 +57,9 @@ def write(out: Path, count: int, to: Path) -> None:
 
 def _images(frame: Stored) -> dict[str, Any]:
     pictures = {"rgb": frame.rgb} | {
-        side: np.repeat(_eight_bits(image)[..., None], 3, axis=2)
+        side: np.repeat((image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8))[..., None], 3, axis=2)
         for side, image in (("ir_left", frame.ir_left), ("ir_right", frame.ir_right))
     }
     depths = {"depth": frame.depth_mm, "depth_true": frame.depth_true_mm}
     pictures |= {name: image[..., None].astype(np.uint16) for name, image in depths.items()}
     return {f"observation.images.{name}": image for name, image in pictures.items()}
-
-
-def _eight_bits(image: Any) -> Any:
-    return image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8)
-
-
-def _feature(image: Any) -> dict[str, Any]:
-    shape = {"dtype": "image", "shape": image.shape, "names": ["height", "width", "channels"]}
-    return shape | ({"info": {"is_depth_map": True}} if image.shape[2] == 1 else {})

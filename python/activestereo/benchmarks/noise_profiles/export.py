@@ -11,24 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.benchmarks.noise_profiles.elevation_mapping import ElevationMapping
-from activestereo.benchmarks.noise_profiles.gazebo import Gazebo
-from activestereo.benchmarks.noise_profiles.isaac import Isaac
-from activestereo.benchmarks.noise_profiles.mujoco_ros2_control import MujocoRos2Control
-from activestereo.benchmarks.noise_profiles.open3d import Open3D
 from activestereo.benchmarks.noise_profiles.profile import Distance, Profile, Views, distance, fitted, take_views
+from activestereo.benchmarks.noise_profiles.simulators import PROFILES
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.output_files import write_text
 from activestereo.common.progress_bar import Progress
 from activestereo.model import SensorModel
 
-PROFILES: dict[str, type[Profile]] = {
-    "isaac": Isaac,
-    "gazebo": Gazebo,
-    "mujoco_ros2_control": MujocoRos2Control,
-    "elevation_mapping": ElevationMapping,
-    "open3d": Open3D,
-}
 _ROOMS = 6
 # Rooms of fits have seeds from 0; these have others.
 _HELD_OUT_SEED = 2**40

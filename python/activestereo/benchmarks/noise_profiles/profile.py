@@ -5,7 +5,6 @@ errors of two kinds of depth."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar
 
@@ -15,7 +14,7 @@ from scipy.optimize import minimize
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix, look_at
+from activestereo.common.pose import CAMERA_TO_BODY, Pose, look_at
 from activestereo.common.progress_bar import Progress
 from activestereo.model import SensorModel
 from activestereo.scene_io import solids
@@ -54,7 +53,10 @@ def take_views(
     progress: Progress | None = None,
 ) -> Views:  # fmt: skip
     """Views of `count` rooms. model: its effects act, except those on named surfaces, which are absent here."""
-    config = _seen_by_the_left_camera(config)
+    config = config.seen_from_left()
+    config.rgb_distortion = (0.0,) * 5  # depth is registered to a pinhole
+    if config.ir_exposure_mode == "converging":
+        config.ir_exposure_mode = "settled"
     if model is not None:
         model = replace(model, effects=tuple(e for e in model.effects if not e.surfaces), materials={}, poses=())
     taken: list[tuple[NDArray[np.float32], ...]] = []
@@ -74,20 +76,6 @@ def take_views(
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
     k = np.array(config.rgb_intrinsic, np.float64)
     return Views(truth, found, gray, k, baseline_m, config.min_depth_m, config.max_depth_m)
-
-
-def _seen_by_the_left_camera(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """The same sensor with depth registered to a pinhole in its left infrared camera's place."""
-    out = deepcopy(config)
-    left_inverse = np.linalg.inv(as_matrix(config.trans_pose_l))
-    out.trans_pose_l = Pose()
-    out.trans_pose_r = Pose(left_inverse @ as_matrix(config.trans_pose_r))
-    out.pose_rgb_irproj = Pose(left_inverse @ as_matrix(config.pose_rgb_irproj))
-    out.rgb_resolution, out.rgb_distortion = config.ir_resolution, (0.0,) * 5
-    out.rgb_intrinsic = np.array(config.ir_intrinsic)
-    if out.ir_exposure_mode == "converging":
-        out.ir_exposure_mode = "settled"
-    return out
 
 
 def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.float64]:

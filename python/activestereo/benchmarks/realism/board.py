@@ -173,11 +173,8 @@ def write_board(found: Board, out: Path, about: dict[str, object]) -> None:
     write_text(out / "realism.html", page + "\n")
 
 
-def _cell(one: object) -> str:
-    if one is None:
-        return "–"
-    value, low, high = (getattr(one, name) for name in ("value", "low", "high"))
-    return f"{value:.3g} <small>({low:.3g}–{high:.3g})</small>"
+def _cell(one: Interval | None) -> str:
+    return "–" if one is None else f"{one.value:.3g} <small>({one.low:.3g}–{one.high:.3g})</small>"
 
 
 def _figure(name: str, disparity: NDArray[np.float32], low: float, high: float) -> str:

@@ -13,13 +13,11 @@ from activestereo.benchmarks.realism.views import Map, RealView
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY, Pose
 from activestereo.sensor.depth_modes import make_lambertian
-from activestereo.sensor.rival_noise import OF_FOCAL_BASELINE, IsaacSettings, gaussian, isaac
+from activestereo.sensor.rival_noise import OF_TRUTH, one_view_depth
 from activestereo.sensor.sensor import StereoDepthSensor
 
-OF_TRUTH = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like")
 OF_PAIRS = ("raster", "preset", "calibrated")
 METHODS = (*OF_TRUTH, *OF_PAIRS)
-_SIGMA_M_AT_1_M = 0.004
 _FIT_STEP_PX = 7  # share of the pixels in the fit of the light's two levels
 
 
@@ -35,7 +33,11 @@ class Simulated:
 def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int) -> Simulated:
     """A view as a method makes it. 'raster' makes the scene's materials Lambertian, for good: take it last."""
     if method in OF_TRUTH:
-        return Simulated((_noisy_truth(view, method, seed), _noisy_truth(view, method, seed + 1)))
+        gray, lens = (view.left / view.capture.rig.max_dn)[None], float(view.capture.rig.left.K[0, 0])
+        randoms = (np.random.default_rng(seed + number) for number in range(2))
+        truth, focal_baseline = view.truth_m[None], view.focal_baseline_px_m
+        first, second = (one_view_depth(method, truth, gray, lens, focal_baseline, own)[0] for own in randoms)
+        return Simulated((first, second))
     config = rig_config(view, sensor, method == "calibrated")
     config.samples_per_pixel, config.noise_seed = samples, seed
     if method == "raster":
@@ -51,23 +53,9 @@ def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int)
     return Simulated((depths[0], depths[1]), *pair)
 
 
-def _noisy_truth(view: RealView, method: str, seed: int) -> Map:
-    random, truth = np.random.default_rng(seed), view.truth_m[None]
-    focal_baseline = view.focal_baseline_px_m
-    if method == "clean":
-        return view.truth_m
-    if method == "gaussian":
-        return gaussian(truth, _SIGMA_M_AT_1_M, random)[0]
-    if method == "isaac-like":
-        focal = float(view.capture.rig.left.K[0, 0])
-        gray = (view.left / view.capture.rig.max_dn)[None]
-        return isaac(truth, gray, focal, focal_baseline / focal, IsaacSettings(), random)[0]
-    return OF_FOCAL_BASELINE[method](truth, focal_baseline, random)[0]
-
-
 def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthSensorConfig:
     """The preset with the capture's cameras; calibrated: with its projector, pattern, black level and falloff, too."""
-    rig, config = view.capture.rig, with_rgb_at_left(StereoDepthSensorConfig(sensor))
+    rig, config = view.capture.rig, StereoDepthSensorConfig(sensor).seen_from_left()
     config.ir_resolution = (rig.left.width, rig.left.height)
     config.ir_intrinsic = np.array(rig.left.K)
     beside = np.eye(4)
@@ -94,16 +82,13 @@ def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthS
     return config
 
 
-def _laser(taken: StereoDepthSensor, side: str) -> Map:
-    return taken.get_picture("projector_direct", side)[..., 0] + taken.get_picture("projector_indirect", side)[..., 0]
-
-
 def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], list[Map]]:
     """(radiance, the laser's part) of both eyes, the laser and the room each as bright as the real left image has
     them: exposure and the room's level are not the camera's."""
     config = taken.get_config()
     per_radiance = config.ir_camera_exposure * config.ir_camera_gain * config.ir_responsivity_dn
-    laser = [_laser(taken, side) for side in ("left", "right")]
+    parts = {side: taken.get_pictures(("projector_direct", "projector_indirect"), side) for side in ("left", "right")}
+    laser = [own["projector_direct"][..., 0] + own["projector_indirect"][..., 0] for own in parts.values()]
     if view.room is not None:
         renderer, options = kuafu.Renderer(view.scene.device), {"spp": config.samples_per_pixel}
         room = [image[..., 0] for image in view.room.images(renderer, list(taken.ir_cameras()), **options)]
@@ -128,11 +113,3 @@ def _robust(terms: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[
         error = np.abs(counts - terms @ levels)
         weights = np.minimum(1.0, 1.5 * np.median(error) / np.maximum(error, 1e-9))
     return levels
-
-
-def with_rgb_at_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """The configuration, changed: its RGB camera takes the left infrared one's place; the rest stays."""
-    to_left = np.linalg.inv(config.trans_pose_l.to_transformation_matrix())
-    for name in ("pose_rgb_irproj", "trans_pose_r", "trans_pose_l"):
-        setattr(config, name, Pose(to_left @ getattr(config, name).to_transformation_matrix()))
-    return config

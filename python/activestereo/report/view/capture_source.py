@@ -19,7 +19,7 @@ from activestereo.model import Pattern, Rig, SensorModel
 from activestereo.model.configure import configured
 from activestereo.model.diagnosed import calibrated
 from activestereo.report.view.fit import fitted_noise, fitted_nuisances
-from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, with_left_as_colour
+from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, drawn_from_left
 from activestereo.scene_io.scene_files import load_scene_file
 
 # The laser's slider ends at so many times the power of the capture.
@@ -127,7 +127,7 @@ class CaptureSource:
             setattr(config, name, value)
         for name, value in self._matcher().parameters.items():
             setattr(config, name, value)
-        return with_left_as_colour(config)
+        return drawn_from_left(config)
 
     @computed_once
     def _model(self) -> SensorModel:

@@ -13,7 +13,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.computed_once import computed_once
 from activestereo.common.pose import CAMERA_TO_BODY, as_matrix
 from activestereo.model import SensorModel
-from activestereo.report.view.simulation import Exposure, Pictures, Simulation, with_left_as_colour
+from activestereo.report.view.simulation import Exposure, Pictures, Simulation, drawn_from_left
 from activestereo.scene_io.scene_files import load_scene_file
 from activestereo.scene_io.staging import overall_view, room_radiance
 
@@ -26,7 +26,7 @@ class SceneSource:
     ) -> None:
         self.title, self._path, self._device = path.name, path, device
         self._config, self._model = config, SensorModel() if model is None else model
-        self._left_config = with_left_as_colour(config)
+        self._left_config = drawn_from_left(config)
 
     def frames(self) -> list[dict[str, object]]:
         """[{id, label}] of the scene's cameras, or of one view of all of it."""

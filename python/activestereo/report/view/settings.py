@@ -95,9 +95,7 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
         if key not in _KEYS:
             raise ValueError(unknown("setting", str(key), _KEYS))
     camera = {
-        name: float(limits.check(name, given[name]))
-        for name, limits in _CAMERA.items()
-        if given.get(name) is not None
+        name: float(limits.check(name, given[name])) for name, limits in _CAMERA.items() if given.get(name) is not None
     }
     materials = {
         name: _surface(name, values, material_names)

@@ -18,7 +18,7 @@ import kuafu
 from activestereo.camera.plan import pattern_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import is_distorting
-from activestereo.common.pose import Pose, body_pose
+from activestereo.common.pose import body_pose
 from activestereo.model import SensorModel
 from activestereo.report.view.settings import SURFACE_FIELDS, Settings
 from activestereo.sensor.image_effects import ModelCostWarning
@@ -130,19 +130,10 @@ class Simulation:
         return sensor
 
 
-def with_left_as_colour(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """The sensor with its colour camera moved into the left infrared one's place, which it then sees exactly as: depth
-    is registered to the left image. Its pattern is drawn once for all pictures."""
-    out = deepcopy(config)
-    drawn = pattern_of(out)
+def drawn_from_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
+    """The sensor seen from its left camera, with its pattern drawn once for all pictures."""
+    out, drawn = config.seen_from_left(), pattern_of(config)
     out.light_pattern = None if drawn is None else drawn[0]
-    to_left = config.trans_pose_l.inv()
-    out.trans_pose_l = Pose()
-    out.trans_pose_r = to_left * config.trans_pose_r
-    out.pose_rgb_irproj = to_left * config.pose_rgb_irproj
-    out.rgb_resolution = config.ir_resolution
-    out.rgb_intrinsic = np.array(config.ir_intrinsic)
-    out.rgb_distortion = config.ir_distortion
     return out
 
 
