@@ -85,7 +85,7 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
     import kuafu
     from activestereo.compare.model_file import library
     from activestereo.model import read_model
-    from activestereo.report.view.library import Library, is_capture, is_scene
+    from activestereo.report.view.library import Library, is_capture, is_scene, pictures_capture
     from activestereo.report.view.routes import Routes
     from activestereo.report.view.server import ViewServer
 
@@ -101,7 +101,6 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
         from activestereo.camera.presets import StereoDepthSensorConfig
         from activestereo.capture.capture import read_capture
         from activestereo.report.view.capture_source import CaptureSource
-        from activestereo.report.view.pictures import pictures_capture
         from activestereo.report.view.scene_source import SceneSource
 
         if is_capture(path):

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The charts of the report: error per frame, photon transfer, residual against covariates, error against effects added.
-"""
+"""The charts of the report: error per frame, photon transfer, residual by covariate, error against effects added."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _CHANNEL = {"infrared": "Infrared", "disparity": "Disparity", "validity": "Valid
 _MEANING = {
     "infrared": "Residual of both cameras: measured minus simulated.",
     "disparity": f"Device minus model where both measured; beyond {LARGEST_DISPARITY_ERROR_PX:g} px an error "
-                 "counts no more. The device's "
+    "counts no more. The device's "
     "matcher is not known, so a part of this is the difference of two matchers.",
     "validity": "1 where the device alone measured, −1 where the model alone did.",
 }

@@ -76,9 +76,7 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
         if place > ROWS and entry["effect"] not in own:
             continue
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
-        twins = (
-            "".join(f'<span class="tag">{text(e)}</span>' for e in alike(diagnosis, entry)) or "—"
-        )
+        twins = "".join(f'<span class="tag">{text(e)}</span>' for e in alike(diagnosis, entry)) or "—"
         name = f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>"
         if entry["effect"] in own:
             name += f"<br><span class='small'>yours: {text(own[entry['effect']])}</span>"

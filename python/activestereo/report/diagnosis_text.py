@@ -36,9 +36,7 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
     return f"{said} ({found['low']:.4g} to {found['high']:.4g}{least})"
 
 
-def diagnosis_screen(
-    result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool
-) -> str:
+def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool) -> str:
     """The end of the command. kept: told under `verbose`."""
     name = f"{result['capture']}: " if result.get("capture") else ""
     words = headline(result)
@@ -93,17 +91,11 @@ def _table(result: Mapping[str, Any]) -> list[str]:
         for place, entry in enumerate(ranking, 1)
         if entry["effect"] in own or (place <= _SHOWN and entry["score_nats"] >= _LEAST_NATS)
     ]
-    lines = (
-        [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}"]
-        if told
-        else []
-    )
+    lines = [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}"] if told else []
     for place, entry in told:
         values, part = _values(entry), entry["explained_share"]
         share = "-" if part is None else f"{100 * part:.0f} %"
-        lines.append(
-            f"{place:>2}  {entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}"
-        )
+        lines.append(f"{place:>2}  {entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}")
         lines += [line for words in (values, *_row_notes(result, entry)) for line in wrapped(words, " " * 4)]
     placed = {entry["effect"] for entry in ranking}
     lines += [NATS_WORDS, EXPLAINS_WORDS, FLOOR_WORDS] if told else []

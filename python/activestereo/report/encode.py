@@ -18,12 +18,9 @@ _LARGEST_CODE = 2**16 - 1
 
 
 def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = None) -> dict[str, Any]:
-    """An image [height][width] as {src, low, step, planes, has_empty}, for the page's decoder; values are off by step /
-2 at most.
-
-    step: of the values, in their unit; made larger where 65535 steps do not span the image. valid: mask of pixels with
-    a value; None for all. Other pixels get code 0, and values start at code 1.
-    """
+    """An image [height][width] as {src, low, step, planes, has_empty}, for the page's decoder; values are off by half a
+    step at most. step: in the values' unit; made larger where 65535 steps do not span the image. valid: mask of pixels
+    with a value; None for all. Other pixels get code 0, and values start at code 1."""
     image = np.asarray(image, dtype=np.float64)
     holds = np.isfinite(image) if valid is None else valid & np.isfinite(image)
     has_empty = not bool(holds.all())

@@ -57,11 +57,11 @@ def write_report(
     steps: Sequence[Step] = (),
 ) -> tuple[Path, Path]:
     """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
-first and the last.
+    first and the last.
 
-    diagnosis: contents of diagnose.json, a dict; None for the folder's own diagnose.json, if it is of this capture.
-    effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction done).
-    steps: commands to paste, by screen.command().
+        diagnosis: contents of diagnose.json, a dict; None for the folder's own diagnose.json, if it is of this capture.
+        effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction done).
+        steps: commands to paste, by screen.command().
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 
 import http.client
 import json
+import struct
 import random
 import socket
 import threading
@@ -15,12 +16,21 @@ import pytest
 from activestereo.common.own_files import outside_allowed, own_file
 from activestereo.effects import builtin
 from activestereo.report.view.library import Library
-from activestereo.report.view.packing import packed, unpacked
-from activestereo.report.view.routes import Routes
-from activestereo.report.view.save import free_name
+from activestereo.report.view.routes import Routes, free_name, packed
 from activestereo.report.view.server import ViewServer
 from activestereo.report.view.settings import settings_of
 from activestereo.report.view.simulation import Pictures, Superseded
+
+
+def unpacked(answer):
+    """The content and the images of an answer."""
+    (length,) = struct.unpack_from("<I", answer)
+    content = json.loads(answer[4 : 4 + length])
+    images = {}
+    for name, (kind, height, width, first) in content.pop("arrays").items():
+        flat = np.frombuffer(answer, np.dtype(kind).newbyteorder("<"), height * width, 4 + length + first)
+        images[name] = flat.reshape(height, width)
+    return content, images
 
 
 def _wrong(given):

@@ -87,8 +87,10 @@ def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], l
     them: exposure and the room's level are not the camera's."""
     config = taken.get_config()
     per_radiance = config.ir_camera_exposure * config.ir_camera_gain * config.ir_responsivity_dn
-    parts = {side: taken.get_pictures(("projector_direct", "projector_indirect"), side) for side in ("left", "right")}
-    laser = [own["projector_direct"][..., 0] + own["projector_indirect"][..., 0] for own in parts.values()]
+    laser = [
+        taken.get_picture("projector_direct", side)[..., 0] + taken.get_picture("projector_indirect", side)[..., 0]
+        for side in ("left", "right")
+    ]
     if view.room is not None:
         renderer, options = kuafu.Renderer(view.scene.device), {"spp": config.samples_per_pixel}
         room = [image[..., 0] for image in view.room.images(renderer, list(taken.ir_cameras()), **options)]

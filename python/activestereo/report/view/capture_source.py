@@ -8,22 +8,30 @@ from dataclasses import replace
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.capture.capture import Capture, Frame
+from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import Pose
+from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_model import DepthModel
 from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.compare.noise import fit_noise_model, repeat_statistics
+from activestereo.compare.nuisances import fit_nuisances
+from activestereo.compare.render import render_frames
 from activestereo.effects.core.scene_surfaces import split_surfaces
-from activestereo.model import Pattern, Rig, SensorModel
+from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.configure import configured
 from activestereo.model.diagnosed import calibrated
-from activestereo.report.view.fit import fitted_noise, fitted_nuisances
+from activestereo.model.model import NOISE_TERMS, NUISANCES
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, drawn_from_left
 from activestereo.scene_io.scene_files import load_scene_file
 
 # The laser's slider ends at so many times the power of the capture.
 _STRONGEST_LASER = 3.0
+_SOURCE = "fitted in activestereo view"
+# Poses that the light is fitted to; one suffices where its dots stand out.
+_MOST_POSES = 3
+_SAMPLES, _BOUNCES = 16, 4
 
 
 class CaptureSource:
@@ -138,8 +146,32 @@ class CaptureSource:
         pattern = given.pattern or Pattern(projector.K, projector.pattern_path)
         model = replace(given, rig=own, pattern=pattern)
         if not {"projector_scale", "ambient_scale", "black_dn"} <= set(given.nuisances):
-            fitted = fitted_nuisances(capture, KuafuRenderer(self._device))
+            fitted = _fitted_nuisances(capture, KuafuRenderer(self._device))
             model = replace(model, nuisances=fitted | dict(given.nuisances))
         if model.imager is None:
-            model = replace(model, imager=fitted_noise(capture, model.nuisances["black_dn"].value))
+            model = replace(model, imager=_fitted_noise(capture, model.nuisances["black_dn"].value))
         return model
+
+
+def _fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Quantity]:
+    """{name of NUISANCES: Quantity}, by least squares on a few train frames without any effect. Raises ValueError if
+    there is nothing to fit."""
+    poses: dict[bytes, Frame] = {}
+    for frame in [*capture.split("train"), *capture.frames]:
+        if frame.has_infrared:
+            poses.setdefault(frame.camera_to_world.tobytes(), frame)
+    frames = list(poses.values())[:_MOST_POSES]
+    layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=LayerCache(), frames=frames)
+    seen = [(f, layers[f.id][side], capture.ir(f, side)) for f in frames for side in SIDES]
+    values = vars(fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances)
+    return {name: Quantity(float(value), unit=NUISANCES[name][0], source=_SOURCE) for name, value in values.items()}
+
+
+def _fitted_noise(capture: Capture, black_dn: float) -> Imager | None:
+    """The noise model of the capture's repeats; None without repeats."""
+    noise_model = fit_noise_model(repeat_statistics(capture), black_dn, capture.rig.max_dn)
+    if noise_model is None:
+        return None
+    return Imager(
+        **{n: Quantity(getattr(noise_model, n), unit=unit, source=_SOURCE) for n, unit in NOISE_TERMS.items()}
+    )

@@ -1,25 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's calls. Each takes a JSON object and returns one answer (packing.py)."""
+"""The page's calls. Each takes a JSON object and returns one answer: four bytes with the length of a JSON text, that
+text, then each image's values. The text's "arrays" are {name: [type, height, width, first byte behind the text]}; the
+text ends at a multiple of eight. One call saves the sensor under the settings as a model, for `simulate --model`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.common.output_files import finite
 from activestereo.effects import Effect
-from activestereo.model import write_model
+from activestereo.model import Quantity, SensorModel, write_model
+from activestereo.model.model import NUISANCES
 from activestereo.report.explorer import colour_stops
 from activestereo.report.view.library import Library
-from activestereo.report.view.packing import packed
-from activestereo.report.view.save import free_name, saved_model
-from activestereo.report.view.settings import Settings, settings_of
-from activestereo.report.view.simulation import Pictures, Simulation, Superseded
+from activestereo.report.view.settings import BY_HAND, Settings, settings_of
+from activestereo.report.view.simulation import Exposure, Pictures, Simulation, Superseded
 from activestereo.report.view.sliders import camera_sliders, catalogue, present_effects, surface_sliders
 
 # So many pages are told apart.
 _MOST_PAGES = 64
 _MAPS = ("gray", "RdBu_r", "viridis")
+_ALIGNMENT = 8
+_MOST_NUMBERS = 10_000
+_POWER = "projector_scale"
 
 
 class Routes:
@@ -50,13 +63,13 @@ class Routes:
     def measured(self, given: dict[str, Any]) -> bytes:
         """One frame as it was measured."""
         source = self._library.source(given.get("entry"))
-        return _answer(source.measured(_frame(given)))
+        return _answer(source.measured(_whole(given, "frame")))
 
     def sliders(self, given: dict[str, Any]) -> bytes:
         """The camera's sliders for one frame, and the effects of the model."""
         source = self._library.source(given.get("entry"))
         _simulation(source)
-        exposure = source.exposure(_frame(given))
+        exposure = source.exposure(_whole(given, "frame"))
         camera = [slider.as_json() for slider in camera_sliders(exposure)]
         return packed({"camera": camera, "effects": present_effects(exposure.model)})
 
@@ -64,7 +77,11 @@ class Routes:
         """The name and the sliders of the material at pixel u, v of the left image; no name without a surface."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
-        found = simulation.surface(source.exposure(_frame(given)), self._settings(given, simulation), *_pixel(given))
+        found = simulation.surface(
+            source.exposure(_whole(given, "frame")),
+            self._settings(given, simulation),
+            *(_whole(given, name) for name in "uv"),
+        )
         name, values = (None, None) if found is None else found
         return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
 
@@ -72,7 +89,7 @@ class Routes:
         """Writes the sensor under the settings as a model. Returns its path and the command that simulates it."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
-        model, remark = saved_model(source.exposure(_frame(given)), self._settings(given, simulation))
+        model, remark = saved_model(source.exposure(_whole(given, "frame")), self._settings(given, simulation))
         with free_name(self._save_as) as path:
             write_model(path, model)
         return packed({"path": str(path), "remark": remark})
@@ -89,7 +106,9 @@ class Routes:
             self._newest.pop(next(iter(self._newest)))
         is_wanted = lambda: self._newest.get(page, serial) <= serial  # noqa: E731
         try:
-            taken = simulation.picture(source.exposure(_frame(given)), settings, bool(given.get("is_draft")), is_wanted)
+            taken = simulation.picture(
+                source.exposure(_whole(given, "frame")), settings, bool(given.get("is_draft")), is_wanted
+            )
         except Superseded:
             return packed({"superseded": True})
         return _answer(taken)
@@ -105,14 +124,6 @@ def _simulation(source: Any) -> Simulation:
     return found
 
 
-def _frame(given: Mapping[str, Any]) -> int:
-    return _whole(given, "frame")
-
-
-def _pixel(given: Mapping[str, Any]) -> tuple[int, int]:
-    return _whole(given, "u"), _whole(given, "v")
-
-
 def _whole(given: Mapping[str, Any], name: str) -> int:
     value = given.get(name)
     if isinstance(value, bool) or not isinstance(value, int):
@@ -121,9 +132,59 @@ def _whole(given: Mapping[str, Any], name: str) -> int:
 
 
 def _answer(pictures: Pictures) -> bytes:
-    facts = {
-        "exposure_s": pictures.exposure_s,
-        "gain": pictures.gain,
-        "render_s": pictures.render_s,
-    }
+    facts = {name: getattr(pictures, name) for name in ("exposure_s", "gain", "render_s")}
     return packed(facts, pictures.images())
+
+
+def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:
+    """One answer. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no value."""
+    arrays, parts, size = {}, [], 0
+    for name, image in (images or {}).items():
+        data = np.ascontiguousarray(image).astype(image.dtype.newbyteorder("<"), copy=False).tobytes()
+        arrays[name] = [image.dtype.name, *image.shape, size]
+        parts.append(data + b"\0" * (-len(data) % _ALIGNMENT))
+        size += len(parts[-1])
+    text = json.dumps(finite({**content, "arrays": arrays}), allow_nan=False, separators=(",", ":")).encode()
+    text += b" " * (-(4 + len(text)) % _ALIGNMENT)
+    return b"".join([struct.pack("<I", len(text)), text, *parts])
+
+
+def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, str]:
+    """The model, and the settings that it cannot hold without a rig or a fitted projector, as options of simulate;
+    empty if it holds all."""
+    config, model = settings.applied(deepcopy(exposure.config), exposure.model)
+    remarks = []
+    if model.rig is not None:
+        rig = replace(model.rig, exposure_s=config.ir_camera_exposure, gain=config.ir_camera_gain)
+        model = replace(model, rig=rig)
+    else:
+        remarks += [] if settings.exposure_s is None else [f"--ir-exposure {settings.exposure_s:g}"]
+        remarks += [] if settings.gain is None else [f"in Python config.ir_camera_gain = {settings.gain:g}"]
+    if settings.laser_power_mw is not None:
+        known = model.nuisances.get(_POWER)
+        if known is None:
+            remarks.insert(0, f"--laser-power {settings.laser_power_mw:g}")
+        else:
+            share = settings.laser_power_mw / config.laser_power_nominal_mw
+            scaled = Quantity(share * known.value, unit=NUISANCES[_POWER][0], source=BY_HAND)
+            model = replace(model, nuisances={**model.nuisances, _POWER: scaled})
+    return model, ", ".join(remarks)
+
+
+@contextmanager
+def free_name(path: Path) -> Iterator[Path]:
+    """The path, or if it exists the same with a number: model.json, model-2.json. An empty file reserves the name at
+    once, and is removed if the block fails."""
+    for number in range(1, _MOST_NUMBERS):
+        name = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
+        try:
+            name.touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        try:
+            yield name
+        except BaseException:
+            name.unlink()
+            raise
+        return
+    raise ValueError(f"{path}: there are {_MOST_NUMBERS} files of this name: give another one with --out")

@@ -35,9 +35,10 @@ class SceneSource:
 
     def facts(self) -> dict[str, object]:
         """The left camera for the page's depth and points."""
-        width, height = self._left_config.ir_resolution
+        (width, height), signal = self._left_config.ir_resolution, self._config.ir_signal
+        bits = int(signal.get("bit_depth", 8)) if isinstance(signal, dict) else 8
         return {
-            "kind": "scene", "has_measured": False, "width": width, "height": height, "max_dn": self._max_dn(),
+            "kind": "scene", "has_measured": False, "width": width, "height": height, "max_dn": 2**bits - 1,
             "k": np.ravel(self._left_config.ir_intrinsic).tolist(), "has_depth": True,
             "focal_baseline_px_m": self._left_config.focal_baseline_px_m,
         }  # fmt: skip
@@ -60,10 +61,6 @@ class SceneSource:
         return Exposure(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
 
     # ---- inside ----
-
-    def _max_dn(self) -> int:
-        signal = self._config.ir_signal
-        return 2 ** int(signal.get("bit_depth", 8) if isinstance(signal, dict) else 8) - 1
 
     @computed_once
     def _scene(self) -> kuafu.Scene:

@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""HTTP on the loopback address: the page's own files, and its calls as JSON. A bad request gets one line and costs one
-connection."""
+"""HTTP on the loopback address: the page's own files, and its calls as JSON. Only requests of the page at its own
+address are answered. A bad request gets one line and costs one connection."""
 
 from __future__ import annotations
 
+import hmac
 import json
 import secrets
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from contextvars import copy_context
+from dataclasses import dataclass
+from email.message import Message
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from activestereo.report.page import web_file
-from activestereo.report.view.guard import HOSTS, Guard, Refused
 
 Call = Callable[[dict[str, Any]], bytes]
+HOSTS = ("127.0.0.1", "localhost")
+LARGEST_BODY_BYTES = 1 << 20
+_JSON = "application/json"
 
 # The page's files: {name: (place in report/web, kind)}.
 _FILES = {
@@ -45,6 +50,54 @@ _MOST_CONNECTIONS = 64
 # A render takes seconds, and they are made one after the other: more calls than so many would wait for minutes.
 _MOST_CALLS = 16
 _BUSY = f"this server is busy: it takes {_MOST_CALLS} calls on {_MOST_CONNECTIONS} connections at a time; ask again"
+
+
+class Refused(Exception):
+    """A refused request; the text is one line with the reason."""
+
+    def __init__(self, status: HTTPStatus, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class Guard:
+    """The address of one server: its port, and the token that its paths begin with."""
+
+    port: int
+    token: str
+
+    def inner_path(self, path: str, headers: Message) -> str:
+        """The path below the token, without a query. Refused for another host, token or origin: a page of another
+        origin may send requests here, and a name that it owns may lead here."""
+        hosts = {f"{host}:{self.port}" for host in HOSTS}
+        host = headers.get("Host", "")
+        if host not in hosts:
+            raise Refused(HTTPStatus.FORBIDDEN, f"this server is {HOSTS[0]}:{self.port} and answers to no other name")
+        origin = headers.get("Origin")
+        if origin is not None and origin != f"http://{host}":
+            raise Refused(HTTPStatus.FORBIDDEN, "pages of other origins are not answered")
+        if headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+            raise Refused(HTTPStatus.FORBIDDEN, "pages of other sites are not answered")
+        empty, token, *rest = path.partition("?")[0].split("/")
+        if empty or not rest or not hmac.compare_digest(token.encode("utf-8", "replace"), self.token.encode()):
+            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here: open the whole address that was printed")
+        return "/".join(rest)
+
+    def body_bytes(self, headers: Message) -> int:
+        """The size of a call's body. Refused without an origin, for another kind of content, and without a size or
+        beyond the largest."""
+        if headers.get("Origin") is None:
+            raise Refused(HTTPStatus.FORBIDDEN, "a call needs the header Origin")
+        if headers.get("Content-Type", "").partition(";")[0].strip().lower() != _JSON:
+            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a call's body is {_JSON}")
+        length = headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdecimal() and len(length) <= 9):
+            raise Refused(HTTPStatus.LENGTH_REQUIRED, "a call needs the header Content-Length, a whole number of bytes")
+        if int(length) > LARGEST_BODY_BYTES:
+            most = f"{LARGEST_BODY_BYTES} bytes"
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"the body has {length} bytes, at most {most} are read")
+        return int(length)
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -92,7 +145,13 @@ class _Handler(BaseHTTPRequestHandler):
         super().__init__(*connection)
 
     def do_GET(self) -> None:
-        self._answer(self._file)
+        def file(name: str) -> tuple[bytes, str]:
+            if name not in _FILES:
+                raise Refused(HTTPStatus.NOT_FOUND, "there is no such file")
+            place, kind = _FILES[name]
+            return web_file(place).encode(), kind
+
+        self._answer(file)
 
     def do_POST(self) -> None:
         self._answer(self._call)
@@ -120,12 +179,6 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.INTERNAL_SERVER_ERROR, text, "text/plain")
             return
         self._send(HTTPStatus.OK, content, kind)
-
-    def _file(self, name: str) -> tuple[bytes, str]:
-        if name not in _FILES:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is no such file")
-        place, kind = _FILES[name]
-        return web_file(place).encode(), kind
 
     def _call(self, name: str) -> tuple[bytes, str]:
         body = self.rfile.read(self.server.guard.body_bytes(self.headers))

@@ -15,7 +15,7 @@ from activestereo.common.nearest import unknown
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import Quantity, SensorModel
-from activestereo.model.model import MATERIAL_FIELDS, ModelEffect
+from activestereo.model.model import MATERIAL_FIELDS
 
 # Properties of a surface that have a slider, in its order.
 SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmission")
@@ -61,7 +61,9 @@ class Settings:
         if not self.has_noise:
             config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
             if config.ir_signal is not None:
-                config.ir_signal = _signal(config.ir_signal) | dict.fromkeys(_NOISE, 0.0)
+                signal = config.ir_signal
+                own = simsense.signal_preset(signal) if isinstance(signal, str) else signal  # type: ignore[arg-type]
+                config.ir_signal = own | dict.fromkeys(_NOISE, 0.0)
         return config, self.in_model(model)
 
     def in_model(self, model: SensorModel) -> SensorModel:
@@ -71,9 +73,12 @@ class Settings:
             model = replace(model, effects=())
         for name, values in (self.effects or {}).items():
             effect, on = self.library[name], self.surfaces.get(name, ())
-            if name in known and _says(known[name], values, on):  # its intervals and sources stay
-                model = replace(model, effects=(*model.effects, known[name]))
-                continue
+            entry = known.get(name)
+            if entry is not None and entry.surfaces == on:
+                own = effect.values({n: q.value for n, q in entry.parameters.items()})
+                if all(own[n] == value for n, value in values.items()):  # its intervals and sources stay
+                    model = replace(model, effects=(*model.effects, entry))
+                    continue
             units = {p.name: p.unit for p in effect.parameters}
             quantities = {n: Quantity(v, unit=units[n], source=BY_HAND) for n, v in values.items()}
             model = model.with_effect(effect, quantities, on)
@@ -108,7 +113,10 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
             raise ValueError(unknown("effect", name, library))
         values = dict(_object(values, name))
         if SURFACES.name in values:
-            surfaces[name] = _names(name, values.pop(SURFACES.name), material_names)
+            on = values.pop(SURFACES.name)
+            if not isinstance(on, list) or not all(one in material_names for one in on):
+                raise ValueError(f"{name}.{SURFACES.name} is {on!r}, expected a list of {', '.join(material_names)}")
+            surfaces[name] = tuple(on)
         numbers = {n: float(ANY.check(f"{name}.{n}", v)) for n, v in values.items()}
         checked = library[name].values(numbers)
         effects[name] = {n: v for n, v in checked.items() if n != SURFACES.name}
@@ -125,15 +133,6 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
     )
 
 
-def _says(entry: ModelEffect, values: Mapping[str, float], surfaces: tuple[str, ...]) -> bool:
-    own = entry.effect.values({name: q.value for name, q in entry.parameters.items()})
-    return entry.surfaces == surfaces and all(own[name] == value for name, value in values.items())
-
-
-def _signal(given: str | dict[str, float]) -> dict[str, float]:
-    return simsense.signal_preset(given) if isinstance(given, str) else given  # type: ignore[arg-type]
-
-
 def _surface(name: str, values: Any, material_names: list[str]) -> dict[str, float]:
     if name not in material_names:
         raise ValueError(unknown("material", name, material_names))
@@ -144,12 +143,6 @@ def _surface(name: str, values: Any, material_names: list[str]) -> dict[str, flo
         _, low, high = MATERIAL_FIELDS[key]
         out[key] = float(Limits(low, high).check(f"{name}.{key}", value))
     return out
-
-
-def _names(effect: str, value: Any, material_names: list[str]) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(name in material_names for name in value):
-        raise ValueError(f"{effect}.{SURFACES.name} is {value!r}, expected a list of {', '.join(material_names)}")
-    return tuple(value)
 
 
 def _object(value: Any, name: str) -> dict[str, Any]:

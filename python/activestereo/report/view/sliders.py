@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from activestereo.effects import Effect
-from activestereo.effects.core.descriptor import Parameter
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import SensorModel
 from activestereo.model.model import MATERIAL_FIELDS
@@ -65,14 +64,21 @@ def surface_sliders(values: Mapping[str, float]) -> list[Slider]:
 
 def effect_sliders(effect: Effect) -> list[Slider]:
     """An effect's parameters, at their typical values."""
-    return [_parameter(p) for p in effect.parameters if p.name != SURFACES.name]
+    out = []
+    for p in effect.parameters:
+        if p.name != SURFACES.name:
+            reach, unit = _DEVIATIONS * p.typical, "" if p.unit == "1" else p.unit
+            low, high = max(p.low, p.neutral - reach), min(p.high, p.neutral + reach)
+            out.append(Slider(p.name, p.name.replace("_", " "), unit, p.typical_value, low, high, p.low, p.high))
+    return out
 
 
 def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
     """Every effect that may be added, in words and with its sliders."""
     return [
         {
-            "id": effect.id, "family": effect.family, "summary": _first_sentence(effect.summary),
+            "id": effect.id, "family": effect.family,
+            "summary": " ".join(effect.summary.split()).partition(". ")[0].removesuffix(".") + ".",
             "on_surfaces": SURFACES in effect.parameters,
             "sliders": [slider.as_json() for slider in effect_sliders(effect)],
         }
@@ -90,17 +96,6 @@ def present_effects(model: SensorModel) -> dict[str, dict[str, Any]]:
     return out
 
 
-def _first_sentence(text: str) -> str:
-    return " ".join(text.split()).partition(". ")[0].removesuffix(".") + "."
-
-
 def _ratio(name: str, label: str, unit: str, value: float) -> Slider:
     low, high = value / _REACH, value * _REACH
     return Slider(name, label, unit, value, low, high, low, high, is_log=True)
-
-
-def _parameter(p: Parameter) -> Slider:
-    reach = _DEVIATIONS * p.typical
-    low, high = max(p.low, p.neutral - reach), min(p.high, p.neutral + reach)
-    unit = "" if p.unit == "1" else p.unit
-    return Slider(p.name, p.name.replace("_", " "), unit, p.typical_value, low, high, p.low, p.high)
