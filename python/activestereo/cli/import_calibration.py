@@ -16,6 +16,7 @@ from activestereo.cli.arguments import CommandError
 from activestereo.common.lens import is_distorting
 
 if TYPE_CHECKING:
+    from activestereo.capture.capture import Frame
     from activestereo.capture.importers.realsense_folder import FrameFiles
     from activestereo.capture.importers.realsense_text import DeviceText
     from activestereo.compare.camera_order import CameraOrder
@@ -165,13 +166,14 @@ def sides_text(order: CameraOrder) -> str:
     )
 
 
-def missing_text(files: Sequence[FrameFiles], has_poses: bool) -> list[str]:
+def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses: bool) -> list[str]:
     """A text that names the missing parts of a recording, and their use."""
     out = []
     if not any("depth" in entry.files for entry in files):
         out.append("no depth: poses, pattern and albedo cannot be measured from scenes; record the depth stream, too")
     if not has_poses:
-        out.append("no poses: the camera is taken to stand still, once for each folder of frames")
+        count = sum(frame.repeat_group is not None for frame in frames)
+        out.append(f"no poses: {count} of {len(frames)} frames lie on another one of their folder and are its repeats")
     return out
 
 

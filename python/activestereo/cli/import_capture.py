@@ -47,9 +47,9 @@ Makes a capture of a recording. RECORDING is one of
     a capture places objects and holds depth; it tells nothing of noise or dots
 
 The pattern is the sensor preset's nominal one: calibrate pattern measures the
-device's own. Without --poses or --robot the camera stands still, and all frames are
+device's own. Without --poses, frames of one folder whose pictures lie on each other are
 repeats of one view, as calibrate noise and calibrate pattern want them. With --robot,
-frames of equal gripper poses are repeats.
+their gripper poses are equal, too.
 
 example:
   rs-enumerate-devices -c > d435.txt
@@ -222,8 +222,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
     if bag and has_color(args.recording):
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
-    told += [f"missing: {line}" for line in missing_text(files, bool(args.poses or args.robot))]
-    told += [*unused_text(folder, files), *(f"assumed: {line}" for line in assumed)]
+    rest = [*unused_text(folder, files), *(f"assumed: {line}" for line in assumed)]
     with ProgressBar(f"importing {args.recording.name}") as bar:
         capture = import_realsense(
             files,
@@ -238,7 +237,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
             robot=robot,
             progress=bar,
         )
-    return capture, told
+    missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
+    return capture, [*told, *(f"missing: {line}" for line in missing), *rest]
 
 
 def _frame_files(folder: Path, depth_word: str | None) -> list[FrameFiles]:

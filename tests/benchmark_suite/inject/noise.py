@@ -18,8 +18,6 @@ ROUNDING = 1.0 / 12.0  # variance of rounding to whole DN
 _BINS, _FEWEST = 16, 64
 _BLOCK = 4  # of second differences to each side, of which the quietest blocks show the noise
 _QUIET = 0.1
-_SIDE = 8  # of blocks whose means tell noise, which averages out, from a scene that moved
-_MOST_SLOW = 0.25
 
 
 @dataclass(frozen=True)
@@ -35,16 +33,15 @@ class NoiseModel:
 
 
 def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
-    """The noise model from differences of repeats. Without repeats, or where the camera moved between them, it uses the
-    quietest places; texture makes it too high there."""
-    repeats = [
+    """The noise model from differences of repeats; without them, of the quietest places, where texture makes it too
+    high."""
+    pairs = [
         (capture.ir(first, side), capture.ir(second, side))
         for frames in capture.repeats().values()
         for first, second in zip(frames[:-1], frames[1:], strict=True)
         for side in SIDES
         if first.has_infrared and second.has_infrared
     ]
-    pairs = [pair for pair in repeats if _stood_still(*pair)]
     if pairs:
         first, second = (np.concatenate([image.ravel() for image in images]) for images in zip(*pairs, strict=True))
         level, variance, how = (first + second) / 2, (first - second) ** 2 / 2, "repeats"
@@ -54,14 +51,6 @@ def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
         how = "quietest places"
     floor, slope = _line(level - black_dn, variance, capture.rig.max_dn - black_dn, None if pairs else _QUIET)
     return NoiseModel(floor, slope, how)
-
-
-def _stood_still(first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether images differ by noise: blocks' means keep a small share of its variance, and most of a moved scene's."""
-    difference = first.astype(np.float64) - second
-    rows, columns = (length // _SIDE for length in difference.shape)
-    blocks = difference[: rows * _SIDE, : columns * _SIDE].reshape(rows, _SIDE, columns, _SIDE)
-    return bool(blocks.mean(axis=(1, 3)).var() <= _MOST_SLOW * blocks.var())
 
 
 def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

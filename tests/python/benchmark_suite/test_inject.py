@@ -227,18 +227,6 @@ def test_without_repeats_quiet_places_tell_the_noise(tmp_path):
     assert noise_model.variance(np.array(90.0)) == pytest.approx(FLOOR + 1 / 12 + SLOPE * 90.0, rel=0.2)
 
 
-def test_views_that_are_called_repeats_but_moved_tell_no_noise(tmp_path):
-    level = 90.0 + 40.0 * np.sin(np.indices((HEIGHT, WIDTH)).sum(axis=0) / 9.0)
-    wall = write_wall(tmp_path, level)
-    for path in sorted((wall / "left").glob("*.png"))[::2]:
-        write_gray(path, read_gray(path)[:, ::-1].copy())
-    capture = read_capture(wall)
-    assert measured_noise_model(capture, BLACK).measured == "repeats"  # of the right camera, which stood still
-    for path in sorted((wall / "right").glob("*.png"))[::2]:
-        write_gray(path, read_gray(path)[:, ::-1].copy())
-    assert measured_noise_model(read_capture(wall), BLACK).measured == "quietest places"
-
-
 @pytest.mark.parametrize("name", ["blur", "veiling_glare", "vignetting", "radial_distortion"])
 def test_repeats_with_an_effect_of_the_lens_have_the_sensors_noise(ramp, name):
     injection = plan(read_capture(ramp), name, "strong", seed=1, black_dn=BLACK)

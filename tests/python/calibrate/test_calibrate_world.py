@@ -20,7 +20,6 @@ from room_worlds import BALLS, BASELINE_M, CX, CY, EXPONENT, PLACE_M, F, Room
 from activestereo.calibrate.world.camera import information_of
 from activestereo.calibrate.world.light import black_level, light_view
 from activestereo.calibrate.world.pattern import PatternEstimate
-from activestereo.calibrate.world.poses import without_moved_repeats
 from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
@@ -78,17 +77,6 @@ def test_views_from_different_places_are_no_repeats(measured):
     """Differences between views would else be taken for noise, and every model for one at the floor."""
     capture, _ = measured
     assert capture.repeats() == {}
-
-
-def test_frames_of_a_camera_at_rest_stay_repeats(measured):
-    first, second, *_ = measured[0].frames
-    turned = second.camera_to_world
-    nudged = first.camera_to_world @ np.block([[np.eye(3), np.full((3, 1), 5e-5)], [np.zeros(3), 1.0]])
-    poses = {0: first.camera_to_world, 1: turned, 2: nudged, 3: turned, 4: nudged}
-    groups = {0: 7, 1: 7, 2: 7, 3: None, 4: 8}
-    frames = [replace(first, id=k, camera_to_world=pose, repeat_group=groups[k]) for k, pose in poses.items()]
-    found = {f.id: f.repeat_group for f in without_moved_repeats(frames, F, 1.0)}
-    assert found[0] is not None and found == {0: found[0], 1: None, 2: found[0], 3: None, 4: None}
 
 
 def test_the_projector_stands_where_it_is(measured):

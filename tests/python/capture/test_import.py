@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter, shift, uniform_filter
 
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
@@ -54,6 +55,36 @@ def test_a_recording_becomes_a_capture(recording):
     files = sorted(recording.glob("*Depth*"))
     assert np.allclose(capture.depth(capture.frames[2]), read_gray(files[2]) * 0.001)
     assert np.array_equal(capture.ir(capture.frames[1], "right"), read_gray(sorted(recording.glob("*Infrared 2*"))[1]))
+
+
+@pytest.mark.parametrize(
+    ("steps", "groups"),
+    [
+        ((0.0, 0.0, 0.0), (0, 0, 0)),
+        ((0.0, 0.5, 1.0), (None, None, None)),  # pixels by which a hand moves
+        ((0.0, 9.0, 27.0), (None, None, None)),
+        ((0.0, 0.0, 2.0, 2.0, 5.0), (0, 0, 1, 1, None)),
+        ((0.0, None, 0.0, None), (0, 1, 0, 1)),  # the projector blinks
+    ],
+)
+def test_frames_are_repeats_where_their_pictures_lie_on_each_other(recording, tmp_path, capsys, steps, groups):
+    """Noise that neighbours and rows share, and a lamp that flickers, make no difference."""
+    rng, folder = np.random.default_rng(1), tmp_path / "hand"
+    dots = 40.0 * gaussian_filter(rng.normal(size=(96, 160)), 1.6) / 0.18
+    wall = 60.0 + 25.0 * gaussian_filter(rng.normal(size=(96, 160)), 8.0) / 0.035
+    for name in ("left", "right"):
+        (folder / name).mkdir(parents=True)
+        for k, step in enumerate(steps):
+            seen = wall if step is None else shift(wall + np.maximum(dots, 0.0), (0.0, step), mode="nearest")
+            noise = uniform_filter(rng.normal(size=(48, 64)), 2) * 3.0 + rng.normal(size=(48, 1))
+            image = seen[24:72, 48:112] * (1.0 + 0.02 * k) + noise
+            write_gray(folder / name / f"{k:03d}.png", np.rint(np.clip(image, 0, 255)).astype(np.uint8))
+    main(["import", str(folder), "--calibration", str(tmp_path / "d435.txt"), "-o", str(tmp_path / "capture")])
+    capture = read_capture(tmp_path / "capture")
+    assert tuple(frame.repeat_group for frame in capture.frames) == groups
+    count = len(steps) - groups.count(None)
+    said = f"no poses: {count} of {len(steps)} frames lie on another one of their folder and are its repeats"
+    assert said in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(("sensor", "x_m"), [("d415", 0.029), ("d455", 0.047), ("d435", 0.0291)])

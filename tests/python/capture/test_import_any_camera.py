@@ -51,7 +51,7 @@ def test_k_and_baseline_do_without_a_file_of_calibration(recording, capsys, word
     capture = read_capture(recording.parent / "rec")
     assert capture.rig.baseline_m == pytest.approx(0.07) and capture.rig.bit_depth == 8
     assert np.array_equal(capture.rig.right.K, [[300, 0, 211], [0, 301, 119], [0, 0, 1]])
-    assert [frame.repeat_group for frame in capture.frames] == [0, 1]
+    assert [frame.repeat_group for frame in capture.frames] == [None, None]
     assert capture.depth(capture.frames[1])[5, 5] == pytest.approx(1.5)
     assert "2 images are not used, such as view_17/img_depth_own.png" in told
     assert "nominal 5" not in told and "missing: no poses" in told

@@ -23,7 +23,6 @@ from activestereo.calibrate.world.overlaps import (
     surface_of,
 )
 from activestereo.calibrate.world.views import SceneView, points_of
-from activestereo.capture.capture import Frame
 
 _ROUNDS = 12
 _REACH_M = 0.03
@@ -33,8 +32,6 @@ _LEAST_DISTANCE_M = 5e-5
 _BLOCK_PX = 80
 # Of the samples that another view sees, those that lie on no surface of it.
 _MOST_MOVED = 0.15
-# A camera stood still between two frames if their pictures lie on each other to this.
-_STILL_PX = 0.5
 
 
 @dataclass(frozen=True)
@@ -73,24 +70,6 @@ def group_views(
         scene = [new if s == old else s for s in scene]
     groups = [[v for v in range(len(views)) if scene[v] == s] for s in sorted(set(scene))]
     return surfaces, overlaps, sorted(groups, key=len, reverse=True)
-
-
-def without_moved_repeats(frames: Sequence[Frame], f_px: float, distance_m: float) -> list[Frame]:
-    """The frames, each in one repeat group with those that the recording calls its repeats and whose picture of things
-    at distance_m lies where its own does; in none where there are no others. What differs between repeats is noise."""
-    groups: list[list[Frame]] = []
-    for frame in frames:
-        for group in groups if frame.repeat_group is not None else []:
-            moved = np.linalg.inv(group[0].camera_to_world) @ frame.camera_to_world
-            turn = np.arccos(np.clip(0.5 * (np.trace(moved[:3, :3]) - 1.0), -1.0, 1.0))
-            shift_px = f_px * (turn + np.linalg.norm(moved[:3, 3]) / distance_m)
-            if group[0].repeat_group == frame.repeat_group and shift_px < _STILL_PX:
-                group.append(frame)
-                break
-        else:
-            groups.append([frame])
-    number = {f.id: k if len(group) > 1 else None for k, group in enumerate(groups) for f in group}
-    return [replace(f, repeat_group=number[f.id]) for f in frames]
 
 
 def solve_poses(

@@ -22,7 +22,7 @@ from activestereo.calibrate.world.light_steps import Progress, albedo_step, expo
 from activestereo.calibrate.world.pair_geometry import pair_geometry
 from activestereo.calibrate.world.pattern import recover_pattern
 from activestereo.calibrate.world.pictures import poses_picture, write_pictures
-from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses, without_moved_repeats
+from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
 from activestereo.calibrate.world.state import World
 from activestereo.calibrate.world.views import read_views
 from activestereo.capture.capture import SIDES, Frame, read_capture
@@ -128,11 +128,9 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
     world.poses = estimate
     world.pictures["poses"] = poses_picture(*world.scene_views(), world.K)
     pose_of = {world.views[i].frame.id: p for i, p in zip(group, estimate.view_to_world, strict=True)}
-    posed = [replace(f, camera_to_world=pose_of[f.id]) for f in world.capture.frames if f.id in pose_of]
-    nearest = min(float(np.median(view.depth_m[view.depth_m > 0])) for view in world.scene_views()[0])
-    frames = tuple(without_moved_repeats(posed, world.K[0, 0], nearest))
     others = sorted(f.id for f in world.capture.frames if f.id not in pose_of)
-    world.capture = replace(world.capture, frames=frames)
+    posed = tuple(replace(f, camera_to_world=pose_of[f.id]) for f in world.capture.frames if f.id in pose_of)
+    world.capture = replace(world.capture, frames=posed)
     sd = _Z90 * np.sqrt(np.diag(covariance)).reshape(-1, 6)[1:].max(axis=0)
     line = (
         f"poses: {len(group)} views of one scene, {1e3 * estimate.distance_m:.2f} mm from each other's planes in the "

@@ -10,7 +10,7 @@ noise and no dots.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.capture.importers.repeats import repeat_groups
 from activestereo.capture.write import write_capture
 
 
@@ -78,7 +79,6 @@ def write_color_depth(
     tell = progress or (lambda fraction: None)
     width, height = image_size(recording.frames[0].depth, "depth")
     color = recording.color or ColorCamera(width, height, recording.K)
-    still = all(frame.camera_to_world is None for frame in recording.frames)
     frames, depths, colors = [], {}, {}
     for number, entry in enumerate(recording.frames):
         depth = read_gray(entry.depth, (width, height), "depth")
@@ -89,10 +89,14 @@ def write_color_depth(
             colors[number] = read_color(entry.color, (color.width, color.height), "color")
         pose = np.eye(4) if entry.camera_to_world is None else entry.camera_to_world
         frames.append(Frame(
-            number, None, None, entry.time_s, 0.008, pose, "train", repeat_group=0 if still else None,
-            depth_path=entry.depth, depth_scale=entry.depth_scale, color_path=entry.color,
+            number, None, None, entry.time_s, 0.008, pose, "train", depth_path=entry.depth,
+            depth_scale=entry.depth_scale, color_path=entry.color,
         ))  # fmt: skip
         tell((number + 1) / len(recording.frames))
+    if all(frame.camera_to_world is None for frame in recording.frames):
+        seen = [colors[k][..., 1] if k in colors else depths[k] for k in depths]
+        groups = repeat_groups(seen, [k in colors for k in depths])
+        frames = [replace(frame, repeat_group=group) for frame, group in zip(frames, groups, strict=True)]
     camera = Camera(width, height, recording.K)
     left_to_right, left_to_projector = np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[:3, 3] = -baseline_m, -np.array(projector_in_left_m)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.capture.importers.realsense_text import DeviceText
+from activestereo.capture.importers.repeats import repeat_groups
 from activestereo.capture.importers.trajectory import pose_at
 from activestereo.capture.write import write_capture
 
@@ -47,8 +48,8 @@ class RobotPoses:
     camera_to_gripper: NDArray[np.float64]
 
     def at(self, left: Path) -> tuple[NDArray[np.float64], int]:
-        """(gripper_to_base, repeat group) of a frame. Frames of one pose are repeats. Raises ValueError if the frame is
-        not listed."""
+        """(gripper_to_base, number of the place) of a frame. Frames of one pose are of one place. Raises ValueError if
+        the frame is not listed."""
         if left.stem not in self.gripper_to_base:
             raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
         pose = self.gripper_to_base[left.stem]
@@ -199,7 +200,8 @@ def import_realsense(
     files: from frame_files(). 16-bit images with no pixel above 255 are stored in 8 bits. pattern: uint8, the device's
     nominal one, with matrix pattern_K; projector_in_left_m: its nominal place in the left camera's frame. depth_scale:
     metres per unit of the depth images. scene: a glTF file, None for an empty one. trajectory: camera poses over
-    seconds; robot: poses of a gripper that carries the camera. Without either all frames are repeats of one view.
+    seconds; robot: poses of a gripper that carries the camera. Without a trajectory, frames of one folder (and one
+    pose of the gripper) whose pictures lie on each other are repeats.
     """
     tell = progress or (lambda fraction: None)
     first = read_gray(files[0].files["left"], key="Infrared 1")
@@ -211,7 +213,7 @@ def import_realsense(
             f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected '
             "below 0: left and right are swapped"
         )
-    images, depths, colors, frames = {}, {}, {}, []
+    images, depths, colors, frames, views = {}, {}, {}, [], []
     color = _color_camera(files, device)
     for number, entry in enumerate(files):
         for side in ("left", "right"):
@@ -230,8 +232,13 @@ def import_realsense(
                 )
         if color is not None and "color" in entry.files:
             colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
-        frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory, robot))
+        frame, view = _frame(number, entry, exposure_s, depth_scale, trajectory, robot)
+        frames.append(frame)
+        views.append(view)
         tell((number + 1) / len(files))
+    if trajectory is None:
+        groups = repeat_groups([images[k, "left"] for k in range(len(files))], views)
+        frames = [replace(frame, repeat_group=group) for frame, group in zip(frames, groups, strict=True)]
     is_byte = all(image.max() <= 255 for image in images.values())
     if is_byte:
         images = {key: image.astype(np.uint8) for key, image in images.items()}
@@ -256,24 +263,20 @@ def _color_camera(files: list[FrameFiles], device: DeviceText) -> ColorCamera | 
 
 
 def _frame(
-    number: int,
-    entry: FrameFiles,
-    exposure_s: float,
-    depth_scale: float | None,
-    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
-    robot: RobotPoses | None,
-) -> Frame:
+    number: int, entry: FrameFiles, exposure_s: float, depth_scale: float | None,
+    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None, robot: RobotPoses | None,
+) -> tuple[Frame, tuple[int, int]]:  # fmt: skip
+    """(a frame without its repeat group, a key of its folder and the robot's place)."""
     time = 1e-3 * entry.number if entry.number > LEAST_TIME_MS else float(number) / 30.0
-    pose, group, gripper_to_base = np.eye(4), None if trajectory is not None else entry.view, None
+    pose, place, gripper_to_base = np.eye(4), 0, None
     if trajectory is not None:
         pose = pose_at(*trajectory, time, str(entry.files["left"]))
     elif robot is not None:
         gripper_to_base, place = robot.at(entry.files["left"])
-        group = place + entry.view * len(robot.gripper_to_base)
         pose = gripper_to_base @ robot.camera_to_gripper
-    return Frame(
+    frame = Frame(
         number, entry.files["left"], entry.files["right"], time, exposure_s, pose, "train",
-        projector_power=float(entry.projector_on), repeat_group=group,
-        depth_path=entry.files.get("depth"), depth_scale=depth_scale,
+        projector_power=float(entry.projector_on), depth_path=entry.files.get("depth"), depth_scale=depth_scale,
         color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
     )  # fmt: skip
+    return frame, (entry.view, place)
