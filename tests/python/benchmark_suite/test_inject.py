@@ -17,7 +17,6 @@ from inject.inject import plan, write_injected
 from inject.kinds import KINDS, STRENGTHS
 from inject.noise import measured_noise_model
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
-from activestereo.capture.images import read_gray, write_gray
 from activestereo.capture.write import write_capture
 from activestereo.effects import builtin
 

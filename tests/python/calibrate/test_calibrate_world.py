@@ -15,11 +15,12 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "shared"))
 
-from room_worlds import BALLS, BASELINE_M, CX, CY, EXPONENT, PLACE_M, F, Room
+from room_worlds import BALLS, BASELINE_M, CX, CY, EXPONENT, HEIGHT, PLACE_M, WIDTH, F, Room
 
 from activestereo.calibrate.world.camera import information_of
 from activestereo.calibrate.world.light import black_level, light_view
 from activestereo.calibrate.world.pattern import PatternEstimate
+from activestereo.calibrate.world.poses import group_views
 from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
@@ -122,6 +123,7 @@ def test_the_held_out_view_is_no_part_of_the_scene(measured):
         ("foreign depth", "depth does not belong to the pair"),
         ("no overlap", "no two of its 2 views overlap"),
         ("a scene that moves", "the scene moves|no two of its 2 views overlap"),
+        ("one place", "its 2 views look the same way from one place: turn the camera by 10 to 30 degrees"),
         ("saturated", "is saturated"),
         ("dots off", "no dots"),
     ],
@@ -135,6 +137,8 @@ def test_what_cannot_be_measured_is_refused(tmp_path, what, said):
     if what == "a scene that moves":
         moved = [((x + 0.12, y - 0.1, z - 0.15), r * 1.15) for (x, y, z), r in BALLS]
         room = Room(turns_deg=((0, 0), (3, 0)), exposures=(1.0, 1.0), balls={1: moved})
+    if what == "one place":
+        room = Room(turns_deg=((0, 0), (0.5, 0)), exposures=(1.0, 1.0))
     if what == "saturated":
         room = Room(turns_deg=((0, 0), (10, 0)), exposures=(40.0, 40.0))
     if what == "dots off":
@@ -152,10 +156,23 @@ def test_what_cannot_be_measured_is_refused(tmp_path, what, said):
         calibrate_world(rec, tmp_path / "capture")
     assert "\n" not in str(caught.value)
     kept = "which could be measured, in" in str(caught.value)
-    assert kept == (what in ("no overlap", "a scene that moves", "dots off")), caught.value
+    assert kept == (what in ("no overlap", "a scene that moves", "one place", "dots off")), caught.value
     assert (tmp_path / "capture").exists() == kept
     if kept:
         assert "camera" in read_capture(tmp_path / "capture").measured
+
+
+def test_gaps_of_dead_dots_that_ride_along_are_no_place(tmp_path):
+    room = Room(turns_deg=((0, 0), (10, 3)), exposures=(1.0, 1.0))
+    views, _ = read_views(read_capture(recording(tmp_path, room)))
+    rng, gaps = np.random.default_rng(0), np.ones((HEIGHT, WIDTH), np.float32)
+    for u, v in rng.uniform(0, (WIDTH, HEIGHT), (1500, 2)).astype(int):
+        cv2.circle(gaps, (int(u), int(v)), 3, 0.3, -1)
+    views = [replace(view, left=view.left * gaps) for view in views]
+    _, overlaps, groups = group_views(views, np.array([[F, 0, CX], [0, F, CY], [0, 0, 1]]))
+    assert groups == [[0, 1]]
+    truth = np.linalg.inv(room.pose(1)) @ room.pose(0)
+    assert np.allclose(overlaps[0].a_to_b, truth, atol=5e-3)
 
 
 def test_one_saturated_view_is_left_out_and_told(tmp_path):

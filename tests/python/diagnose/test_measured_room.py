@@ -2,6 +2,7 @@
 """A room recorded by the very camera that is judged: effects are put into the recording, before it is measured."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -132,6 +133,22 @@ def test_what_is_no_reference_is_refused_in_a_line(capture_with):
     capture = capture_with(nothing)
     with pytest.raises(ValueError, match="is no reference: make it with calibrate world from two or more views"):
         diagnose(capture, reference=[capture.parent / "rec"])
+
+
+@pytest.mark.parametrize(
+    "differs, said", [("dots", "its dots correlate 0.[0-3]"), ("lens", "its focal length is 3[45]")]
+)
+def test_a_session_of_another_unit_is_refused_in_a_line(capture_with, tmp_path, differs, said):
+    other = shutil.copytree(capture_with(nothing), tmp_path / "other")
+    if differs == "dots":
+        path = other / "pattern.png"
+        cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[:, ::-1])
+    else:
+        described = json.loads((other / "capture.json").read_text())
+        described["measured"]["camera"]["f_cx_cy_px"][0] += 10.0
+        (other / "capture.json").write_text(json.dumps(described))
+    with pytest.raises(ValueError, match=f"other: is of another unit than .*: {said}.*: give a session of the same"):
+        diagnose(capture_with(gain), reference=[other])
 
 
 def test_the_plan_is_of_the_recording_at_hand_and_leaves_no_effect_out(capture_with, capsys):

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, points_of
 
 Pose = NDArray[np.float64]
+Features = tuple[NDArray[np.float32], NDArray[np.float32]]
 
-# Dots are finer than this; they ride with the camera and would tell that it never moves.
-_DOTS_PX = 4.0
+# Dots are finer than this; they ride with the camera and would tell that it never moves. So would gaps where dots are
+# dead: where views seem not to overlap, gaps up to this size are closed.
+_DOTS_PX, _GAP_PX = 4.0, 25
 _MOST_FEATURES = 1500
 _RATIO = 0.85
 _LEAST_MATCHES = 12
@@ -30,14 +32,14 @@ _LEAST_SEEN, _LEAST_ON = 0.12, 0.7
 @dataclass(frozen=True)
 class Surface:
     """A view's geometry under a K: points and normals [height][width][3] in its camera's frame, and where they are
-    known; pick: flat indices of random points."""
+    known; pick: flat indices of random points; features: of the images as they are, then with gaps closed."""
 
     view: SceneView
     points: Image
     normals: Image
     known: Mask
     pick: NDArray[np.int64]
-    features: tuple[NDArray[np.float32], NDArray[np.float32]]
+    features: tuple[Features, ...]
 
 
 @dataclass(frozen=True)
@@ -59,35 +61,39 @@ def surface_of(view: SceneView, K: NDArray[np.float64], rng: np.random.Generator
     known[:3], known[-3:], known[:, :3], known[:, -3:] = False, False, False, False
     at = np.flatnonzero(known)
     pick = np.sort(rng.choice(at, min(_SAMPLES, at.size), replace=False))
-    return Surface(view, points, normals_of(points), known, pick, _features(view, points))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_GAP_PX, _GAP_PX))
+    images = view.left, cv2.morphologyEx(view.left, cv2.MORPH_CLOSE, disc)
+    features = tuple(_features(image, points) for image in images)
+    return Surface(view, points, normals_of(points), known, pick, features)
 
 
 def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64]) -> Overlap | None:
     """The Overlap of two surfaces, None where they show different places."""
-    start = _by_features(first, second, K)
-    if start is None:
-        return None
-    overlap = _icp(a, b, first, second, start, K)
-    return overlap if overlap.seen > _LEAST_SEEN and overlap.on > _LEAST_ON else None
+    for here, there in zip(first.features, second.features, strict=True):
+        start = _by_features(here, there, K)
+        overlap = None if start is None else _icp(a, b, first, second, start, K)
+        if overlap is not None and overlap.seen > _LEAST_SEEN and overlap.on > _LEAST_ON:
+            return overlap
+    return None
 
 
-def _features(view: SceneView, points: Image) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _features(image: Image, points: Image) -> Features:
     """(points [n][3] in the camera's frame, SIFT's descriptors) of the image at half size without its dots."""
-    slow = cv2.resize(blurred(view.left, _DOTS_PX), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    image = np.clip(slow * (255.0 / max(float(np.percentile(slow, 99.5)), 1.0)), 0, 255).astype(np.uint8)
+    slow = cv2.resize(blurred(image, _DOTS_PX), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    bright = np.clip(slow * (255.0 / max(float(np.percentile(slow, 99.5)), 1.0)), 0, 255).astype(np.uint8)
     keys, described = cv2.SIFT_create(_MOST_FEATURES, contrastThreshold=0.01).detectAndCompute(
-        cv2.createCLAHE(3.0, (8, 8)).apply(image), None
+        cv2.createCLAHE(3.0, (8, 8)).apply(bright), None
     )
     if not keys:
         return np.zeros((0, 3), np.float32), np.zeros((0, 128), np.float32)
     at = np.rint(2.0 * np.array([key.pt for key in keys])).astype(int)
-    at = np.clip(at, 0, np.array(view.left.shape[::-1]) - 1)
+    at = np.clip(at, 0, np.array(image.shape[::-1]) - 1)
     place = points[at[:, 1], at[:, 0]]
     return place[place[:, 2] > 0], described[place[:, 2] > 0]
 
 
-def _by_features(first: Surface, second: Surface, K: NDArray[np.float64]) -> Pose | None:
-    (here, a), (there, b) = first.features, second.features
+def _by_features(first: Features, second: Features, K: NDArray[np.float64]) -> Pose | None:
+    (here, a), (there, b) = first, second
     if min(len(a), len(b)) < _LEAST_MATCHES:
         return None
     pairs = cv2.BFMatcher().knnMatch(a, b, k=2)

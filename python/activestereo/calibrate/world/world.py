@@ -35,6 +35,8 @@ _OF_SURFACES = ("camera", "poses")
 # Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
 _HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
 _LEAST_ON = 0.85
+# The camera has turned where the picture moves by this share of its width: else the lens's falloff stays untold.
+_LEAST_TURN = 0.02
 _Z90 = 1.645
 
 
@@ -90,7 +92,7 @@ def _camera(world: World, seed: int, folder: Path, progress: Progress) -> None:
     if estimate is None:
         estimate = CameraEstimate(
             np.array([rig.left.K[0, 0], rig.left.K[0, 2], rig.left.K[1, 2]]), np.diag([np.inf] * 3), "nominal",
-            "camera: nominal: no two views overlap and fewer than 4 show a chessboard",
+            "camera: nominal: no two views overlap and differ, and fewer than 4 show a chessboard",
         )  # fmt: skip
     shift = estimate.K - rig.left.K
     left = replace(rig.left, K=estimate.K)
@@ -124,6 +126,14 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
                 f"{world.where}: the scene moves: {100 * (1 - overlap.on):.0f} % of what frames {a} and {b} both see "
                 "lies elsewhere: record a static scene, or leave one of them out"
             )
+    nearest = min(float(np.median(world.views[i].depth_m[world.views[i].depth_m > 0])) for i in group)
+    if max(_turn(overlap.a_to_b, nearest) for overlap in estimate.overlaps) * world.K[0, 0] < (
+        _LEAST_TURN * world.views[0].left.shape[1]
+    ):
+        raise ValueError(
+            f"{world.where}: its {len(group)} views look the same way from one place: turn the camera by 10 to 30 "
+            "degrees between views, or move it"
+        )
     covariance = _with_camera(world, group, estimate)
     world.poses = estimate
     world.pictures["poses"] = poses_picture(*world.scene_views(), world.K)
@@ -144,6 +154,12 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
         "distance_m": estimate.distance_m,
     }
     world.note("poses", values, line)
+
+
+def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
+    """The angle, rad, by which a motion moves things at a distance."""
+    turn = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
+    return float(turn + np.linalg.norm(pose[:3, 3]) / distance_m)
 
 
 def _with_camera(world: World, group: Sequence[int], poses: PoseEstimate) -> NDArray[np.float64]:
