@@ -8,7 +8,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import blur_along
+from activestereo.effects.core.resample import BlurAlong
 from activestereo.effects.core.surfaces import SURFACES, on_surfaces
 from activestereo.effects.core.view import View
 
@@ -98,10 +98,10 @@ def _wandered(
         return np.zeros((2, *view.shape), light.direct.dtype)
 
     def spread() -> np.ndarray:
-        across, down = (length_m * per_m for per_m in view.once("pixels per metre below", lambda: _pixels_per_m(view)))
+        across, down = view.once("blurs below", lambda: tuple(map(BlurAlong, _pixels_per_m(view), (-1, -2))))
         lit = light.flat > _LEAST_LIT * light.flat.max()
         entered = np.stack([np.where(lit, light.direct / np.where(lit, light.flat, 1.0), 0.0), lit]).astype(np.float32)
-        blurred = (blur_along(blur_along(entered, width * across, -1), width * down, -2) for _, width in profile)
+        blurred = (down(across(entered, width * length_m), width * length_m) for _, width in profile)
         return np.sum([weight * image for (weight, _), image in zip(profile, blurred, strict=True)], axis=0)
 
     choice = length_m, profile is _WITH_CORE

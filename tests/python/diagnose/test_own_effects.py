@@ -43,11 +43,16 @@ def renderer(lab_world):
 
 
 @pytest.fixture(scope="module")
-def diagnosis(lab_world, renderer, lab_cache, tmp_path_factory):
+def words():
+    return []
+
+
+@pytest.fixture(scope="module")
+def diagnosis(lab_world, renderer, lab_cache, tmp_path_factory, words):
     folder = altered(lab_world, tmp_path_factory.mktemp("own") / "capture", shaded)
     own = {e.id: e for e in (mine_shading, mine_idle)}
     effects = {"gain_mismatch": builtin()["gain_mismatch"]} | own
-    return diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache)
+    return diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache, says=words.append)
 
 
 def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
@@ -63,6 +68,12 @@ def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
     text = " ".join(diagnosis_screen(result, [], Path("report.html"), "", True).split())
     assert "one effect: mine_shading (my lens is dark)" in text
     assert all(f"yours: {why}" in text for why in own.values())
+
+
+def test_own_effects_are_ranked_by_their_scores_before_anything_is_fitted(diagnosis, words):
+    ranks = [line for line in words if " ranks " in line]
+    assert words[0].startswith("looks like") and words[1 : 1 + len(ranks)] == ranks
+    assert ranks[0].startswith("mine_shading ranks 1 of ") and "gain_mismatch" not in " ".join(ranks)
 
 
 def test_the_report_of_a_diagnosis_needs_no_render(diagnosis, renderer, tmp_path, monkeypatch):

@@ -31,7 +31,7 @@ from activestereo.diagnose.search.selection import Candidate, by_chance, candida
 from activestereo.diagnose.search.tone import is_response, with_any_curve
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
-from activestereo.effects import Effect, Model, Stage
+from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.judging import Channel
 
 # Effects that are fitted are the best few, and gain this part of the best by their lines; a fit gains at most so many
@@ -203,7 +203,7 @@ class Search:
         seen = scores(linear, columns)
         found = candidates(atoms, seen)
         if found and not self._rounds:
-            self._says(f"looks like {', '.join(list(found)[:3])}")
+            self._say_first_words(found)
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
@@ -240,6 +240,15 @@ class Search:
         else:
             self._take_draws(named.field)
         return True
+
+    def _say_first_words(self, found: Mapping[str, Candidate]) -> None:
+        """The likeliest effects by their scores, and the rank of each of a user's own."""
+        self._says(f"looks like {', '.join(list(found)[:3])}")
+        best = max(c.gain for c in found.values())
+        for rank, (name, c) in enumerate(found.items(), 1):
+            if builtin().get(name) is not c.best.atom.effect:
+                shares = f"{100 * c.gain / self._chi2:.1f} % of the error, the best one {100 * best / self._chi2:.1f} %"
+                self._says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self) -> float:
         """The fall of chi2 that a name needs."""

@@ -42,14 +42,14 @@ class Scores:
 
     def of(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix, Matrix]:
         """(information [c][c], score [c], score by place [c][blocks]) of columns, on some surfaces."""
-        groups = list(range(len(self.gram)))
+        groups: slice | list[int] = slice(None)
         if surfaces is not None:
             groups = [g for g, number in enumerate(self.surfaces) if number in surfaces]
-        X = self.cross[groups][:, :, columns].sum(0)
+        X = self.cross[:, :, columns][groups].sum(0)
         G = self.inverse @ X
-        information = self.gram[groups][:, columns, columns].sum(0) - X.T @ G
-        blocks = self.by_block[groups][:, columns].sum(0) - G.T @ self.nuisance_by_block
-        return information, self.moment[groups][:, columns].sum(0), blocks
+        information = self.gram[:, columns, columns][groups].sum(0) - X.T @ G
+        blocks = self.by_block[:, columns][groups].sum(0) - G.T @ self.nuisance_by_block
+        return information, self.moment[:, columns][groups].sum(0), blocks
 
 
 def scores(linear: Linear, columns: Columns) -> Scores:

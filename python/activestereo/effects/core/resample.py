@@ -21,8 +21,8 @@ from activestereo.common.computed_once import computed_once
 _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
 # A blur's kernel ends where so many of its deviations, and a pixel, are passed.
 _REACH = 4.0
-# A blur by less shows nothing.
-_LEAST_SIGMA_PX = 0.05
+# A blur by less shows nothing; nor does one by this share of an image's widest.
+_LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
 # Stamps that reach no farther are laid over a pattern with so much room around it.
 _LEAST_ROOM_PX = 8
 
@@ -137,37 +137,56 @@ def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
         return blur(images, float(np.sqrt(low)))
     levels = np.linspace(low, high, _MAX_LEVELS)
     position = (variance - low) / (high - low) * (_MAX_LEVELS - 1)
-    return _between_levels(images, position, [2 * [_kernel(float(np.sqrt(level)))] for level in levels])
+    kernels = [2 * [_kernel(float(np.sqrt(level)))] for level in levels]
+    return _between_levels(images, _weights(position, _MAX_LEVELS), kernels)
 
 
-def blur_along(images: np.ndarray, sigma_px: np.ndarray, axis: int) -> np.ndarray:
-    """blur() along one axis of the image, -1 (columns) or -2 (rows), by an image of sigma in pixels.
+class BlurAlong:
+    """blur() along one axis of an image, -1 (columns) or -2 (rows), by an image of sigma times a number.
 
     Its uniform blurs are a constant ratio of variances apart, twice where their number allows: between equal steps a
     narrow blur beside the widest would keep a core.
     """
-    variance = np.maximum(np.asarray(sigma_px, dtype=np.float64), _LEAST_SIGMA_PX) ** 2
-    low, high = variance.min(), variance.max()
-    count = min(2 + int(np.log2(high / low)), _MAX_RATIO_LEVELS)
-    levels = np.unique(np.geomspace(low, high, count))
-    position = np.interp(variance, levels, np.arange(len(levels)))
-    kernels = [[_kernel(np.sqrt(level)), np.ones(1)] for level in levels]
-    return _between_levels(images, position, kernels if axis == -1 else [pair[::-1] for pair in kernels])
+
+    def __init__(self, sigma: np.ndarray, axis: int) -> None:
+        variance = np.maximum(np.asarray(sigma, dtype=np.float64), _LEAST_SHARE * np.max(sigma)) ** 2
+        low, high = variance.min(), variance.max()
+        levels = np.unique(np.geomspace(low, high, min(2 + int(np.log2(high / low)), _MAX_RATIO_LEVELS)))
+        self._sigmas, self._axis = np.sqrt(levels), axis
+        self._weights = _weights(np.interp(variance, levels, np.arange(len(levels))), len(levels))
+
+    def __call__(self, images: np.ndarray, times: float) -> np.ndarray:
+        """Images [..., height][width] under sigma * times pixels."""
+        if times * self._sigmas[-1] < _LEAST_SIGMA_PX:
+            return images
+        kernels = [[_kernel(times * sigma), np.ones(1)][:: 1 if self._axis == -1 else -1] for sigma in self._sigmas]
+        return _between_levels(images, self._weights, kernels)
 
 
-def _between_levels(images: np.ndarray, position: np.ndarray, kernels: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Images under the kernels, linear between those of one number and the next by position [height][width]. A kernel
-    looks at the rows that want it: what is near stands low in most images."""
-    out = np.zeros(images.shape, np.result_type(images, np.float32))
-    position = position.astype(out.dtype)
-    for i, (kernel_u, kernel_v) in enumerate(kernels):
-        weight = np.maximum(1.0 - np.abs(position - out.dtype.type(i)), 0.0)
+_Weights = list[tuple[slice, np.ndarray]]
+
+
+def _weights(position: np.ndarray, levels: int) -> _Weights:
+    """The rows that want each level, and its weight there: linear between whole positions [height][width]."""
+    out, position = [], position.astype(np.float32)
+    for i in range(levels):
+        weight = np.maximum(1.0 - np.abs(position - np.float32(i)), 0.0)
         wanted = np.flatnonzero(weight.any(axis=1))
-        if wanted.size:
-            rows, reach = slice(wanted[0], wanted[-1] + 1), len(kernel_v) // 2
+        rows = slice(wanted[0], wanted[-1] + 1) if wanted.size else slice(0)
+        out.append((rows, weight[rows]))
+    return out
+
+
+def _between_levels(images: np.ndarray, weights: _Weights, kernels: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
+    """Images under the kernels, by their weights. A kernel looks at the rows that want it: what is near stands low in
+    most images."""
+    out = np.zeros(images.shape, np.result_type(images, np.float32))
+    for (rows, weight), (kernel_u, kernel_v) in zip(weights, kernels, strict=True):
+        if len(weight):
+            reach = len(kernel_v) // 2
             first = max(rows.start - reach, 0)
             blurred = _along_both(images[..., first : rows.stop + reach, :], kernel_u, kernel_v)
-            out[..., rows, :] += blurred[..., rows.start - first : rows.stop - first, :] * weight[rows]
+            out[..., rows, :] += blurred[..., rows.start - first : rows.stop - first, :] * weight
     return out
 
 
