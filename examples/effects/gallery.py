@@ -13,7 +13,7 @@ from activestereo.common.output_files import replace_file
 from activestereo.compare.effect_strip import StripWorld
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.effects import builtin
-from activestereo.report.strip_figure import strip_figure
+from activestereo.report.strips import strip_figure
 
 HEAD = """# Effects in pictures
 

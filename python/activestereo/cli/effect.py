@@ -94,8 +94,7 @@ def run_show(args: argparse.Namespace) -> None:
     from activestereo.compare.effect_strip import StripWorld
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.report.lettering import write_figure
-    from activestereo.report.strip_figure import strip_figure
-    from activestereo.report.strip_page import strip_page
+    from activestereo.report.strips import strip_figure, strip_page
 
     check_out_file(args.out)
     chosen = _chosen(args.effects)

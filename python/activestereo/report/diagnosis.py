@@ -8,8 +8,7 @@ from typing import Any
 
 from activestereo.common.html_table import table, text
 from activestereo.diagnose.answer.verdict_words import alike, error_text
-from activestereo.report.depth_parts import split_sentences
-from activestereo.report.diagnosis_text import EXPLAINS_WORDS, FLOOR_WORDS, NATS_WORDS, parameter_text
+from activestereo.report.diagnosis_text import EXPLAINS_WORDS, FLOOR_WORDS, NATS_WORDS, parameter_text, split_sentences
 from activestereo.report.models import ROWS
 from activestereo.report.page import section, share_bar
 

@@ -28,12 +28,12 @@ from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.error_words import what_is_missed
 from activestereo.report.explorer import explorer_section
 from activestereo.report.first_screen import comparison_first_screen, first_screen
-from activestereo.report.found_strips import found_strips
 from activestereo.report.lettering import write_figure
 from activestereo.report.models import model_images
 from activestereo.report.page import page
 from activestereo.report.screen import Step
 from activestereo.report.sheet import comparison_figure
+from activestereo.report.strips import found_strips
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,7 +12,9 @@ that names none. activestereo.scene_io.bodies puts bodies into environments.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from math import prod
 from os import PathLike
 from types import TracebackType
@@ -28,7 +30,6 @@ from activestereo.common.limits import POWER
 from activestereo.common.pose import PoseLike, as_matrix, pose_fault
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
-from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.mounts import HasPoses, Places, raise_broken, raise_faults
@@ -36,6 +37,54 @@ from activestereo.sensor.result_memory import JoinedResults
 from activestereo.sensor.results import SensorResults
 
 _Result = TypeVar("_Result")
+
+
+class Devices:
+    """A thread for each device, if there are several. names: each device's name in errors."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = list(names)
+        self._threads = ThreadPoolExecutor(len(names), "device") if len(names) > 1 else None
+
+    def each(self, call: Callable[[int], _Result]) -> list[_Result]:
+        """Runs call(number of the device) on all devices at once; after close() one after another. Raises an error
+        after all have ended."""
+        if self._threads is None:
+            return [call(k) for k in range(len(self._names))]
+        running = [self._threads.submit(call, k) for k in range(len(self._names))]
+        try:
+            wait(running)
+        finally:
+            wait(running)  # an interrupt leaves no call under way
+        errors: list[BaseException] = []
+        for one, name in zip(running, self._names, strict=True):
+            if (error := one.exception()) is not None:
+                if sys.version_info >= (3, 11):
+                    error.add_note(name)
+                errors.append(error)
+        if errors:
+            raise errors[0]
+        return [one.result() for one in running]
+
+    def join(self, images: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Joins the devices' images [environments, ...] in one array: their common memory, or a copy."""
+        if len(images) == 1:
+            return images[0]
+        shape, dtype = (sum(len(image) for image in images), *images[0].shape[1:]), images[0].dtype
+        common = images[0].base
+        if isinstance(common, np.ndarray) and (common.shape, common.dtype) == (shape, dtype):
+            if all(image.base is common for image in images):
+                return common
+        whole = np.empty(shape, dtype)
+        targets = np.split(whole, np.cumsum([len(image) for image in images])[:-1])
+        self.each(lambda k: np.copyto(targets[k], images[k]))
+        return whole
+
+    def close(self) -> None:
+        """Ends the threads."""
+        self._threads, threads = None, self._threads
+        if threads is not None:
+            threads.shutdown()
 
 
 class StereoDepthSensorBatch(SensorResults):

@@ -12,7 +12,7 @@ from activestereo.benchmarks.realism.measures import statistics
 from activestereo.benchmarks.realism.measures import depth_measures
 from activestereo.benchmarks.realism.methods import fitted_light
 from activestereo.benchmarks.realism.measures import PATCH_PX, planar_patches
-from activestereo.benchmarks.realism.views import RealView
+from activestereo.benchmarks.realism.methods import RealView
 
 _FB_PX_M, _SIZE = 50.0, (192, 288)
 

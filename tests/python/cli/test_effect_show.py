@@ -9,7 +9,7 @@ from activestereo.cli import main
 from activestereo.compare import effect_strip
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.effects import Stage, builtin
-from activestereo.report.strip_page import strip_page
+from activestereo.report.strips import strip_page
 from chromium import Page, is_installed
 
 BLACK_DN = 5.0

@@ -21,8 +21,7 @@ from activestereo.benchmarks.realism.measures import (
     infrared_measures,
     planar_patches,
 )
-from activestereo.benchmarks.realism.methods import METHODS, Simulated, simulated
-from activestereo.benchmarks.realism.views import RealView, real_views
+from activestereo.benchmarks.realism.methods import METHODS, RealView, Simulated, real_views, simulated
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text

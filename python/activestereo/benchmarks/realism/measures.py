@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.realism.views import RealView
+from activestereo.benchmarks.realism.methods import RealView
 from activestereo.common.accuracy import is_invented
 
 Map = NDArray[np.float32]

@@ -12,7 +12,7 @@ import mani_skill.envs.sapien_env
 import mani_skill.sensors.depth_camera
 
 from activestereo.integrations.mani_skill.camera import StereoDepthCamera as StereoDepthCamera
-from activestereo.integrations.mani_skill.config import StereoDepthCameraConfig as StereoDepthCameraConfig
+from activestereo.integrations.mani_skill.camera import StereoDepthCameraConfig as StereoDepthCameraConfig
 from activestereo.integrations.mani_skill.world import ManiSkillWorld as ManiSkillWorld
 
 mani_skill.envs.sapien_env.StereoDepthCamera = StereoDepthCamera

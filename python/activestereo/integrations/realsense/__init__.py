@@ -4,16 +4,6 @@
 from typing import NoReturn
 
 from activestereo.integrations.realsense.camera import LATENCY_MS, World
-from activestereo.integrations.realsense.cloud import align, colorizer, pointcloud, points, save_to_ply
-from activestereo.integrations.realsense.device import (
-    context,
-    depth_sensor,
-    device,
-    device_list,
-    rs400_advanced_mode,
-    sensor,
-    simulate,
-)
 from activestereo.integrations.realsense.enums import (
     camera_info,
     distortion,
@@ -25,10 +15,15 @@ from activestereo.integrations.realsense.enums import (
     timestamp_domain,
 )
 from activestereo.integrations.realsense.filters import (
+    align,
+    colorizer,
     decimation_filter,
     disparity_transform,
     filter,
     hole_filling_filter,
+    pointcloud,
+    points,
+    save_to_ply,
     spatial_filter,
     temporal_filter,
     threshold_filter,
@@ -37,25 +32,30 @@ from activestereo.integrations.realsense.frames import (
     composite_frame,
     depth_frame,
     disparity_frame,
-    frame,
-    stream_profile,
-    video_frame,
-    video_stream_profile,
-)
-from activestereo.integrations.realsense.geometry import (
     extrinsics,
+    frame,
     intrinsics,
     rs2_deproject_pixel_to_point,
     rs2_project_point_to_pixel,
     rs2_transform_point_to_point,
+    stream_profile,
+    video_frame,
+    video_stream_profile,
 )
 from activestereo.integrations.realsense.options import option_range
 from activestereo.integrations.realsense.pipeline import (
     config,
+    context,
+    depth_sensor,
+    device,
+    device_list,
     frame_queue,
     pipeline,
     pipeline_profile,
     pipeline_wrapper,
+    rs400_advanced_mode,
+    sensor,
+    simulate,
 )
 from activestereo.integrations.realsense.ros_topics import TopicPublisher, write_topics
 from activestereo.integrations.realsense.software_device import (

@@ -20,7 +20,7 @@ from activestereo.camera.plan import matcher_parameters as matcher_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import Pose, body_pose, camera_to_camera
 from activestereo.integrations.realsense.enums import option, rs400_visual_preset, stream
-from activestereo.integrations.realsense.geometry import intrinsics
+from activestereo.integrations.realsense.frames import intrinsics
 from activestereo.integrations.realsense.options import option_range
 from activestereo.scene_io.example_scene import write_table_top
 from activestereo.sensor.mounts import as_mount

@@ -1,14 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's post-processing filters of depth, after librealsense's doc/post-processing-filters. Each
-takes a depth frame, or a frameset whose depth it filters."""
+"""pyrealsense2's processing blocks: filters of depth (librealsense's doc/post-processing-filters), align, point clouds
+and colours. Each takes a depth frame, or a frameset whose depth it processes."""
 
 from __future__ import annotations
+
+from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common.output_files import write_ply
 from activestereo.integrations.realsense.enums import format, option, stream
-from activestereo.integrations.realsense.frames import composite_frame, frame
+from activestereo.integrations.realsense.frames import (
+    composite_frame,
+    deprojected,
+    frame,
+    projected,
+    rs2_fov,
+    video_frame,
+    video_stream_profile,
+)
 from activestereo.integrations.realsense.options import Options, option_range
 
 
@@ -238,3 +250,225 @@ class hole_filling_filter(filter):
             else:  # nothing above leaves the hole, as in librealsense
                 values[y, x] = min((one for one in around if one > 0), default=0.0) if around[0] else 0.0
         return depth.changed(values.astype(pixels.dtype))
+
+
+_CORNER_PX = 0.5  # a pixel covers the area between its corners
+_WIDEST_PX = 15
+
+
+class align:
+    """Frames of a frameset in the image of `to`: depth into colour, or colour into depth."""
+
+    def __init__(self, to: stream) -> None:
+        self._to = to
+
+    def process(self, frames: composite_frame) -> composite_frame:
+        """Aligns a frameset. Raises RuntimeError if it lacks depth or the target stream."""
+        depth, target = frames.first(stream.depth), frames.first(self._to)
+        if self._to == stream.depth:
+            others = [one for one in frames if one.profile.stream_type() != stream.depth]
+            return composite_frame([depth, *(_color_in_depth(one, depth) for one in others)])
+        aligned = _depth_in_color(depth, target.profile)
+        return composite_frame([aligned if one is depth else one for one in frames])
+
+
+def _points(depth: frame, corner_px: float = 0.0) -> NDArray[np.float64]:
+    """[3, n] points of the measured pixels in the depth camera, metres."""
+    counts = np.asarray(depth.get_data())
+    v, u = np.nonzero(counts)
+    rays = deprojected(depth.profile.intrinsics, u + corner_px, v + corner_px)
+    z = depth.unit_m * counts[v, u]
+    return np.stack([rays[0] * z, rays[1] * z, z])
+
+
+def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
+    """[2, n] pixels of the target that a corner of each measured pixel falls into."""
+    depth_to_target = target.left_to_stream @ np.linalg.inv(depth.profile.left_to_stream)
+    moved = depth_to_target[:3, :3] @ _points(depth, corner_px) + depth_to_target[:3, 3:]
+    at = projected(target.intrinsics, moved)
+    return np.rint(at + _CORNER_PX).astype(np.int64)
+
+
+def _depth_in_color(depth: frame, target: video_stream_profile) -> frame:
+    """Moves each measured pixel to the color pixel of its upper left corner. If depth is the coarser image, it covers
+    the rectangle between its corners. The nearest one stays. As in librealsense, depth keeps the depth camera's
+    values."""
+    lens, counts = target.intrinsics, np.asarray(depth.get_data())
+    first = _pixels(depth, target, -_CORNER_PX)
+    own = depth.profile.intrinsics
+    own_fov, fov = rs2_fov(own), rs2_fov(lens)
+    is_coarser = own.width / own_fov[0] < lens.width / fov[0] or own.height / own_fov[1] < lens.height / fov[1]
+    last = _pixels(depth, target, _CORNER_PX) if is_coarser else first
+    values, spans = counts[counts > 0], np.minimum(last - first, _WIDEST_PX)
+    far = np.iinfo(np.uint16).max
+    out = np.full((lens.height, lens.width), far, np.uint16)
+    for dy in range(int(spans[1].max(initial=-1)) + 1):
+        for dx in range(int(spans[0].max(initial=-1)) + 1):
+            u, v = first[0] + dx, first[1] + dy
+            covers = (dx <= spans[0]) & (dy <= spans[1]) & (u >= 0) & (v >= 0) & (u < lens.width) & (v < lens.height)
+            np.minimum.at(out, (v[covers], u[covers]), values[covers])
+    out[out == far] = 0
+    return depth.changed(out, video_stream_profile(depth.profile.request, lens, target.left_to_stream).seen(lens))
+
+
+def _color_in_depth(other: frame, depth: frame) -> frame:
+    """The other frame's pixel at each measured depth; 0 elsewhere."""
+    pixels, lens = np.asarray(other.get_data()), other.profile.intrinsics
+    v, u = np.nonzero(np.asarray(depth.get_data()))
+    at = _pixels(depth, other.profile, -_CORNER_PX)
+    is_seen = (at[0] >= 0) & (at[0] < lens.width) & (at[1] >= 0) & (at[1] < lens.height)
+    out = np.zeros((*np.asarray(depth.get_data()).shape, *pixels.shape[2:]), pixels.dtype)
+    out[v[is_seen], u[is_seen]] = pixels[at[1, is_seen], at[0, is_seen]]
+    seen = video_stream_profile(other.profile.request, depth.profile.intrinsics, depth.profile.left_to_stream)
+    return other.changed(out, seen.seen(depth.profile.intrinsics))
+
+
+_VERTEX = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+_TEXEL = np.dtype([("u", "<f4"), ("v", "<f4")])
+
+
+class points(frame):
+    """A point for each pixel of a depth frame, 0 = not measured; texture coordinates 0..1."""
+
+    def __init__(
+        self, of: frame | None = None, vertices: NDArray[np.float32] | None = None,
+        texels: NDArray[np.float32] | None = None,
+    ) -> None:  # fmt: skip
+        self._vertices = np.zeros((0, 3), np.float32) if vertices is None else vertices
+        self._texels = np.zeros((len(self._vertices), 2), np.float32) if texels is None else texels
+        if of is not None:
+            super().__init__(self._vertices, of.profile, of.frame_number, of.timestamp, of.metadata, of.unit_m)
+
+    def size(self) -> int:
+        return len(self._vertices)
+
+    def get_vertices(self, dims: int = 1) -> NDArray[Any]:
+        """[n] of x, y, z; dims 2: [n, 3]."""
+        return self._vertices if dims == 2 else self._vertices.view(_VERTEX).reshape(-1)
+
+    def get_texture_coordinates(self, dims: int = 1) -> NDArray[Any]:
+        """[n] of u, v; dims 2: [n, 2]."""
+        return self._texels if dims == 2 else self._texels.view(_TEXEL).reshape(-1)
+
+    def export_to_ply(self, path: str | PathLike[str], texture: frame | None) -> None:
+        """The measured points, coloured by the texture."""
+        measured = self._vertices[:, 2] > 0
+        colors = None if texture is None else _colors(self._texels[measured], texture)
+        write_ply(str(path), self._vertices[measured], colors)
+
+
+def _colors(texels: NDArray[np.float32], texture: frame) -> NDArray[np.float32]:
+    pixels = np.asarray(texture.get_data())
+    height, width = pixels.shape[:2]
+    u = np.clip((texels[:, 0] * width).astype(np.int64), 0, width - 1)
+    v = np.clip((texels[:, 1] * height).astype(np.int64), 0, height - 1)
+    found = pixels[v, u].astype(np.float32) / 255.0
+    if found.ndim == 1:
+        return np.repeat(found[:, None], 3, axis=1)
+    is_bgr = texture.profile.format() in (format.bgr8, format.bgra8)
+    return np.ascontiguousarray(found[:, 2::-1] if is_bgr else found[:, :3])
+
+
+class pointcloud:
+    """Points of depth frames."""
+
+    def __init__(self) -> None:
+        self._mapped: frame | None = None
+
+    def map_to(self, mapped: frame) -> None:
+        """The frame that the next points have texture coordinates in."""
+        self._mapped = mapped
+
+    def calculate(self, depth: frame) -> points:
+        counts, lens = np.asarray(depth.get_data()), depth.profile.intrinsics
+        v, u = np.indices(counts.shape)
+        x, y = deprojected(lens, u.astype(np.float64), v.astype(np.float64))
+        z = counts * depth.unit_m
+        vertices = np.stack([x * z, y * z, z], axis=-1).reshape(-1, 3).astype(np.float32)
+        return points(depth, vertices, None if self._mapped is None else self._texels(depth.profile, vertices))
+
+    def process(self, frames: frame) -> points:
+        """The points of a frameset's depth, or of a depth frame."""
+        return self.calculate(frames.first(stream.depth) if isinstance(frames, composite_frame) else frames)
+
+    def _texels(self, profile: video_stream_profile, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+        assert self._mapped is not None
+        to = self._mapped.profile
+        matrix = to.left_to_stream @ np.linalg.inv(profile.left_to_stream)
+        moved = matrix[:3, :3] @ vertices.T.astype(np.float64) + matrix[:3, 3:]
+        out = np.zeros((len(vertices), 2), np.float32)
+        seen = (vertices[:, 2] > 0) & (moved[2] > 0)
+        pixel = projected(to.intrinsics, moved[:, seen])
+        out[seen] = np.stack([pixel[0] / to.width(), pixel[1] / to.height()], axis=1)
+        return out
+
+
+class save_to_ply(filter):
+    """Writes each frameset's points into one file; its options of format are taken and change nothing."""
+
+    option_ignore_color, option_ply_mesh, option_ply_binary, option_ply_normals, option_ply_threshold = range(100, 105)
+
+    def __init__(self, filename: str = "RealSense Pointcloud ", pc: pointcloud | None = None) -> None:
+        super().__init__()
+        self._path, self._cloud = filename, pc or pointcloud()
+
+    def set_option(self, which: int, value: float) -> None:
+        """Ignored: the file is binary, with colours if there are any."""
+
+    def process(self, given: frame) -> frame:
+        texture = None
+        if isinstance(given, composite_frame):
+            texture = given.get_color_frame() or given.get_infrared_frame()
+            if texture is not None:
+                self._cloud.map_to(texture)
+        self._cloud.process(given).export_to_ply(self._path, texture)
+        return given
+
+
+# Piecewise linear colours from near to far, 0..1.
+_SCHEMES = {
+    0: ((0, 0, 1), (0, 1, 1), (1, 1, 0), (1, 0, 0), (0.2, 0, 0)),
+    2: ((1, 1, 1), (0, 0, 0)),
+    3: ((0, 0, 0), (1, 1, 1)),
+}
+
+
+class colorizer(filter):
+    """Depth as rgb8; depths have equal shares of the colours where histogram_equalization_enabled is 1."""
+
+    ranges = {
+        option.color_scheme: option_range(0, 9, 1, 0),
+        option.histogram_equalization_enabled: option_range(0, 1, 1, 1),
+        option.min_distance: option_range(0, 16, 0.1, 0),
+        option.max_distance: option_range(0, 16, 0.1, 6),
+    }
+
+    def __init__(self, color_scheme: float = 0) -> None:
+        super().__init__()
+        self.set_option(option.color_scheme, color_scheme)
+
+    def colorize(self, depth: frame) -> frame:
+        return self._filtered(depth)
+
+    def process(self, given: frame) -> frame:
+        """The coloured depth; of a frameset, the frameset with it at its end."""
+        if isinstance(given, composite_frame):
+            return composite_frame([*given, self._filtered(given.first(stream.depth))])
+        return self._filtered(given)
+
+    def _filtered(self, depth: frame) -> frame:
+        pixels = np.asarray(depth.get_data())
+        measured = pixels > 0
+        share = np.zeros(pixels.shape)
+        if self.get_option(option.histogram_equalization_enabled) and measured.any():
+            values, place, counts = np.unique(pixels[measured], return_inverse=True, return_counts=True)
+            share[measured] = (np.cumsum(counts) / counts.sum())[place]
+        else:
+            near, far = self.get_option(option.min_distance), self.get_option(option.max_distance)
+            share = np.clip((pixels * depth.unit_m - near) / max(far - near, 1e-6), 0.0, 1.0)
+        scheme = np.array(_SCHEMES.get(int(self.get_option(option.color_scheme)), _SCHEMES[0]), float)
+        at = np.linspace(0.0, 1.0, len(scheme))
+        rgb = np.stack([np.interp(share, at, scheme[:, c]) for c in range(3)], axis=-1)
+        out = np.where(measured[..., None], np.rint(255.0 * rgb), 0).astype(np.uint8)
+        profile = depth.profile.seen(depth.profile.intrinsics, format.rgb8)
+        return video_frame(out, profile, depth.frame_number, depth.timestamp, depth.metadata, depth.unit_m)

@@ -20,8 +20,7 @@ import numpy as np
 from activestereo.common.mcap_file import McapFile
 from activestereo.common.ros_images import camera_info_message, image_message
 from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream
-from activestereo.integrations.realsense.frames import composite_frame, frame, video_stream_profile
-from activestereo.integrations.realsense.geometry import extrinsics
+from activestereo.integrations.realsense.frames import composite_frame, extrinsics, frame, video_stream_profile
 
 Key = tuple[stream, int]
 # In the order of the device's sensors and their streams: the stream's name, and its image's.

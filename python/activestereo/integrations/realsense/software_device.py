@@ -20,7 +20,7 @@ from activestereo.integrations.realsense.frames import (
     video_frame,
     video_stream_profile,
 )
-from activestereo.integrations.realsense.geometry import intrinsics as Intrinsics
+from activestereo.integrations.realsense.frames import intrinsics as Intrinsics
 from activestereo.integrations.realsense.options import Options
 
 _KINDS: dict[format, tuple[type, int]] = {

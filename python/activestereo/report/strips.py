@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects as strips: a picture without the effect, with it, and the difference; as a figure at typical values, and on a
+page under a slider of the effect's strength."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from activestereo.common.html_table import text
+from activestereo.common.palette import INK, MUTED
+from activestereo.compare.effect_strip import StripView
+from activestereo.compare.nuisances import Nuisances
+from activestereo.effects.core.surfaces import SURFACES
+from activestereo.report.encode import data_address
+from activestereo.report.first_screen import where_most_goes
+from activestereo.report.page import page, web_file
+
+if TYPE_CHECKING:
+    from activestereo.compare.compare import Comparison
+    from activestereo.compare.effect_strip import EffectStrip
+    from activestereo.effects import Effect
+    from activestereo.report.models import ModelImages
+
+_PANEL_IN = 4.2
+_SHOWN_QUANTILE = 0.998
+# A difference that varies by less than this share of its size is the same everywhere.
+_FLAT = 0.02
+
+
+def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
+    """A row for each strip."""
+    aspect = strips[0].without.shape[0] / strips[0].without.shape[1]
+    figure = Figure(figsize=(3.35 * _PANEL_IN, len(strips) * (_PANEL_IN * aspect + 0.75)), layout="constrained")
+    rows = np.atleast_1d(np.asarray(figure.subfigures(len(strips), 1), dtype=object))
+    for row, strip in zip(rows, strips, strict=True):
+        title = f"{strip.effect.id}: {parameter_words(strip)}".removesuffix(": ")
+        row.suptitle(title, size=11, color=INK, x=0.01, ha="left")
+        _panels(row, strip)
+    return figure
+
+
+def parameter_words(strip: EffectStrip) -> str:
+    """The strip's parameters with their units."""
+    units = {p.name: "" if p.unit == "1" else f" {p.unit}" for p in strip.effect.parameters}
+    said = {name: value for name, value in strip.parameters.items() if name != SURFACES.name}
+    return ", ".join(f"{name} {value:.4g}{units[name]}" for name, value in said.items())
+
+
+def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
+    """(the picture's brightest shown value, in the strip's unit, shown_change()'s largest). A depth that appears or
+    vanishes changes by its whole value, so other changes alone set the range, if there are any."""
+    shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
+    change = np.abs(shown_change(strip)[0])
+    stays = (strip.without > 0) & (strip.with_it > 0)
+    is_depth = strip.unit != "DN" and change[stays].any()
+    return shown(strip.without), shown(change[stays] if is_depth else change)
+
+
+def is_flat(strip: EffectStrip) -> bool:
+    """Whether the effect adds the same to every pixel."""
+    size = float(np.abs(strip.difference).mean())
+    return strip.unit == "DN" and float(strip.difference.std()) < _FLAT * size
+
+
+def shown_change(strip: EffectStrip, as_share: bool | None = None) -> tuple[NDArray[np.float64], str]:
+    """(change [height][width], its unit): the difference, or, where that is the same everywhere, its percentage of the
+    picture, which shows where it tells. as_share: which, None for is_flat()."""
+    if is_flat(strip) if as_share is None else as_share:
+        return 100.0 * strip.difference / np.maximum(strip.without, 1.0), "% of the picture"
+    return strip.difference, strip.unit
+
+
+def _panels(row: Figure, strip: EffectStrip) -> None:
+    axes = row.subplots(1, 3)
+    is_light = strip.unit == "DN"
+    (high, limit), (change, unit) = strip_ranges(strip), shown_change(strip)
+    span = {"cmap": "gray" if is_light else "viridis", "vmin": 0.0, "vmax": high}
+    signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
+    panels = (
+        ("without", strip.without, span),
+        ("with it", strip.with_it, span),
+        ("difference", change, signed),
+    )
+    for place, (name, image, style) in zip(axes, panels, strict=True):
+        shown = place.imshow(image, interpolation="nearest", **style)
+        place.set_title(name, size=10, color=MUTED, loc="left")
+        place.set_xticks([])
+        place.set_yticks([])
+        bar = row.colorbar(shown, ax=place, shrink=0.85, extend="both" if name == "difference" else "max")
+        bar.set_label(unit if name == "difference" else strip.unit, size=9, color=MUTED)
+        bar.ax.tick_params(labelsize=8, colors=MUTED)
+
+
+def strip_page(effects: Sequence[Sequence[EffectStrip]]) -> str:
+    """A document with a section for each effect: its strips by rising strength, the middle one shown first."""
+    sections = [strip_section(strips, strips[0].effect.id, "typical") for strips in effects]
+    return page("What effects do to a picture", sections, ("strip.js",))
+
+
+def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) -> str:
+    """A section for a page with strip.js. middle_words: the strength that is shown first."""
+    middle, effect = strips[len(strips) // 2], strips[0].effect
+    (high, limit), is_share = strip_ranges(middle), is_flat(middle)
+    colours = "gray" if middle.unit == "DN" else "viridis"
+    shade = lambda image: _shaded(image / high, colours)  # noqa: E731
+    strengths = [
+        {
+            "words": parameter_words(strip),
+            "with_it": shade(strip.with_it),
+            "difference": _shaded(0.5 + 0.5 * shown_change(strip, is_share)[0] / limit, "RdBu_r"),
+        }
+        for strip in strips
+    ]
+    parts = {
+        "id": text(effect.id),
+        "title": text(title),
+        "middle": text(middle_words),
+        "summary": text(effect.summary),
+        "without": shade(middle.without),
+        "last": str(len(strips) - 1),
+        "typical": str(len(strips) // 2),
+        "scale": text(f"0 to {high:.3g} {middle.unit}"),
+        "signed": text(f"\u00b1{limit:.2g} {shown_change(middle)[1]}"),
+        # A "<" would end the script element early.
+        "strengths": json.dumps(strengths).replace("<", "\\u003c"),
+    }
+    return Template(web_file("strip.html")).substitute(parts)
+
+
+def _shaded(share: NDArray[np.float64], colours: str) -> str:
+    rgb = np.asarray(colormaps[colours](np.clip(share, 0.0, 1.0)))[..., :3]
+    return data_address(np.rint(255.0 * rgb).astype(np.uint8))
+
+
+def found_strips(
+    comparison: Comparison, diagnosis: Mapping[str, Any], images: ModelImages, effects: Mapping[str, Effect]
+) -> list[str]:
+    """A section for each found or user's effect with fitted values; the values stand in the middle."""
+    fitted = {e["effect"]: {n: p["value"] for n, p in e["parameters"].items()} for e in diagnosis["ranking"]}
+    fitted |= {e["id"]: e.get("parameters", {}) for e in diagnosis.get("model", {}).get("effects", [])}
+    shown = [n for n in dict.fromkeys([*diagnosis["added"], *diagnosis.get("own", {})]) if n in fitted and n in effects]
+    if not shown:
+        return []
+    part, nuisances = where_most_goes(comparison, images), Nuisances(**comparison.scores["fit"]["nuisances"])
+    window = part.rows, part.columns
+    sections = []
+    for name in shown:
+        base = comparison.model.without_effect(name)
+        view = StripView(comparison.capture, part.frame, comparison.layers[part.frame.id], nuisances, part.side, base)
+        strips = [
+            replace(strip, without=strip.without[window], with_it=strip.with_it[window])
+            for strip in view.strengths(effects[name], fitted[name])
+        ]
+        sections.append(strip_section(strips, f"What {name} does here", "as fitted"))
+    return sections
