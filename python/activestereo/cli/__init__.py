@@ -11,64 +11,24 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TextIO, cast
 
 import activestereo
-from activestereo.cli import (
-    add,
-    benchmark,
-    cache,
-    calibrate,
-    capture,
-    compare,
-    demo,
-    depth,
-    depth_quality,
-    devices,
-    diagnose,
-    doctor,
-    effect,
-    generate,
-    import_capture,
-    model,
-    overlay,
-    pair,
-    presets,
-    resense,
-    simulate,
-    view,
-)
+from activestereo.cli import doctor
 from activestereo.cli.arguments import CommandError, Finding
 from activestereo.cli.exit_codes import FAILURE, FINDING, FINE, READER_GONE, STOPPED, USAGE
 from activestereo.cli.parser import Parser
 from activestereo.common.own_files import outside_allowed
 from activestereo.common.shown import PlainStream, printable
 
+# A file of this package for each command, in the order of --help.
 _COMMANDS = (
-    demo,
-    simulate,
-    view,
-    presets,
-    depth,
-    pair,
-    depth_quality,
-    compare,
-    diagnose,
-    add,
-    model,
-    calibrate,
-    import_capture,
-    capture,
-    overlay,
-    effect,
-    benchmark,
-    generate,
-    resense,
-    cache,
-    devices,
-    doctor,
-)
+    "demo", "simulate", "view", "presets", "depth", "pair", "depth_quality", "compare", "diagnose", "add", "model",
+    "calibrate", "import_capture", "capture", "overlay", "effect", "benchmark", "generate", "resense", "cache",
+    "devices", "doctor",
+)  # fmt: skip
 
 # What is said where no command is given; README.md has the same table.
 _WANTED = """\
@@ -104,8 +64,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"activestereo {activestereo.__version__}")
     parser.set_defaults(parser=parser)  # for the demo, whose steps are commands
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in _COMMANDS:
-        command.add_parser(commands)
+    for name in _COMMANDS:
+        import_module(f"activestereo.cli.{name}").add_parser(commands)
     return parser
 
 
@@ -132,20 +92,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _run(args)
         sys.stdout.flush()
     except KeyboardInterrupt as error:
-        return _fail(_text(error) or "stopped", STOPPED)
+        return _fail(_error_text(error) or "stopped", STOPPED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output has gone; say no more
         return READER_GONE
     except MemoryError as error:
-        return _fail(f"out of memory: {_text(error) or 'nothing more is known'}", FAILURE)
+        return _fail(f"out of memory: {_error_text(error) or 'nothing more is known'}", FAILURE)
     except ImportError as error:
         return _fail(_missing(error), FAILURE)
     except Finding as error:
-        return _fail(_text(error), FINDING)
+        return _fail(_error_text(error), FINDING)
     except (CommandError, OSError, ValueError) as error:
-        return _fail(_text(error), USAGE)
+        return _fail(_error_text(error), USAGE)
     except RuntimeError as error:  # kuafu.Error and simsense.Error
-        return _fail(_text(error), USAGE if getattr(error, "status", None) in _INPUT_STATUSES else FAILURE)
+        is_input = getattr(error, "status", None) in _INPUT_STATUSES
+        return _fail(_error_text(error), USAGE if is_input else FAILURE)
     except Exception as error:
         return _fail(_fault(error), FAILURE)
     return FINE
@@ -185,11 +146,8 @@ def _fault(error: Exception) -> str:
     if os.environ.get("ACTIVESTEREO_TRACEBACK") == "1":
         traceback.print_exception(error)
     last = traceback.extract_tb(error.__traceback__)[-1]
-    where = f"{os.path.basename(last.filename)}:{last.lineno}"
-    return (
-        f"a fault of the program ({type(error).__name__} in {where}): {_text(error)} (ACTIVESTEREO_TRACEBACK=1 shows "
-        "more)"
-    )
+    name = f"{type(error).__name__} in {os.path.basename(last.filename)}:{last.lineno}"
+    return f"a fault of the program ({name}): {_error_text(error)} (ACTIVESTEREO_TRACEBACK=1 shows more)"
 
 
 def _missing(error: ImportError) -> str:
@@ -216,7 +174,7 @@ def _glued(arguments: Sequence[str]) -> list[str]:
 _INPUT_STATUSES = (-1, -3, -7, -11)
 
 
-def _text(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())

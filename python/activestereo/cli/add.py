@@ -3,7 +3,6 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from activestereo.cli.arguments import CommandError, add_shared, check_out_file
 from activestereo.common.input_files import read_json
@@ -58,16 +57,23 @@ def run(args: argparse.Namespace) -> None:
     given: dict[str, Quantity] = {}
     surfaces: tuple[str, ...] = ()
     if args.diagnosis is not None:
-        diagnosis = _read(args.diagnosis)
+        try:
+            diagnosis = read_json(args.diagnosis)
+        except ValueError as error:
+            raise CommandError(f"{error}; a diagnose.json is asked for") from error
+        if not isinstance(diagnosis, dict):
+            raise CommandError(f"{args.diagnosis}: not a diagnose.json: it holds no object")
         try:
             given, surfaces = found_effect(diagnosis, effect.id)
         except (TypeError, AttributeError, KeyError) as error:
             raise CommandError(f"{args.diagnosis}: not a diagnose.json of this program: {error}") from error
     units = {p.name: p.unit for p in effect.parameters}
-    given |= {
-        name: Quantity(value, unit=units.get(name, ""), source="set by hand")
-        for name, value in map(_assignment, args.set)
-    }
+    for text in args.set:
+        name, _, value = text.partition("=")
+        try:
+            given[name] = Quantity(float(value), unit=units.get(name, ""), source="set by hand")
+        except ValueError:
+            raise CommandError(f"--set takes NAME=VALUE, not '{text}'") from None
     if not given:
         given = {
             n: Quantity(v, unit=units[n], source="typical")
@@ -80,21 +86,3 @@ def run(args: argparse.Namespace) -> None:
     on = f" on {', '.join(added.surfaces)}" if added.surfaces else ""
     print(f"{effect.id}{on}: " + ", ".join(f"{name} = {quantity_text(q)}" for name, q in added.parameters.items()))
     print(f"written: {printable(args.out)} with {', '.join(e.effect.id for e in model.effects)}")
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        diagnosis = read_json(path)
-    except ValueError as error:
-        raise CommandError(f"{error}; a diagnose.json is asked for") from error
-    if not isinstance(diagnosis, dict):
-        raise CommandError(f"{path}: not a diagnose.json: it holds no object")
-    return diagnosis
-
-
-def _assignment(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise CommandError(f"--set takes NAME=VALUE, not '{text}'") from None

@@ -50,17 +50,17 @@ def run(args: argparse.Namespace) -> None:
     write_table_top(scene)
     device = ["--device", str(args.device)]
     simulated = str(args.out / "simulated")
-    _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
-    secret = _hide(args, capture)
-    _step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
-    print(f"\n{_told(secret, read_json_object(report / 'diagnose.json'))}")
+    _run_step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
+    secret = _render_hidden_effect(args, capture)
+    _run_step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
+    print(f"\n{_outcome(secret, read_json_object(report / 'diagnose.json'))}")
     page = (report / "report.html").resolve()
     print(f"open {page}")
     if not args.no_browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         webbrowser.open_new_tab(page.as_uri())
 
 
-def _step(args: argparse.Namespace, number: int, words: list[str]) -> None:
+def _run_step(args: argparse.Namespace, number: int, words: list[str]) -> None:
     """Runs another command as if it had been typed."""
     print(f"\n== {number} of 3: activestereo {' '.join(words)}", flush=True)
     step = args.parser.parse_args(words)
@@ -68,7 +68,7 @@ def _step(args: argparse.Namespace, number: int, words: list[str]) -> None:
     step.run(step)
 
 
-def _told(secret: str, diagnosis: Mapping[str, Any]) -> str:
+def _outcome(secret: str, diagnosis: Mapping[str, Any]) -> str:
     """The hidden and the found effect, in the lab's names and units."""
     from activestereo.benchmarks.example_capture import HIDDEN
     from activestereo.report.diagnosis_text import parameter_text
@@ -83,7 +83,7 @@ def _told(secret: str, diagnosis: Mapping[str, Any]) -> str:
     )
 
 
-def _hide(args: argparse.Namespace, capture: Path) -> str:
+def _render_hidden_effect(args: argparse.Namespace, capture: Path) -> str:
     """Renders the capture with an effect that the seed draws; returns the effect's name."""
     import numpy as np
 

@@ -109,7 +109,9 @@ def run(args: argparse.Namespace) -> None:
         )
     if args.settings or args.search or args.truth:
         raise CommandError("--settings, --search and --truth are for recordings, not for a pair")
-    left, right = (_read(path) for path in (args.left, args.right))
+    from activestereo.capture.images import read_image_array
+
+    left, right = (read_image_array(path, key="image") for path in (args.left, args.right))
     if left.shape != right.shape:
         sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))
         raise CommandError(f"the images differ in size: {args.left} and {args.right} are {sizes}")
@@ -131,12 +133,6 @@ def run(args: argparse.Namespace) -> None:
     _report(args, engine, result["depth"])
     for hint in depth_hints(cameras, engine, left, right, result):
         print(hint)
-
-
-def _read(path: Path) -> np.ndarray:
-    from activestereo.capture.images import read_image_array
-
-    return read_image_array(path, key="image")
 
 
 def _make_engine(args: argparse.Namespace, cameras: RectifiedPair, left: np.ndarray) -> simsense.Engine:

@@ -54,16 +54,12 @@ def run(args: argparse.Namespace) -> None:
         return
     if args.out is None:
         raise CommandError("the following arguments are required: -o/--out")
-    _check_out(args.left, args.out)
+    recording, out = args.left.resolve(), args.out.resolve()
+    is_inside = recording in (out, *out.parents) if recording.is_dir() else out == recording.parent
+    if is_inside:
+        told = "lies in the recording, which is never written: choose a folder outside of it"
+        raise CommandError(f"--out {args.out} {told}")
     _match(args, settings)
-
-
-def _check_out(recording: Path, out: Path) -> None:
-    """A recording is never written into."""
-    folder = recording.resolve() if recording.is_dir() else recording.resolve().parent
-    is_inside = recording.is_dir() and folder in (out.resolve(), *out.resolve().parents)
-    if is_inside or out.resolve() == folder:
-        raise CommandError(f"--out {out} lies in the recording, which is never written: choose a folder outside of it")
 
 
 def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
@@ -97,16 +93,12 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
         return
     for line in assumed:
         print(f"assumed: {line}")
-    print(_unmapped_text(settings), end="")
+    if unmapped := settings.unmapped():
+        print(f"without effect here: {', '.join(unmapped)}")
     before = f", {len(done)} were there already" if done else ""
     measured = f", measured {100 * fill / number:.1f} %" if number else ""
     print(f"{number} pairs matched{before}{measured}")
     print(f"written: {_RUN} and 16-bit depth, one PNG a pair, in {printable(args.out)}")
-
-
-def _unmapped_text(settings: AdvancedSettings) -> str:
-    names = settings.unmapped()
-    return f"without effect here: {', '.join(names)}\n" if names else ""
 
 
 def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
@@ -193,7 +185,8 @@ def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     if (goal == "truth") != (args.truth is not None):
         raise CommandError("--search truth needs --truth DIR, and --truth nothing else")
     check_out_file(out)
-    chosen = _spread(_count(args.left))
+    last = _count(args.left) - 1  # the pairs that are searched on spread over the whole recording
+    chosen = sorted({round(share * last) for share in np.linspace(0.0, 1.0, _SEARCHED_PAIRS)})
     pairs = _chosen_pairs(args.left, chosen)
     cameras, assumed = _geometry(args, pairs[0])
     truths = [] if args.truth is None else _truths(args, chosen, cameras, pairs[0].left.shape)
@@ -216,11 +209,6 @@ def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
         wrong = "" if args.truth is None else f", wrong or unmeasured {100 * found.wrong:.2f} %"
         print(f"{name:7s} measured {100 * found.fill:.2f} %, noise {found.noise_px:.3f} px{wrong}")
     print(f"written: {out}")
-
-
-def _spread(count: int) -> list[int]:
-    """Places of the pairs that are searched on, over the whole recording."""
-    return sorted({round(share * (count - 1)) for share in np.linspace(0.0, 1.0, _SEARCHED_PAIRS)})
 
 
 def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:

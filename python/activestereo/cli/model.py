@@ -80,7 +80,7 @@ def run_diff(args: argparse.Namespace) -> None:
 
 
 def run_export(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.noise_profiles.export import export, said
+    from activestereo.benchmarks.noise_profiles.export import export, profile_json
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.model_file import library
@@ -95,7 +95,7 @@ def run_export(args: argparse.Namespace) -> None:
     with ProgressBar("simulating the sensor") as bar:
         found = export(config, model, args.to, args.out, args.held_out, args.seed, args.device, bar)
     if args.json:
-        print_json({name: said(one) for name, one in found.items()})
+        print_json({name: profile_json(one) for name, one in found.items()})
         return
     left_out = sorted({e.effect.id for e in model.effects if e.surfaces}) if model is not None else []
     if left_out:

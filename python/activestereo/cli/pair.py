@@ -60,7 +60,11 @@ def run(args: argparse.Namespace) -> None:
     )
     pairs = {"this pair": (left, right)}
     if args.against is not None:
-        pairs["against"] = _read(*_files_of(args.against))
+        named = [tuple(args.against / f"{stem}{side}.png" for side in ("left", "right")) for stem in ("ir_", "")]
+        files = next((own for own in named if all(file.is_file() for file in own)), None)
+        if files is None:
+            raise CommandError(f"{args.against}: holds neither ir_left.png and ir_right.png nor left.png and right.png")
+        pairs["against"] = _read(*files)
     disparity = {name: _match(args, *pair) for name, pair in pairs.items()}
     max_dn = float(np.iinfo(left.dtype).max)
     findings = pair_findings(left, right, disparity["this pair"], max_dn, device)
@@ -100,13 +104,6 @@ def _read(left_path: Path, right_path: Path) -> tuple[np.ndarray, np.ndarray]:
             f"{right_path} is {right.shape[::-1]} {right.dtype}"
         )
     return left, right
-
-
-def _files_of(folder: Path) -> tuple[Path, Path]:
-    for left, right in (("ir_left.png", "ir_right.png"), ("left.png", "right.png")):
-        if (folder / left).is_file() and (folder / right).is_file():
-            return folder / left, folder / right
-    raise CommandError(f"{folder}: holds neither ir_left.png and ir_right.png nor left.png and right.png")
 
 
 def _match(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> np.ndarray:

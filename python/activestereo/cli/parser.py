@@ -22,7 +22,7 @@ class Help(argparse.RawDescriptionHelpFormatter):
     go on in another line."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
-        return "\n".join(line for part in _parts(text.splitlines()) for line in _fitted(part))
+        return "\n".join(line for part in _parts(text.splitlines()) for line in _filled(part))
 
 
 def _parts(lines: Sequence[str]) -> list[list[str]]:
@@ -38,7 +38,7 @@ def _parts(lines: Sequence[str]) -> list[list[str]]:
     return parts
 
 
-def _fitted(part: Sequence[str]) -> list[str]:
+def _filled(part: Sequence[str]) -> list[str]:
     if max(map(len, part)) <= COLUMNS:
         return list(part)
     start, hang = _indent(part[0]), _hang(part[0])
@@ -80,13 +80,15 @@ class Parser(argparse.ArgumentParser):
         if not self._rare:
             return super().format_help()
         titles = ", ".join(group.title for group in self._rare)
-        return f"{self._shown([g for g in self._action_groups if g not in self._rare])}\nmore (--help-all): {titles}\n"
+        return (
+            f"{self._help_of([g for g in self._action_groups if g not in self._rare])}\nmore (--help-all): {titles}\n"
+        )
 
     def format_all_help(self) -> str:
         """Help with the rare options."""
         return super().format_help()
 
-    def _shown(self, groups: Sequence[Any]) -> str:
+    def _help_of(self, groups: Sequence[Any]) -> str:
         formatter = self._get_formatter()
         own = [action for group in groups for action in group._group_actions]
         formatter.add_usage(self.usage, [a for a in self._actions if a in own], self._mutually_exclusive_groups)

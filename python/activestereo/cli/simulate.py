@@ -96,7 +96,10 @@ def add_parser(commands: Commands) -> None:
     _add_view(parser.add_argument_group("view"))
     _add_light(parser.add_argument_group("light and noise"))
     add_camera_options(rare_group(parser, "lenses, shutters and motion"))
-    _add_rendering(rare_group(parser, "rendering and records"))
+    rendering = rare_group(parser, "rendering and records")
+    add_options(rendering, RENDERER, _OF_THE_CAMERA)
+    add_options(rendering, [p for p in RENDER if p not in _USUAL], _OF_THE_CAMERA)
+    add_records(rendering)
     add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS | _OF_THE_CAMERA))
     parser.set_defaults(run=run)
 
@@ -112,12 +115,6 @@ def _add_view(group: argparse._ArgumentGroup) -> None:
     )
     text = "size of the infrared images; the RGB picture and the disparity range scale along"
     group.add_argument("--resolution", type=size, metavar="WxH", help=text)
-
-
-def _add_rendering(group: argparse._ArgumentGroup) -> None:
-    add_options(group, RENDERER, _OF_THE_CAMERA)
-    add_options(group, [p for p in RENDER if p not in _USUAL], _OF_THE_CAMERA)
-    add_records(group)
 
 
 def _add_light(group: argparse._ArgumentGroup) -> None:

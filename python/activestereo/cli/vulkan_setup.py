@@ -51,7 +51,7 @@ def problems(device_count: int) -> list[Problem]:
     if (fault := load_fault("libvulkan.so.1")) is not None:
         return [Problem("no loader", f"the Vulkan loader cannot be opened: {fault}", _LAVAPIPE)]
     manifests = driver_manifests()
-    found = [*_missing_libraries(manifests, device_count), *_without_graphics(), *_closed_nodes()]
+    found = [*_missing_libraries(manifests, device_count), *_without_permission()]
     if not manifests:
         variable = next((name for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES") if os.environ.get(name)), None)
         seen = "no driver's manifest is there" if variable is None else f"{variable} names no manifest that is there"
@@ -111,7 +111,10 @@ def _needed_and_missing(library: str, fault: str | None) -> list[str]:
     first = re.match(rf"{_LIBRARY}: cannot open shared object file", fault or "")
     if first is None or first[0].split(":")[0] == library:
         return []  # it opens, or is another machine's, or not there at all
-    return list(dict.fromkeys([first[0].split(":")[0], *re.findall(r"(\S+) => not found", _trace(library))]))
+    # The dynamic loader's own list of what a library brings with it (ld.so(8), LD_TRACE_LOADED_OBJECTS).
+    tracing = os.environ | {"LD_TRACE_LOADED_OBJECTS": "1", "LD_PRELOAD": library}
+    traced = subprocess.run(["/bin/true"], env=tracing, capture_output=True, text=True, check=False)
+    return list(dict.fromkeys([first[0].split(":")[0], *re.findall(r"(\S+) => not found", traced.stdout)]))
 
 
 def _opened_and_missing(library: str) -> list[str]:
@@ -129,12 +132,6 @@ def _opened_and_missing(library: str) -> list[str]:
     ]
 
 
-def _trace(library: str) -> str:
-    """The dynamic loader's own list of what a library brings with it (ld.so(8), LD_TRACE_LOADED_OBJECTS)."""
-    traced = os.environ | {"LD_TRACE_LOADED_OBJECTS": "1", "LD_PRELOAD": library}
-    return subprocess.run(["/bin/true"], env=traced, capture_output=True, text=True, check=False).stdout
-
-
 def _installing(missing: list[str]) -> str:
     """The line that brings libraries."""
     packages = {name: _PACKAGES.get(name.split(".so")[0]) for name in missing}
@@ -144,15 +141,12 @@ def _installing(missing: list[str]) -> str:
     return "; ".join([*lines, *([f"install the package that has {others}"] if others else [])])
 
 
-def _without_graphics() -> Iterator[Problem]:
-    """NVIDIA's driver, of which a container got the part for computing alone."""
+def _without_permission() -> Iterator[Problem]:
+    """NVIDIA's driver, of which a container got the part for computing alone, and render nodes closed to this user."""
     computes = any(load_fault(name) is None for name in ("libcuda.so.1", "libnvidia-ml.so.1"))
     if computes and load_fault("libGLX_nvidia.so.0") is not None:
         seen = "NVIDIA's driver is there for computing, without its part for graphics (libGLX_nvidia.so.0)"
         yield Problem("no graphics capability", seen, _CONTAINER)
-
-
-def _closed_nodes() -> Iterator[Problem]:
     for node in sorted(RENDER_NODES.glob("renderD*")):
         if not os.access(node, os.R_OK | os.W_OK):
             remedy = "sudo usermod -aG render $USER, then log in again (docker run: --group-add of the node's group)"

@@ -53,22 +53,22 @@ class StereoDepth(gymnasium.ObservationWrapper):
         coded: Images | None = None,
     ) -> None:  # fmt: skip
         super().__init__(env)
-        self._depth, self._color = _path(depth), None if color is None else _path(color)
-        self._metres, self._back, self._albedo = metres or _same, back or _same, albedo_of_all
+        self._depth, self._color = _key_path(depth), None if color is None else _key_path(color)
+        self._metres, self._back, self._albedo = metres or _unchanged, back or _unchanged, albedo_of_all
         self._rendered, self._coded = rendered, coded
         if rendered is not None and self._color is None:
             raise ValueError("rendered depth has the size of the colour image: give color, too")
         given = self._depth if rendered is None or self._color is None else self._color
-        shape = _at(env.observation_space, given).shape
+        shape = _entry(env.observation_space, given).shape
         self._shape = shape if rendered is None else (*shape[:2], 1)
         height, width = shape[:2]
         fovx_deg = float(np.rad2deg(2.0 * np.arctan(np.tan(np.deg2rad(fovy_deg) / 2.0) * width / height)))
         config = centred(own_config(camera).resized(width, height, fovx_deg))
         self._sensor = GBufferStereo(config)
-        sample = self._told(np.zeros((height, width), np.float32))
+        sample = self._observed(np.zeros((height, width), np.float32))
         most = 255 if sample.dtype == np.uint8 else float(config.max_depth_m)
         box = gymnasium.spaces.Box(0, most, sample.shape, sample.dtype.type)
-        self.observation_space = _with(env.observation_space, self._depth, box, gymnasium.spaces.Dict)
+        self.observation_space = _with_entry(env.observation_space, self._depth, box, gymnasium.spaces.Dict)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         if seed is not None:
@@ -77,29 +77,29 @@ class StereoDepth(gymnasium.ObservationWrapper):
 
     def observation(self, observation: Mapping[str, Any]) -> dict[str, Any]:
         if self._rendered is None:
-            depth_m = self._metres(np.asarray(_at(observation, self._depth))).reshape(self._sensor.shape)
+            depth_m = self._metres(np.asarray(_entry(observation, self._depth))).reshape(self._sensor.shape)
         else:
             depth_m = np.asarray(self._rendered(self.env)).reshape(self._sensor.shape)
         albedo = np.full(self._sensor.shape, self._albedo)
         if self._color is not None:  # upright as the depth is: the same turn takes either there and back
-            albedo = self._back(np.asarray(_at(observation, self._color)))[None]
+            albedo = self._back(np.asarray(_entry(observation, self._color)))[None]
         found = self._sensor(depth=depth_m, albedo=albedo, outputs=("depth",))["depth"]
-        return _with(observation, self._depth, self._told(found.reshape(self._shape[:2])), dict)
+        return _with_entry(observation, self._depth, self._observed(found.reshape(self._shape[:2])), dict)
 
-    def _told(self, depth_m: NDArray[np.float32]) -> NDArray[Any]:
+    def _observed(self, depth_m: NDArray[np.float32]) -> NDArray[Any]:
         """Upright metres [H, W] as the observation has them."""
         return self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
 
 
-def _same(image: NDArray[Any]) -> NDArray[Any]:
+def _unchanged(image: NDArray[Any]) -> NDArray[Any]:
     return image
 
 
-def _path(keys: Keys) -> tuple[str, ...]:
+def _key_path(keys: Keys) -> tuple[str, ...]:
     return (keys,) if isinstance(keys, str) else tuple(keys)
 
 
-def _at(values: Any, keys: Sequence[str]) -> Any:
+def _entry(values: Any, keys: Sequence[str]) -> Any:
     for key in keys:
         try:
             values = values[key]
@@ -108,7 +108,7 @@ def _at(values: Any, keys: Sequence[str]) -> Any:
     return values
 
 
-def _with(values: Any, keys: Sequence[str], new: Any, kind: Callable[[dict[str, Any]], Any]) -> Any:
+def _with_entry(values: Any, keys: Sequence[str], new: Any, kind: Callable[[dict[str, Any]], Any]) -> Any:
     """A copy of nested mappings with another value in one place."""
-    own = new if len(keys) == 1 else _with(values[keys[0]], keys[1:], new, kind)
+    own = new if len(keys) == 1 else _with_entry(values[keys[0]], keys[1:], new, kind)
     return kind({**dict(values.items()), keys[0]: own})

@@ -169,12 +169,11 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
         )
     axes.set_ylim(0.0, 1.18 * max(error))
     axes.set_xlim(-0.5, max(len(error) - 0.5, 0.5))
-    axes.set_xticks(range(len(error)), [_step_name(steps, i) for i in range(len(error))], size=9, color=INK)
+    names, before = [], None
+    for step in steps:  # what each one changed
+        now, old = step["effects"], before or []
+        changes = [f"+ {name}" for name in now if name not in old] + [f"− {name}" for name in old if name not in now]
+        names.append("\n".join(changes) or ("base model" if before is None else "refitted"))
+        before = now
+    axes.set_xticks(range(len(error)), names, size=9, color=INK)
     return figure
-
-
-def _step_name(steps: Sequence[Mapping[str, Any]], index: int) -> str:
-    """The changed part of a step, in words."""
-    now, before = steps[index]["effects"], steps[index - 1]["effects"] if index else []
-    changes = [f"+ {name}" for name in now if name not in before] + [f"− {name}" for name in before if name not in now]
-    return "\n".join(changes) or ("refitted" if index else "base model")

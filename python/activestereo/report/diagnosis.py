@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from activestereo.common.html_table import table, text
@@ -32,7 +32,8 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
     page."""
     parts = [_verdict(diagnosis)]
     if diagnosis.get("geometry"):
-        parts.append(section("What stands elsewhere than the capture says", _geometry(diagnosis["geometry"])))
+        told = "".join(f"<li>{text(entry['text'])}</li>" for entry in diagnosis["geometry"])
+        parts.append(section("What stands elsewhere than the capture says", f"<ul>{told}</ul>"))
     if diagnosis["ranking"]:
         parts.append(_ranking(diagnosis, shown))
     if diagnosis.get("depth", {}).get("ranking"):
@@ -41,12 +42,14 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
         said = (f"<p>{text(sentence)}</p>" for sentence in split_sentences(diagnosis["depth_split"]))
         parts.append(section("What the depth's error is made of", *said))
     if diagnosis["next_measurement"]:
-        parts.append(section("What to measure next", _list(diagnosis["next_measurement"])))
+        items = "".join(f"<li>{_advice(item)}</li>" for item in diagnosis["next_measurement"])
+        parts.append(section("What to measure next", f"<ul>{items}</ul>"))
     return parts
 
 
 def _verdict(diagnosis: dict[str, Any]) -> str:
-    parts = [f'<p class="headline"><b>{_VERDICT[diagnosis["verdict"]]}</b>{_added(diagnosis)}</p>']
+    added = ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
+    parts = [f'<p class="headline"><b>{_VERDICT[diagnosis["verdict"]]}</b>{added}</p>']
     before, after, floor = (
         diagnosis[k] for k in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
     )
@@ -59,14 +62,6 @@ def _verdict(diagnosis: dict[str, Any]) -> str:
     if diagnosis.get("residual_model"):
         parts.append(f"<h3>Model of what is left</h3>{_residual_model(diagnosis['residual_model'])}")
     return section("Which effect is missing", *parts)
-
-
-def _geometry(entries: Sequence[dict[str, Any]]) -> str:
-    return "<ul>" + "".join(f"<li>{text(entry['text'])}</li>" for entry in entries) + "</ul>"
-
-
-def _added(diagnosis: dict[str, Any]) -> str:
-    return ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
 
 
 def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
@@ -125,10 +120,6 @@ def _depth_engine(depth: dict) -> str:
     said = f'<p class="headline"><b>{_ENGINE_VERDICT[depth["verdict"]]}</b></p>'
     reason = f"<p>{text(depth['reason'])}</p>" if depth["reason"] else ""
     return section("The depth engine", said, reason, table(head, rows, numbers=(1,), wide=True))
-
-
-def _list(items: Sequence[Any]) -> str:
-    return "<ul>" + "".join(f"<li>{_advice(item)}</li>" for item in items) + "</ul>"
 
 
 def _advice(item: Any) -> str:

@@ -110,7 +110,8 @@ def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
     place = f"frame {detail.frame.id}, {detail.side} camera, detail"
     models = [(BASE, "model")] + ([(FOUND, "model with what was found")] if FOUND in images else [])
     titles = {"model": "measured − model", "model with what was found": "what is left"}
-    floor = _floor(comparison, key)
+    entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["cameras"][key[1]]
+    floor = float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
     cells = [_cell(_gray(measured[part], high), "measured", place)]
     cells += [_cell(_gray(images[name][key][part], high), words, "") for name, words in models]
     capture, measured_images = comparison.capture, comparison.measured
@@ -153,12 +154,6 @@ def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
     inside = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
     top, left = np.unravel_index(int(np.argmax(inside)), inside.shape)
     return float(inside[top, left]), slice(int(top), int(top) + height), slice(int(left), int(left) + width)
-
-
-def _floor(comparison: Comparison, key: tuple[int, str]) -> float:
-    """Scale of drawn residuals, DN: the noise's deviation in an image, else its error."""
-    entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["cameras"][key[1]]
-    return float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
 
 
 def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:

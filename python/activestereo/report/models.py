@@ -50,17 +50,16 @@ def model_images(
     if found_images is not None and diagnosis and diagnosis["added"]:
         models[FOUND], given[FOUND] = start, dict(found_images)
     elif found_images is None:
-        found = comparison.model if comparison.model.effects else _found(diagnosis, effects)
+        found = comparison.model
+        for entry in (diagnosis or {}).get("model", {}).get("effects", []) if not found.effects else ():
+            found = _with(found, effects, entry["id"], entry.get("parameters", {}))
         if found.effects:
             models[FOUND] = found
     for entry in (diagnosis or {}).get("ranking", [])[:ROWS]:
-        model = _with(
-            start,
-            effects,
-            entry["effect"],
-            {name: parameter["value"] for name, parameter in entry["parameters"].items()},
-        )
-        if any(_moves_images(effect) for effect, _ in model.effects if effect.id == entry["effect"]):
+        values = {name: parameter["value"] for name, parameter in entry["parameters"].items()}
+        model = _with(start, effects, entry["effect"], values)
+        own = [effect for effect, _ in model.effects if effect.id == entry["effect"]]
+        if any(effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE for effect in own):
             models[entry["effect"]] = model
     return _predicted(comparison, models, given, progress)
 
@@ -90,14 +89,6 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
     return {name: predicted(name) if known is None else known for name, known in out.items()}
 
 
-def _found(diagnosis: dict[str, Any] | None, effects: Mapping[str, Effect]) -> Any:
-    """The diagnosis's model."""
-    model = Model()
-    for entry in (diagnosis or {}).get("model", {}).get("effects", []):
-        model = _with(model, effects, entry["id"], entry.get("parameters", {}))
-    return model
-
-
 def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
     """The model with an effect. Returns the model unchanged if it does not know the effect or its parameters, so that
     the report shows the rest."""
@@ -105,7 +96,3 @@ def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameter
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):
         return model
-
-
-def _moves_images(effect: Effect) -> bool:
-    return effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE

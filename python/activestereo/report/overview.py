@@ -179,10 +179,6 @@ def _error(axes: Axes, depth: np.ndarray, true_depth: np.ndarray) -> None:
     _color_bar(axes, shown, "mm", extend="both")
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
-
-
 def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: str, unit: str, color: str) -> None:
     places = np.arange(len(rows))
     axes.barh(places, np.nan_to_num(values), height=0.66, color=[color] * (len(rows) - 1) + [INK])
@@ -190,7 +186,9 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
     for place, value in zip(places, values, strict=True):
         text = f"{value:.1f} {unit}" if np.isfinite(value) else "none"
         axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=INK)
-    axes.set_yticks(places, [_short(as_written(row.name)) for row in rows], fontsize=11, color=INK)
+    names = [as_written(row.name) for row in rows]
+    short = [name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…" for name in names]
+    axes.set_yticks(places, short, fontsize=11, color=INK)
     axes.set_xlim(0, 1.2 * most)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_title(f"{title} by material", fontsize=12.5, color=INK, loc="left", pad=6)

@@ -55,8 +55,5 @@ def chart(figure: Figure, alt: str) -> str:
     """A matplotlib Figure as SVG, letters as shapes, so that it looks alike everywhere."""
     file = io.BytesIO()
     save_figure(figure, file, format="svg", bbox_inches="tight", pad_inches=0.06, metadata={"Date": None})
-    return f'<figure><img alt="{text(alt)}" src="{_data("image/svg+xml", file)}"></figure>'
-
-
-def _data(kind: str, file: io.BytesIO) -> str:
-    return f"data:{kind};base64,{base64.b64encode(file.getvalue()).decode()}"
+    content = base64.b64encode(file.getvalue()).decode()
+    return f'<figure><img alt="{text(alt)}" src="data:image/svg+xml;base64,{content}"></figure>'

@@ -35,7 +35,9 @@ def pair_figure(
         axes = [figure.add_subplot(grid[row, column]) for column in range(4)]
         axes[0].imshow(left, cmap="gray", norm=PowerNorm(0.5, 0, highest))
         axes[0].set_title(f"{as_written(name)}: left camera (display gamma 2)", fontsize=9)
-        middle = _middle(left)
+        height, width = left.shape
+        half = int(0.5 * _DETAIL * width), int(0.5 * _DETAIL * height)
+        middle = np.s_[height // 2 - half[1] : height // 2 + half[1], width // 2 - half[0] : width // 2 + half[0]]
         axes[1].imshow(left[middle], cmap="gray", norm=PowerNorm(0.5, 0, highest))
         axes[1].set_title("its middle, four times as large", fontsize=9)
         axes[2].imshow(rest[middle], cmap="RdBu", vmin=-0.15 * highest, vmax=0.15 * highest)
@@ -52,12 +54,6 @@ def pair_figure(
     counts.legend(frameon=False)
     _table(figure.add_subplot(grid[2, 2:]), findings_of)
     return figure
-
-
-def _middle(image: NDArray) -> tuple[slice, slice]:
-    height, width = image.shape
-    half = int(0.5 * _DETAIL * width), int(0.5 * _DETAIL * height)
-    return slice(height // 2 - half[1], height // 2 + half[1]), slice(width // 2 - half[0], width // 2 + half[0])
 
 
 def _table(axes: Axes, findings_of: Mapping[str, Sequence[Finding]]) -> None:

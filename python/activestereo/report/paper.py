@@ -71,15 +71,14 @@ def write_diagnosis_csv(path: str | Path, result: Mapping[str, Any]) -> None:
         added, others = int(entry["effect"] in result["added"]), " ".join(alike(result, entry))
         figures = [entry[name] for name in ("score_nats", "explained_share", "confidence")]
         shared = [place, entry["effect"], entry["family"], *figures, added, others]
-        rows += [[*shared, name, *_cells(p)] for name, p in entry["parameters"].items()] or [[*shared, *[""] * 5]]
+        for name, p in entry["parameters"].items():
+            value = " ".join(p["materials"]) if "materials" in p else p["value"]
+            rows.append([*shared, name, value, p["low"], p["high"], p["unit"]])
+        if not entry["parameters"]:
+            rows.append([*shared, *[""] * 5])
     head = ["place", "effect", "family", "gain_nats", "explained_share", "confidence", "added", "cannot_be_told_from",
             "parameter", "value", "low_90", "high_90", "unit"]  # fmt: skip
     _write_csv(path, head, rows)
-
-
-def _cells(parameter: Mapping[str, Any]) -> list[Any]:
-    value = " ".join(parameter["materials"]) if "materials" in parameter else parameter["value"]
-    return [value, parameter["low"], parameter["high"], parameter["unit"]]
 
 
 def _write_csv(path: str | Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

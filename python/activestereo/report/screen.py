@@ -51,14 +51,14 @@ def screen(
     steps: by command(). see: a file that shows more. details: tables that `verbose` adds at the end.
     """
     lines = wrapped(sentence)
-    drawn = _drawn(figures[:_MOST_LINES])
+    drawn = _bar_lines(figures[:_MOST_LINES])
     room, told = _MOST_LINES - len(drawn), []
     for said in ([f"  {note}"] if verbose else wrapped(note, "  ") for note in notes):
         if verbose or len(said) <= room:
             room -= len(said)
             told.append(said)
     lines += [*drawn, *(line for said in told for line in said)]
-    lines += [line for step in steps for line in _pasted(step)]
+    lines += [line for step in steps for line in _command_lines(step)]
     more = "" if verbose or (len(told) == len(notes) and not details) else "more: --verbose"
     shown = f"see: {printable(see)}" if see else ""
     is_short = shown and more and len(shown) + len(more) + 3 <= COLUMNS
@@ -77,7 +77,7 @@ def command(*words: object, label: str = "next") -> Step:
     return Step(tuple(given), label)
 
 
-def _drawn(figures: Sequence[Figure]) -> list[str]:
+def _bar_lines(figures: Sequence[Figure]) -> list[str]:
     name, said = (
         max((len(text) for text in own), default=0) for own in ([f.name for f in figures], [f.said for f in figures])
     )
@@ -97,7 +97,7 @@ def wrapped(text: str, indent: str = "") -> list[str]:
     )  # fmt: skip
 
 
-def _pasted(step: Step) -> list[str]:
+def _command_lines(step: Step) -> list[str]:
     """Lines that a shell takes as one command."""
     parts: list[str] = []
     for word in step.words:  # an option and its value stay together

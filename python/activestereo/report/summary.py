@@ -55,10 +55,7 @@ def summary_table(scores: dict[str, Any]) -> str:
     for channel, region in scores["regions"].items():
         if head := region["headline"]:
             lines.append(f"{channel}: {100 * head['share']:.0f} % of the explainable error: {head['words']}")
-    return "\n".join([*lines, _fit_line(scores["fit"])])
-
-
-def _fit_line(fit: dict[str, Any]) -> str:
-    value, error = fit["nuisances"], fit["standard_errors"]
+    value, error = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
     names = (("projector scale", "projector_scale"), ("ambient scale", "ambient_scale"), ("black level", "black_dn"))
-    return "fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {error[k]:.2g}" for words, k in names)
+    lines.append("fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {error[k]:.2g}" for words, k in names))
+    return "\n".join(lines)

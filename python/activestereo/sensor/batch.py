@@ -163,10 +163,12 @@ class StereoDepthSensorBatch(SensorResults):
         """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined batch begins
         new pictures and makes the ones before them current. Raises SensorPoseError if a mount has no pose, after the
         others' pictures are taken or begun. A failed picture, here or in wait(), leaves no result."""
-        self._each(lambda engine, _: engine.turn())
-        broken, rigs = self._placed()
+        self._on_each_device(lambda engine, _: engine.turn())
+        broken, rigs = self._present_places()
         try:
-            self._each(lambda engine, k: engine.take_pictures(rigs[k], self._places[k].matrices, infrared_only, None))
+            self._on_each_device(
+                lambda engine, k: engine.take_pictures(rigs[k], self._places[k].matrices, infrared_only, None)
+            )
         finally:
             last = max(engine.frame for engine in self._engines)
             for engine in self._engines:
@@ -176,7 +178,7 @@ class StereoDepthSensorBatch(SensorResults):
     def wait(self) -> None:
         """Waits until the pictures that a pipelined batch has begun are rendered; then the scene may change. Results
         stay those of the pictures before."""
-        self._each(lambda engine, _: engine.wait())
+        self._on_each_device(lambda engine, _: engine.wait())
 
     @property
     def has_picture(self) -> bool:
@@ -193,8 +195,8 @@ class StereoDepthSensorBatch(SensorResults):
         """Renders float32 [..., height, width] as get_true_depth(), of the scene and the mounts as they are now. Takes
         no picture."""
         self.wait()
-        broken, rigs = self._placed()
-        depth = self._devices.join(self._each(lambda engine, k: engine.render_true_depth(rigs[k])))
+        broken, rigs = self._present_places()
+        depth = self._devices.join(self._on_each_device(lambda engine, k: engine.render_true_depth(rigs[k])))
         raise_broken(broken, self._shape)
         return depth
 
@@ -203,14 +205,14 @@ class StereoDepthSensorBatch(SensorResults):
         others when first read."""
         if self._results is not None:
             self._results.begin()
-        self._each(lambda engine, _: engine.match())
+        self._on_each_device(lambda engine, _: engine.match())
 
     # ---- results ----
 
     def get_ir_radiance(self) -> NDArray[np.float32]:
         """Returns float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise. On a
         single CPU device it is a view of the next picture's memory, else a copy."""
-        light = self._each(lambda engine, _: engine.light())
+        light = self._on_each_device(lambda engine, _: engine.light())
         return light[0] if len(light) == 1 else np.concatenate(light, axis=1)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
@@ -315,7 +317,7 @@ class StereoDepthSensorBatch(SensorResults):
         if np.ndim(seed) == 0:
             one = int(RENDER_SEED.check("the seed", seed))
             self._config.render_seed = self._config.noise_seed = one
-            self._each(lambda engine, _: engine.restart(one))
+            self._on_each_device(lambda engine, _: engine.restart(one))
             return
         if np.shape(seed) != self._shape[:1]:
             raise ValueError(f"seeds are {list(np.shape(seed))}, expected a number or [{self._shape[0]}]")
@@ -323,12 +325,12 @@ class StereoDepthSensorBatch(SensorResults):
         raise_faults("the seed", np.arange(len(seeds)), [RENDER_SEED.fault(one) for one in seeds])
         sensors = range(prod(self._shape[1:]))
         own = [one + (sensor << 32) for one in seeds for sensor in sensors]  # sensors of an environment differ
-        self._each(lambda engine, k: engine.restart(self._config.render_seed, own[self._own[k]]))
+        self._on_each_device(lambda engine, k: engine.restart(self._config.render_seed, own[self._own[k]]))
 
     def close(self) -> None:
         """Removes the projectors and the model's additions from the scenes, and ends the devices' threads."""
         try:
-            self._each(lambda engine, _: engine.close())
+            self._on_each_device(lambda engine, _: engine.close())
         finally:
             self._devices.close()
 
@@ -342,18 +344,18 @@ class StereoDepthSensorBatch(SensorResults):
 
     # ---- inside ----
 
-    def _each(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:
+    def _on_each_device(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:
         """Runs call(engine, device) on all devices."""
         return self._devices.each(lambda k: call(self._engines[k], k))
 
     def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
-        return self._devices.join(self._each(lambda engine, _: get(engine)))
+        return self._devices.join(self._on_each_device(lambda engine, _: get(engine)))
 
     def _poses(self) -> NDArray[np.float64]:
-        _, rigs = self._placed()
+        _, rigs = self._present_places()
         return np.concatenate(rigs).reshape(*self._shape, 4, 4)
 
-    def _placed(self) -> tuple[NDArray[np.bool_], list[NDArray[np.float64]]]:
+    def _present_places(self) -> tuple[NDArray[np.bool_], list[NDArray[np.float64]]]:
         """Returns a mask [sensors] of those whose mount has no pose, and the RGB cameras' poses by device."""
         broken = np.concatenate([one.read()[own] for one, own in zip(self._places, self._own, strict=True)])
         return broken, [one.rigs(own) for one, own in zip(self._places, self._own, strict=True)]

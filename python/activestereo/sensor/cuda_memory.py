@@ -89,12 +89,12 @@ class CudaMemory:
             self._driver.call("cuDevicePrimaryCtxRetain", c.byref(context), self._device)
             self._context = context
             try:
-                self._inside(lambda: self._map(desc))
+                self._in_context(lambda: self._map(desc))
             except CudaError:
                 self.close()
                 raise
 
-    def _inside(self, work: Any) -> None:
+    def _in_context(self, work: Any) -> None:
         """Makes the GPU's primary context current, which PyTorch and CuPy use, too."""
         self._driver.call("cuCtxPushCurrent_v2", self._context)
         try:
@@ -126,7 +126,7 @@ class CudaMemory:
                 self._driver.call("cuDestroyExternalMemory", self._external)
 
         try:
-            self._inside(unmap)
+            self._in_context(unmap)
             self._driver.call("cuDevicePrimaryCtxRelease_v2", self._device)
         finally:
             self._context = None

@@ -68,7 +68,7 @@ class SensorEngine:
         self._under_way = UnderWay()
         self._maps = Maps(weakref.proxy(self), on_cuda, results)
         self.light_share = np.ones(self._count)  # factors on each sensor's own exposure
-        self._told: list[dict[str, float]] = []
+        self._told_signals: list[dict[str, float]] = []
         self._noise_seeds: list[int] | None = None
         self._place: NDArray[np.float64] | None = None
         self._speckle_draw = -1
@@ -89,7 +89,7 @@ class SensorEngine:
         current ones."""
         self.wait()
         if self.pipelined:
-            self._turn()
+            self._make_current()
         else:
             self._maps.clear()
         self._next.taken = None
@@ -125,7 +125,7 @@ class SensorEngine:
         picture.taken, picture.light_share = taken, self.light_share.copy()
         if not self.pipelined:
             self._finish()
-            self._turn()
+            self._make_current()
 
     def wait(self) -> None:
         """Waits until the pictures that were begun are rendered; then the scene may change."""
@@ -210,7 +210,7 @@ class SensorEngine:
         """Computes maps of the current pictures. outputs: their names, or arrays to write into."""
         picture = self._present
         taken = picture.taken or Taken()
-        self._tell(picture.signals)  # the next picture's exposure may be another
+        self._set_signals(picture.signals)  # the next picture's exposure may be another
         self.matcher.set_parameters(
             frame_index=taken.frame, scene_index=taken.speckle_draw, first_view=self._first_view
         )
@@ -225,7 +225,7 @@ class SensorEngine:
         """Computes maps of another pair of radiance, with the noise of picture frame_index."""
         self.wait()
         self._maps.complete()
-        self._tell(self.rig.signals())
+        self._set_signals(self.rig.signals())
         self.matcher.set_parameters(frame_index=frame_index, scene_index=0)
         return self._computed(pair, outputs, lasers)
 
@@ -240,14 +240,14 @@ class SensorEngine:
         told: dict[str, Any] = {**matcher, **now.applied_to(signal)}
         self.matcher.set_parameters(**told)
         exposure = replace(self.plan.exposure, start=now)
-        self._told = []
+        self._told_signals = []
         self.rig.set_plan(replace(self.plan, engine=self.plan.engine | matcher, signal=signal, exposure=exposure))
         for picture in (self._present, self._next):
             if picture.setting is not None:
                 self.rig.set_exposure(picture.setting)
                 picture.signals = self.rig.signals()
         self.rig.set_exposure(now)
-        self._tell(self.rig.signals())
+        self._set_signals(self.rig.signals())
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
         """Calls RigInputs.set_twist() when no picture is under way."""
@@ -331,13 +331,13 @@ class SensorEngine:
                 self._expose(picture.link)
             picture.setting, picture.signals = self.rig.setting, self.rig.signals()
             if not self.pipelined:
-                self._tell(picture.signals)
+                self._set_signals(picture.signals)
         except BaseException:
             if not self._under_way:
                 picture.taken = None
             raise
 
-    def _turn(self) -> None:
+    def _make_current(self) -> None:
         """Makes the rendered pictures current; a pipelined engine's next pictures take the memory of the last ones."""
         if self._next.taken is None:
             return
@@ -363,10 +363,10 @@ class SensorEngine:
         else:
             self._next_setting = after
 
-    def _tell(self, signals: list[dict[str, float]]) -> None:
-        if signals != self._told:
+    def _set_signals(self, signals: list[dict[str, float]]) -> None:
+        if signals != self._told_signals:
             self.matcher.set_signal(*signals)
-            self._told = signals
+            self._told_signals = signals
 
     def _keep_times(self, group: str, worker: kuafu.Renderer | simsense.Engine) -> None:
         kept = {name: t for name, t in self.stage_times.items() if not name.startswith(f"{group}: ")}

@@ -70,12 +70,12 @@ class ImageEffects:
     @property
     def make_light(self) -> bool:
         """Whether on_light() renders and writes the whole pair of radiance."""
-        return bool(self._between(Stage.PROJECTOR, Stage.OPTICS).effects)
+        return bool(self._of_stages(Stage.PROJECTOR, Stage.OPTICS).effects)
 
     def on_light(self, link: IrLink, is_laser_apart: bool) -> None:
         """Changes the pair of radiance, up to the charge that it makes. is_laser_apart: the link holds the laser's part
         separately."""
-        before, charge = self._between(Stage.PROJECTOR, Stage.OPTICS), self._between(Stage.CHARGE, Stage.CHARGE)
+        before, charge = self._of_stages(Stage.PROJECTOR, Stage.OPTICS), self._of_stages(Stage.CHARGE, Stage.CHARGE)
         if not before.effects and not charge.effects:
             return
         inputs, images = self._sensor.engine_inputs(), link.images()
@@ -109,7 +109,7 @@ class ImageEffects:
         self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any
     ) -> dict[str, NDArray]:
         """engine.compute() with the effects on counts, disparity and depth."""
-        counts, matched = self._between(Stage.READOUT, Stage.DIGITAL), self._between(Stage.DISPARITY, Stage.DEPTH)
+        counts, matched = self._of_stages(Stage.READOUT, Stage.DIGITAL), self._of_stages(Stage.DISPARITY, Stage.DEPTH)
         wanted = (*outputs, "depth") if matched.effects else outputs
         if not counts.effects:
             result = dict(engine.compute(*pair, wanted, **lasers))
@@ -122,7 +122,7 @@ class ImageEffects:
 
     # ---- inside ----
 
-    def _between(self, first: Stage, last: Stage) -> Model:
+    def _of_stages(self, first: Stage, last: Stage) -> Model:
         return Model(tuple((e, p) for e, p in self._effects if first <= e.stage <= last))
 
     def _counts(self, model: Model, images: list[NDArray]) -> list[NDArray]:

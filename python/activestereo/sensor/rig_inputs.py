@@ -56,21 +56,21 @@ class RigInputs:
         self._frame = 0
         self._rigs: NDArray[np.float64] | None = None
         self._is_closed = False
-        self._inputs: EngineInputs | None = self._found()
+        self._inputs: EngineInputs | None = self._compute_inputs()
 
     def inputs(self) -> EngineInputs:
         """The engines' inputs, with the RGB camera at the origin. Recomputed after a change of sensor or conditions."""
         if self._inputs is None:
-            inputs = self._found()
+            inputs = self._compute_inputs()
             if not self._is_closed:
-                self._enter(inputs)
+                self._enter_scene(inputs)
             self._inputs = inputs
         return self._inputs
 
     def enter(self) -> None:
         """Puts the sensors' objects into the scene for the first time; adds nothing if that fails."""
         try:
-            self._enter(self.inputs())
+            self._enter_scene(self.inputs())
         except BaseException:
             self.in_scene.leave()
             raise
@@ -176,17 +176,17 @@ class RigInputs:
     def _laser_w_sr(self) -> float:
         return self.plan.laser_w_sr[self._frame % 2]
 
-    def _enter(self, inputs: EngineInputs) -> None:
+    def _enter_scene(self, inputs: EngineInputs) -> None:
         self.in_scene.enter(inputs, self._laser_w_sr, self.plan.pattern)
         if self.plan.projector_always_on and self._rigs is not None:
             self.in_scene.shine(self._rigs)
 
-    def _found(self) -> EngineInputs:
+    def _compute_inputs(self) -> EngineInputs:
         """Computes the inputs under the model, and the cameras from them."""
-        inputs = self._unchanged()
+        inputs = self._inputs_without_effects()
         self._scene_measurement.apply(inputs)
         self.left_over = apply_engine(inputs, self._effects.effects)
-        self._refuse(inputs)
+        self._refuse_effects(inputs)
         cameras = [(side.camera, side.delay_s) for side in inputs.sides]
         self._cameras_on_rig = [
             moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
@@ -196,7 +196,7 @@ class RigInputs:
         self._rgb_cameras = [self._rgb_camera() for _ in self.environments]
         return inputs
 
-    def _unchanged(self) -> EngineInputs:
+    def _inputs_without_effects(self) -> EngineInputs:
         """The inputs without effects."""
         plan, exposure_s = self.plan, self.setting.exposure_s
         temperature_c, time_s = self._conditions
@@ -253,7 +253,7 @@ class RigInputs:
         linear, angular = self._twist_of("rgb")
         return kuafu.Camera(**self.plan.rgb, linear_velocity=linear, angular_velocity=angular)
 
-    def _refuse(self, inputs: EngineInputs) -> None:
+    def _refuse_effects(self, inputs: EngineInputs) -> None:
         """Raises ValueError for effects that these sensors have not."""
         names = [] if self._takes_image_effects else [effect.id for effect, _ in self.left_over]
         names += ["exposure_desync"] if inputs.right.delay_s and not self.is_one else []

@@ -73,7 +73,7 @@ def generate(
     missing = [frame for frame in own if not bop.is_done(out, frame)]
     bop.remove_left_over(out, set(missing))
     start = time.monotonic()
-    made = _made(settings, out, missing, workers) if ray is None else made_by_ray(settings, out, missing, *ray)
+    made = _make_frames(settings, out, missing, workers) if ray is None else made_by_ray(settings, out, missing, *ray)
     for count_made, _ in enumerate(made, 1):
         if progress is not None:
             progress(count_made / len(missing))
@@ -108,10 +108,10 @@ def description(settings: Settings) -> dict[str, Any]:
                     "ranges": {name: list(pair) for name, pair in about["ranges"].items()}}  # fmt: skip
 
 
-def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
+def _make_frames(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
     """Yields the number of each frame after it is written. After a lost worker all are replaced and go on."""
     if workers == 1 or len(missing) < 2:
-        yield from _made_here(settings, out, missing)
+        yield from _make_frames_here(settings, out, missing)
         return
     left, told, losses = missing, set[int](), 0
     while left:
@@ -132,7 +132,7 @@ def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> It
         left = [number for number in left if number not in told]
 
 
-def _made_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
+def _make_frames_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
     """Makes frames here. Writes one while the next renders."""
     if not missing:
         return

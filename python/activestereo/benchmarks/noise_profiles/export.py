@@ -50,18 +50,26 @@ def export(
         write_text(out / PROFILES[name].FILE, fits[name][0].file_text(views))
     others = take_views(config, model, held_out, _HELD_OUT_SEED + seed, device, progress) if held_out else None
     found = {
-        name: Exported(profile, out / profile.FILE, seconds, _far(type(profile)(), others), _far(profile, others))
+        name: Exported(
+            profile,
+            out / profile.FILE,
+            seconds,
+            _distance_from(type(profile)(), others),
+            _distance_from(profile, others),
+        )
         for name, (profile, seconds) in fits.items()
     }
-    write_text(out / "profiles.json", json.dumps({name: said(one) for name, one in found.items()}, indent=1) + "\n")
+    write_text(
+        out / "profiles.json", json.dumps({name: profile_json(one) for name, one in found.items()}, indent=1) + "\n"
+    )
     return found
 
 
-def _far(profile: Profile, views: Views | None) -> Distance | None:
+def _distance_from(profile: Profile, views: Views | None) -> Distance | None:
     return None if views is None else distance(views, profile.apply(views, np.random.default_rng(1)))
 
 
-def said(one: Exported) -> dict[str, Any]:
+def profile_json(one: Exported) -> dict[str, Any]:
     """One profile's part of profiles.json."""
     distances = {"default": one.default_distance, "exported": one.distance}
     return {

@@ -115,11 +115,11 @@ class Observations:
 
     def rgb(self) -> torch.Tensor:
         """uint8 [E, height, width, 3]."""
-        return self._taken("rgba8")[..., :3].contiguous()
+        return self._image("rgba8")[..., :3].contiguous()
 
     def depth_mm(self) -> torch.Tensor:
         """Whole millimetres [E, height, width], as float32."""
-        return (self._taken("depth") * _MM).clamp(max=_FARTHEST_MM).round()
+        return (self._image("depth") * _MM).clamp(max=_FARTHEST_MM).round()
 
     def positions(self, depth_mm: torch.Tensor) -> torch.Tensor:
         """int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right, y up, z backward."""
@@ -129,11 +129,11 @@ class Observations:
     def segmentation(self, semantic_ids: NDArray[np.integer]) -> torch.Tensor:
         """int16 [E, height, width, 1]: ManiSkill's per_scene_id, 0 = nothing there. semantic_ids: of each instance."""
         ids = torch.from_numpy(semantic_ids.astype(np.int16))
-        instances = self._taken("instance_ids").view(torch.int32)  # values above 2^31 are negative
+        instances = self._image("instance_ids").view(torch.int32)  # values above 2^31 are negative
         known = torch.where(instances < 0, len(ids) - 1, instances.clamp(max=len(ids) - 1))
         return ids.to(instances.device)[known][..., None]
 
-    def _taken(self, name: str) -> torch.Tensor:
+    def _image(self, name: str) -> torch.Tensor:
         """Reads the sensors' get_<name>() on the device of the observations."""
         if self._on_cuda:
             return cuda_tensor(self.sensors.get_cuda(name))
@@ -146,7 +146,7 @@ class Observations:
         k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
         v, u = np.indices((height, width))
         rays = np.stack([(u - k[0, 2]) / k[0, 0], -(v - k[1, 2]) / k[1, 1], -np.ones(u.shape)], axis=-1)
-        return torch.from_numpy(rays.astype(np.float32)).to(self._taken("depth").device)
+        return torch.from_numpy(rays.astype(np.float32)).to(self._image("depth").device)
 
 
 class _CameraMounts:
@@ -204,7 +204,7 @@ class StereoDepthCamera(Camera):
         """Brings the sensors' scene to the present state. Images are rendered when get_obs() asks for them."""
         if self._world is None:
             self._world = ManiSkillWorld.for_scene(self._scene, self.config.device)
-            self._observations = self._made(self._world)
+            self._observations = self._make_observations(self._world)
             if self.config.pipelined:
                 self._world.pipelined.add(self.sensors)
         self._world.update()
@@ -245,7 +245,7 @@ class StereoDepthCamera(Camera):
         begun = self._begun
         return begun.params if begun is not None and self._serves(begun) else super().get_params()
 
-    def _made(self, world: ManiSkillWorld) -> Observations:
+    def _make_observations(self, world: ManiSkillWorld) -> Observations:
         config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
         mounts = _CameraMounts(self.camera, world.scene)
         pipelined, is_there = self.config.pipelined, self._scene.device.type == "cuda"

@@ -129,9 +129,9 @@ class InputImages:
 
     def put(self, given: Mapping[str, Any]) -> dict[str, kuafu.Buffer]:
         """Copies the images that are not None to the memory that kuafu's light_gbuffers() reads."""
-        return {name: self._taken(name, image) for name, image in given.items() if image is not None}
+        return {name: self._copy_in(name, image) for name, image in given.items() if image is not None}
 
-    def _taken(self, name: str, values: Any) -> kuafu.Buffer:
+    def _copy_in(self, name: str, values: Any) -> kuafu.Buffer:
         shape = (*self._shape, 3) if name == "normal" else self._shape
         buffer = self._buffers.get(name)
         if buffer is None:
