@@ -38,13 +38,9 @@ HIDDEN = {"radial_distortion": ("k1", 0.01), "vignetting": ("exponent", 3.0), "g
 
 
 def write_example_capture(
-    folder: str | Path,
-    device: str | int = "auto",
-    seed: int = 0,
-    progress: Callable[[float], object] | None = None,
-    samples_per_pixel: int = 64,
-    hidden: str | None = None,
-) -> Capture:
+    folder: str | Path, device: str | int = "auto", seed: int = 0, progress: Callable[[float], object] | None = None,
+    samples_per_pixel: int = 64, hidden: str | None = None,
+) -> Capture:  # fmt: skip
     """Writes the capture as the new folder and returns it. progress: called with the fraction done. hidden: one of
     HIDDEN to put into its images, by a formula that the lab does not share."""
     with TemporaryDirectory() as place:

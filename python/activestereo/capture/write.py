@@ -18,15 +18,10 @@ _EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [
 
 
 def write_capture(
-    path: str | Path,
-    capture: Capture,
-    images: Mapping[tuple[int, str], np.ndarray],
-    pattern: np.ndarray,
-    depths: Mapping[int, np.ndarray] | None = None,
-    colors: Mapping[int, np.ndarray] | None = None,
-    masks: Mapping[tuple[int, str], np.ndarray] | None = None,
-    with_empty_scene: bool = False,
-) -> None:
+    path: str | Path, capture: Capture, images: Mapping[tuple[int, str], np.ndarray], pattern: np.ndarray,
+    depths: Mapping[int, np.ndarray] | None = None, colors: Mapping[int, np.ndarray] | None = None,
+    masks: Mapping[tuple[int, str], np.ndarray] | None = None, with_empty_scene: bool = False,
+) -> None:  # fmt: skip
     """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
 
     images: {(frame id, side): uint8 or uint16 [height][width]}, empty for recordings of colour and depth alone;
@@ -103,12 +98,9 @@ def _camera_json(camera: Camera) -> dict[str, Any]:
 
 
 def _frame_json(
-    frame: Frame,
-    with_infrared: Container[int],
-    depths: Container[int],
-    colors: Container[int],
+    frame: Frame, with_infrared: Container[int], depths: Container[int], colors: Container[int],
     masks: Container[tuple[int, str]],
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     name = f"{frame.id:06d}.png"
     entry: dict[str, Any] = {"id": frame.id}
     if frame.id in with_infrared:

@@ -22,22 +22,15 @@ examples:
 def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser("add", help="add an effect to a model", description=_TEXT)
     parser.add_argument("effect", metavar="EFFECT", help="an id of 'activestereo effect list' or of your own file")
-    parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
-    parser.add_argument(
-        "--from", dest="diagnosis", type=Path, metavar="FILE", help="a diagnose.json that has the parameters"
-    )
+    add_shared(parser, model="model.json to start from (default: no effects)")
+    text = "a diagnose.json that has the parameters"
+    parser.add_argument("--from", dest="diagnosis", type=Path, metavar="FILE", help=text)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter's value")
-    parser.add_argument(
-        "--on",
-        action="append",
-        default=[],
-        metavar="MATERIAL",
-        help="a surface that shows it, by its material's name (default: all)",
-    )
+    text = "a surface that shows it, by its material's name (default: all)"
+    parser.add_argument("--on", action="append", default=[], metavar="MATERIAL", help=text)
     add_shared(parser, effects=True)
-    parser.add_argument(
-        "-o", "--out", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file"
-    )
+    text = "the model to write; may be the same file"
+    parser.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=text)
     parser.set_defaults(run=run)
 
 

@@ -175,6 +175,8 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
         "default": "auto", "metavar": "auto|cpu|N",
         "help": "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)",
     }),
+    "model": (("--model",), {"type": Path, "metavar": "FILE", "help": "%s"}),
+    "sensor": (("--sensor",), {"default": "d435", "metavar": "NAME", "help": "%s (default: d435)"}),
     "effects": (("--effects",), {
         "type": Path, "action": "append", "default": [], "metavar": "FILE", "help": "your own effects%s",
     }),

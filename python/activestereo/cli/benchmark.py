@@ -66,11 +66,8 @@ examples:
 
 
 def add_realism(kinds: Commands) -> None:
-    parser = kinds.add_parser(
-        "realism",
-        help="measure how close kinds of simulated depth come to a real camera's",
-        description=_REALISM_TEXT,
-    )
+    text = "measure how close kinds of simulated depth come to a real camera's"
+    parser = kinds.add_parser("realism", help=text, description=_REALISM_TEXT)
     text = "a capture's folder, or with =DIR the device's depth of it"
     parser.add_argument("captures", nargs="+", type=_capture, metavar="CAPTURE[=DIR]", help=text)
     add_shared(parser, out=True, device=True, seed="of all noise")

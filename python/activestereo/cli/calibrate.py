@@ -109,30 +109,21 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     noise = _part(parts, "noise", "the imager's temporal noise from repeats", _NOISE)
     noise.add_argument("frames", type=Path, metavar="FRAMES", help="repeats of static views")
     noise.add_argument("--dark", type=Path, metavar="FRAMES", help="repeats without light")
-    noise.add_argument(
-        "--paper",
-        action="store_true",
-        help="print the paper's literal fit, too: clean image = average, theta and mu free",
-    )
+    text = "print the paper's literal fit, too: clean image = average, theta and mu free"
+    noise.add_argument("--paper", action="store_true", help=text)
     noise.set_defaults(run=_run_noise)
     pattern = _part(parts, "pattern", "the projector's dots from frames of a flat wall", _PATTERN)
     pattern.add_argument("frames", type=Path, metavar="WALL_FRAMES", help="capture whose repeat groups look at a wall")
     pattern.set_defaults(run=_run_pattern)
     rig = _part(parts, "rig", "both cameras' calibration from frames of a board", _RIG)
-    rig.add_argument(
-        "frames", type=Path, metavar="BOARD_FRAMES", help="folder with left/ and right/, PNG files of equal names"
-    )
-    rig.add_argument(
-        "--board",
-        required=True,
-        metavar="BOARD",
-        help="9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01 (metres)",
-    )
+    text = "folder with left/ and right/, PNG files of equal names"
+    rig.add_argument("frames", type=Path, metavar="BOARD_FRAMES", help=text)
+    text = "9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01 (metres)"
+    rig.add_argument("--board", required=True, metavar="BOARD", help=text)
     rig.add_argument("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw")
     rig.add_argument("--rectified", action="store_true", help="the images are rectified: no lens distortion is fitted")
-    rig.add_argument(
-        "--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified cameras, held"
-    )
+    text = "the device's own K of both rectified cameras, held"
+    rig.add_argument("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help=text)
     rig.set_defaults(run=_run_rig)
     drift = _part(parts, "drift", "what moves with temperature, from frames of a warm-up", _DRIFT)
     drift.add_argument("frames", type=Path, metavar="FRAMES", help="capture of a still scene, some frames without dots")
@@ -144,14 +135,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:
     parser = parts.add_parser(name, help=summary, description=text)
-    parser.add_argument(
-        "-o",
-        "--out",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help="model.json; made if it is not there, else one section is replaced",
-    )
+    text = "model.json; made if it is not there, else one section is replaced"
+    parser.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=text)
     add_shared(parser, seed="same seed, same result", json=True, verbose="all that was measured")
     return parser
 

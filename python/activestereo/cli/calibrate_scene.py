@@ -38,12 +38,10 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     """The parsers of calibrate's two parts."""
     scene = parts.add_parser("scene", help="a measured depth map as a scene", description=_SCENE)
     scene.add_argument("capture", type=Path, metavar="CAPTURE", help="capture with depth")
-    scene.add_argument(
-        "--frame", type=integer_from(0), metavar="ID", help="frame of the pose (default: first with depth)"
-    )
-    scene.add_argument(
-        "--step", type=integer_from(1), default=2, metavar="PX", help="pixels between points (default: 2)"
-    )
+    text = "frame of the pose (default: first with depth)"
+    scene.add_argument("--frame", type=integer_from(0), metavar="ID", help=text)
+    text = "pixels between points (default: 2)"
+    scene.add_argument("--step", type=integer_from(1), default=2, metavar="PX", help=text)
     scene.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=".gltf or .glb")
     scene.set_defaults(run=_run_scene)
     materials = parts.add_parser("materials", help="what an object is made of", description=_MATERIALS)

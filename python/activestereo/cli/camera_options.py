@@ -23,9 +23,8 @@ def add_records(group: argparse._ArgumentGroup) -> None:
         "the infrared imagers: one of simsense's presets (d435, paper-d415, sapien, neutral), or a field of "
         "simsense_signal"
     )
-    group.add_argument(
-        "--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=f"{text}; {_MORE}"
-    )
+    text = f"{text}; {_MORE}"
+    group.add_argument("--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=text)
     for camera, whose in (("ir", "infrared cameras'"), ("rgb", "RGB camera's")):
         text = f"a field of the {whose} optics, as psf_sigma_px=0.7 (kuafu.Optics); {_MORE}"
         group.add_argument(f"--{camera}-optics", action="append", default=[], type=_field, metavar="NAME=X", help=text)
@@ -69,9 +68,6 @@ def _field(text: str) -> tuple[str, float | int | list[float] | None]:
     return name, None if not equals else numbers[0] if len(numbers) == 1 else numbers
 
 
-if TYPE_CHECKING:
-    from activestereo.camera.presets import StereoDepthSensorConfig
-
 READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
 
 
@@ -88,27 +84,16 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
         "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's "
         "x (right), y (down), z (forward)"
     )
-    group.add_argument(
-        "--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=f"{text} (default: it stands still)"
-    )
+    text = f"{text} (default: it stands still)"
+    group.add_argument("--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=text)
     text = "seconds that each line is exposed after the one before; 0 = a global shutter (default: 0)"
-    group.add_argument(
-        "--ir-line-time-s", type=positive, metavar="S", help=f"rolling shutter of the infrared cameras: {text}"
-    )
+    text = f"rolling shutter of the infrared cameras: {text}"
+    group.add_argument("--ir-line-time-s", type=positive, metavar="S", help=text)
     group.add_argument("--rgb-line-time-s", type=positive, metavar="S", help=f"the same of the RGB camera: {text}")
-    group.add_argument(
-        "--readout",
-        choices=READOUTS,
-        metavar="NAME",
-        help=f"the way their lines go, {' | '.join(READOUTS)}; a sensor built in upside down has rows_up (default: "
-        "rows_down)",
-    )
-    group.add_argument(
-        "--rgb-exposure-s",
-        type=positive,
-        metavar="S",
-        help="how long the RGB camera is open, which only blurs what moves (default: 0)",
-    )
+    text = f"the way their lines go, {' | '.join(READOUTS)}; a sensor built in upside down has rows_up"
+    group.add_argument("--readout", choices=READOUTS, metavar="NAME", help=f"{text} (default: rows_down)")
+    text = "how long the RGB camera is open, which only blurs what moves (default: 0)"
+    group.add_argument("--rgb-exposure-s", type=positive, metavar="S", help=text)
 
 
 def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
@@ -118,15 +103,8 @@ def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
         raise CommandError(
             f"--readout {args.readout} is of a rolling shutter: give --ir-line-time-s or --rgb-line-time-s as well"
         )
-    values = {
-        "ir_distortion": args.ir_distortion,
-        "rgb_distortion": args.rgb_distortion,
-        "ir_line_time_s": args.ir_line_time_s,
-        "rgb_line_time_s": args.rgb_line_time_s,
-        "ir_readout": args.readout,
-        "rgb_readout": args.readout,
-        "rgb_exposure_s": args.rgb_exposure_s,
-    }
+    own = ("ir_distortion", "rgb_distortion", "ir_line_time_s", "rgb_line_time_s", "rgb_exposure_s")
+    values = {name: getattr(args, name) for name in own} | dict.fromkeys(("ir_readout", "rgb_readout"), args.readout)
     for name, value in values.items():
         if value is not None:
             setattr(config, name, value)

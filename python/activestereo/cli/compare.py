@@ -39,20 +39,11 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser("compare", help="compare the simulator with a measured capture", description=_TEXT)
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_shared(parser, out=True)
-    parser.add_argument(
-        "--model", type=Path, metavar="FILE", help="model.json: its effects act inside of the engines (default: none)"
-    )
+    add_shared(parser, model="model.json: its effects act inside of the engines (default: none)")
+    add_shared(parser, effects=", where the model has some", samples=True, max_bounces=True)
+    add_shared(parser, seed="same seed, same pictures", device=True, pdf=True)
     add_shared(
-        parser,
-        effects=", where the model has some",
-        samples=True,
-        max_bounces=True,
-        seed="same seed, same pictures",
-        device=True,
-        pdf=True,
-        csv="the errors of each frame and camera",
-        json=True,
-        verbose="errors of both splits and the fit",
+        parser, csv="the errors of each frame and camera", json=True, verbose="errors of both splits and the fit"
     )
     parser.set_defaults(run=run)
 

@@ -204,12 +204,9 @@ _LEAST_FILL = 0.5
 
 
 def depth_hints(
-    cameras: RectifiedPair,
-    engine: simsense.Engine,
-    left: np.ndarray,
-    right: np.ndarray,
+    cameras: RectifiedPair, engine: simsense.Engine, left: np.ndarray, right: np.ndarray,
     result: Mapping[str, np.ndarray],
-) -> list[str]:
+) -> list[str]:  # fmt: skip
     """Lines to print, none where all is well. cameras: of the pair; result: the engine's depth and disparity."""
     return [hint for hint in (_cut(cameras, engine, result), _exchanged(engine, left, right, result)) if hint]
 

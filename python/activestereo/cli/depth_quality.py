@@ -14,7 +14,6 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_shared,
-    camera_matrix,
     check_out_file,
     positive,
     print_json,
@@ -46,27 +45,15 @@ def add_parser(commands: Commands) -> None:
         "depth-quality", help="measure depth maps of a flat target by Intel's metrics", description=_TEXT
     )
     parser.add_argument("depth", type=Path, nargs="+", metavar="DEPTH", help="depth maps of one size: PNG or .npy")
-    parser.add_argument(
-        "--k",
-        required=True,
-        type=camera_matrix,
-        metavar="fx,0,cx,0,fy,cy,0,0,1",
-        help="camera matrix of the depth maps in pixels; or short: fx,fy,cx,cy",
-    )
+    text = "camera matrix of the depth maps in pixels; or short: fx,fy,cx,cy"
+    add_shared(parser, k={"required": True, "metavar": "fx,0,cx,0,fy,cy,0,0,1", "help": text})
     add_shared(parser, baseline={"required": True})
-    parser.add_argument(
-        "--truth", type=positive, metavar="M", help="true distance of the target along the optical axis, metres"
-    )
-    parser.add_argument(
-        "--roi",
-        type=positive,
-        default=0.4,
-        metavar="FRACTION",
-        help="centred part of height and width, 0..1 (default %(default)s)",
-    )
-    parser.add_argument(
-        "--unit", type=positive, default=0.001, metavar="M", help="metres per step of a PNG (default %(default)s)"
-    )
+    text = "true distance of the target along the optical axis, metres"
+    parser.add_argument("--truth", type=positive, metavar="M", help=text)
+    text = "centred part of height and width, 0..1 (default %(default)s)"
+    parser.add_argument("--roi", type=positive, default=0.4, metavar="FRACTION", help=text)
+    text = "metres per step of a PNG (default %(default)s)"
+    parser.add_argument("--unit", type=positive, default=0.001, metavar="M", help=text)
     parser.add_argument("--disparity", action="store_true", help="the .npy files hold disparities, pixels")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE", help="write the metrics there too, as JSON")
     add_shared(parser, json=True)

@@ -136,12 +136,8 @@ def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: Rect
 
 
 def _facts(
-    args: argparse.Namespace,
-    settings: AdvancedSettings,
-    matcher: PairMatcher,
-    cameras: RectifiedPair,
-    pair: Pair,
-) -> dict[str, Any]:
+    args: argparse.Namespace, settings: AdvancedSettings, matcher: PairMatcher, cameras: RectifiedPair, pair: Pair,
+) -> dict[str, Any]:  # fmt: skip
     """The run that all depth images of a folder are of."""
     return {
         "recording": args.left.name,

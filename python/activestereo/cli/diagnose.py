@@ -77,35 +77,23 @@ class _HelpWithNumbers(Help):
 
 
 def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "diagnose",
-        help="rank which physical effect is missing from a capture's model",
-        description=_TEXT,
-        formatter_class=_HelpWithNumbers,
-    )
+    text = "rank which physical effect is missing from a capture's model"
+    parser = commands.add_parser("diagnose", help=text, description=_TEXT, formatter_class=_HelpWithNumbers)
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_shared(parser, out=True)
-    parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
+    add_shared(parser, model="model.json to start from (default: no effects)")
     text = "a room of calibrate world of the same unit when it was good; repeatable"
     parser.add_argument("--reference", type=Path, metavar="CAPTURE", action="append", default=[], help=text)
     add_shared(parser, effects=", ranked beside the built-in ones")
-    parser.add_argument(
-        "--refine",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="fit what surfaces, air and lights do to kuafu's own images (default; --no-refine saves their renders)",
-    )
+    text = "fit what surfaces, air and lights do to kuafu's own images (default; --no-refine saves their renders)"
+    parser.add_argument("--refine", action=argparse.BooleanOptionalAction, default=True, help=text)
     parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
     text = "least share of the squared error above the noise (of depth: of the disparity's error) that a name removes"
     parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
     text = "search in images averaged over NxN pixels (default: 1 up to 848x480, more for larger images)"
     parser.add_argument("--bin", type=integer_from(1), metavar="N", help=text)
-    add_shared(
-        parser,
-        samples=" of what is told, as of compare; the search takes half",
-        max_bounces=True,
-        seed="same seed, same answer",
-    )
+    add_shared(parser, samples=" of what is told, as of compare; the search takes half")
+    add_shared(parser, max_bounces=True, seed="same seed, same answer")
     text = "processes that fit (default: one per core)"
     parser.add_argument("--workers", type=integer_from(1), metavar="N", help=text)
     add_shared(parser, device=True, pdf=True, csv="the ranking, a row for each parameter", json=True)

@@ -55,9 +55,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser("effect", help="list physical effects, check your own", description=_TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     listing = actions.add_parser("list", help="the built-in effects")
-    listing.add_argument(
-        "--markdown", action="store_true", help="the whole documentation page, examples/effects/README.md"
-    )
+    text = "the whole documentation page, examples/effects/README.md"
+    listing.add_argument("--markdown", action="store_true", help=text)
     add_shared(listing, json=True)
     listing.set_defaults(run=run_list)
     check = actions.add_parser("check", help="try the laws, and columns against the sensor", description=_CHECK)

@@ -22,19 +22,12 @@ def add_options(
             continue
         default = (defaults or {}).get(p.name, p.default)
         if p.pair:
-            group.add_argument(
-                f"--{p.pair}",
-                type=size,
-                metavar="WxH",
-                help=f"{p.pair}-width and -height at once (default: {_size(default)})",
-            )
+            usual = default if isinstance(default, str) else f"{default}x{default}"
+            text = f"{p.pair}-width and -height at once (default: {usual})"
+            group.add_argument(f"--{p.pair}", type=size, metavar="WxH", help=text)
         names = [p.option] + ([f"--{p.short}"] if p.short else [])
         text = f"{p.doc} ({_facts(p, default)})".replace("%", "%%")
         group.add_argument(*names, dest=p.name, default=None, help=text, **_kind(p))
-
-
-def _size(default: Any) -> str:
-    return default if isinstance(default, str) else f"{default}x{default}"
 
 
 def _facts(p: Parameter, default: Any) -> str:

@@ -63,7 +63,7 @@ def add_parser(commands: Commands) -> None:
     text = "with --ray: processors of an actor, where the cluster has no GPUs or --device is given (default: 2)"
     parser.add_argument("--ray-cpus", type=integer_from(1), metavar="N", help=text)
     add_shared(parser, seed="of everything that is drawn; same seed, same files")
-    parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
+    add_shared(parser, sensor="as simulate's")
     text = "of the colour image and of depth (default: 640x480)"
     parser.add_argument("--rgb-size", type=size, default=(640, 480), metavar="WxH", help=text)
     text = "of the infrared images, with the same horizontal field of view (default: the sensor's own)"

@@ -24,7 +24,7 @@ from activestereo.cli.import_calibration import (
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
     from activestereo.capture.importers.color_depth import ColorDepthRecording
-    from activestereo.capture.importers.realsense_folder import FrameFiles, RobotPoses
+    from activestereo.capture.importers.realsense_folder import RobotPoses
 
 _TEXT = """\
 Makes a capture of a recording. RECORDING is one of
@@ -78,29 +78,16 @@ def add_parser(commands: Commands) -> None:
     add("--depth", metavar="WORD", help=text)
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
     add("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001")
-    add(
-        "--poses",
-        type=Path,
-        metavar="FILE",
-        help="camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line",
-    )
+    text = "camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line"
+    add("--poses", type=Path, metavar="FILE", help=text)
     add("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw; needs --hand-eye")
-    add(
-        "--hand-eye",
-        type=Path,
-        metavar="FILE",
-        help="the camera's place on the gripper: calibrate rig's .hand_eye.json",
-    )
+    text = "the camera's place on the gripper: calibrate rig's .hand_eye.json"
+    add("--hand-eye", type=Path, metavar="FILE", help=text)
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
     add("--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)")
     add("--frames", type=integer_from(1), default=30, metavar="N", help="of a live camera (default: 30)")
     add("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera's images (default: 848x480)")
-    add(
-        "--sensor",
-        default="d435",
-        metavar="NAME",
-        help="whose nominal pattern it is, of 'activestereo presets' (default: d435)",
-    )
+    add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
     add_shared(parser, verbose="all that was assumed and left out")
     parser.set_defaults(run=_run)
 
@@ -186,7 +173,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, has_color, is_bag
     from activestereo.capture.importers.live import record_live
-    from activestereo.capture.importers.realsense_folder import import_realsense, swapped
+    from activestereo.capture.importers.realsense_folder import frame_files, import_realsense, swapped
     from activestereo.capture.importers.trajectory import read_trajectory, refuse_foreign
     from activestereo.common.progress_bar import ProgressBar
 
@@ -206,7 +193,11 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
             recorded, units = extract_bag(args.recording, temporary, bar, args.baseline)
     if is_live or bag:
         folder, depth_scale = temporary, depth_scale or units
-    files = _frame_files(folder, args.depth)
+    try:
+        files = frame_files(folder, args.depth)
+    except ValueError:
+        refuse_foreign(folder)  # a folder of another kind is named by what it is
+        raise
     if args.swap:
         files = swapped(files)
     size = image_size(files[0].files["left"], "Infrared 1")
@@ -224,33 +215,13 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
     rest = [*unused_text(folder, files), *(f"assumed: {line}" for line in assumed)]
     with ProgressBar(f"importing {args.recording.name}") as bar:
+        projector_in_left_m = StereoDepthSensorConfig(args.sensor).projector_in_left_m
         capture = import_realsense(
-            files,
-            device,
-            args.out,
-            *_pattern(args.sensor),
-            StereoDepthSensorConfig(args.sensor).projector_in_left_m,
-            depth_scale,
-            args.scene,
-            trajectory,
-            exposure_s,
-            robot=robot,
-            progress=bar,
-        )
+            files, device, args.out, *_pattern(args.sensor), projector_in_left_m, depth_scale, args.scene, trajectory,
+            exposure_s, robot=robot, progress=bar,
+        )  # fmt: skip
     missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
     return capture, [*told, *(f"missing: {line}" for line in missing), *rest]
-
-
-def _frame_files(folder: Path, depth_word: str | None) -> list[FrameFiles]:
-    """frame_files(), which a folder of another kind is named by what it is."""
-    from activestereo.capture.importers.realsense_folder import frame_files
-    from activestereo.capture.importers.trajectory import refuse_foreign
-
-    try:
-        return frame_files(folder, depth_word)
-    except ValueError:
-        refuse_foreign(folder)
-        raise
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:

@@ -81,24 +81,15 @@ def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint
     try:
         views = object_views(capture, most_poses=10**6)
     except ValueError:  # only dots: they will do to look at
-        rig = capture.rig
-        views = [
-            View(
-                f"frames[id={f.id}].left",
-                capture.ir(f, "left")[..., None] / rig.max_dn,
-                rig.left.K,
-                f.camera_to_world,
-                f,
-            )
-            for f in capture.frames
-        ]
+        rig, views = capture.rig, []
+        for f in capture.frames:
+            image = capture.ir(f, "left")[..., None] / rig.max_dn
+            views.append(View(f"frames[id={f.id}].left", image, rig.left.K, f.camera_to_world, f))
     overlay = Overlay(args.scene or capture.scene_path, args.device, args.blend)
     for view in views:
         picture = np.rint(255 * np.clip(view.image, 0, 1)).astype(np.uint8)
-        yield (
-            view.name.replace("frames[id=", "").replace("].", "_"),
-            overlay.blend(picture, view.K, view.camera_to_world),
-        )
+        name = view.name.replace("frames[id=", "").replace("].", "_")
+        yield name, overlay.blend(picture, view.K, view.camera_to_world)
 
 
 def _of_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:

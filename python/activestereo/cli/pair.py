@@ -36,12 +36,10 @@ def add_parser(commands: Commands) -> None:
     add_shared(parser, k={"required": True}, baseline={"required": True})
     text = "the device's own depth, 16-bit, left image; a whole number of times smaller is fine"
     parser.add_argument("--device-depth", type=Path, metavar="DEPTH.png", help=text)
-    parser.add_argument(
-        "--depth-scale", type=positive, default=0.001, metavar="M", help="metres per unit of it (default: 0.001)"
-    )
-    parser.add_argument(
-        "--against", type=Path, metavar="SIMULATED", help="a simulated pair's folder, shown beside this one"
-    )
+    text = "metres per unit of it (default: 0.001)"
+    parser.add_argument("--depth-scale", type=positive, default=0.001, metavar="M", help=text)
+    text = "a simulated pair's folder, shown beside this one"
+    parser.add_argument("--against", type=Path, metavar="SIMULATED", help=text)
     add_shared(parser, out=True, json=True)
     parser.set_defaults(run=run)
 

@@ -23,7 +23,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--camera", metavar="NAME", help="of the model (default: its first)")
     text = "every N-th state only (default: 1)"
     parser.add_argument("--every", type=integer_from(1), default=1, metavar="N", help=text)
-    parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
+    add_shared(parser, sensor="as simulate's")
     parser.add_argument("--size", type=size, metavar="WxH", help="of all images (default: the sensor's own)")
     add_shared(parser, out=True, device=True, samples={"default": 16, "help": "rays per pixel (default: 16)"})
     parser.set_defaults(run=run)

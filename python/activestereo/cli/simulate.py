@@ -80,17 +80,9 @@ def add_parser(commands: Commands) -> None:
     text = "the scene as its animations pose it then (default: without animation)"
     parser.add_argument("--time", type=positive, metavar="SECONDS", help=text)
     add_shared(parser, unit="SCENE", keep_transparent=True)
-    parser.add_argument(
-        "--sensor",
-        default="d435",
-        metavar="NAME",
-        help="a camera of 'activestereo presets', or the path of a .toml file (default: d435)",
-    )
-    text = (
-        "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does "
-        "not say"
-    )
-    parser.add_argument("--model", type=Path, metavar="FILE", help=text)
+    add_shared(parser, sensor="a camera of 'activestereo presets', or the path of a .toml file")
+    text = "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does "
+    add_shared(parser, model=f"{text}not say")
     add_shared(parser, effects=", where the model has some", out=True, json=True, device=True)
     add_shared(parser, verbose="times of the stages, matching, and the error of each material")
     _add_view(parser.add_argument_group("view"))
@@ -234,22 +226,22 @@ def resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> Ste
 def _load_scene(args: argparse.Namespace, config: StereoDepthSensorConfig) -> tuple[kuafu.Scene, float | None]:
     """The scene, and the radiance from all sides that was added because it has no light of its own."""
     import kuafu
+    from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
     from activestereo.scene_io.staging import set_infrared_share
     from activestereo.scene_io.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
-    dome = _load_file(scene, args)
+    if args.keep_transparent:
+        keep_transparent()
+    dome = load_scene_file(scene, args.scene, args.time, args.unit)  # the radiance of a USD stage's dome light, if any
     if args.time is not None and not scene.summary.animation_count and not is_usd(args.scene):
         raise CommandError(f"--time {args.time:g}: {args.scene} has no animation")
     if not scene.summary.triangle_count:
         raise CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
     if args.reflectances is not None:
-        from activestereo.scene_io.reflectance import ReflectanceError, apply_reflectances, read_reflectances
+        from activestereo.scene_io.reflectance import apply_reflectances, read_reflectances
 
-        try:
-            apply_reflectances(scene, read_reflectances(args.reflectances))
-        except ReflectanceError as error:
-            raise CommandError(str(error)) from error
+        apply_reflectances(scene, read_reflectances(args.reflectances))
     if args.lamp is not None:
         set_infrared_share(scene, args.lamp)
     return scene, _light_scene(scene, args, config, dome)
@@ -262,15 +254,12 @@ def _light_scene(
     dome: tuple[float, float, float] | None,
 ) -> float | None:
     """Gives the scene its light from all sides; returns what _load_scene() does."""
-    from activestereo.scene_io.environment_map import EnvironmentMapError, set_environment_map
+    from activestereo.scene_io.environment_map import set_environment_map
     from activestereo.scene_io.staging import ALL_SIDES, has_lamps, part_light, room_radiance
 
     part_light(scene)
     if args.environment is not None:
-        try:
-            set_environment_map(scene, args.environment, 1.0 if args.ambient is None else args.ambient)
-        except EnvironmentMapError as error:
-            raise CommandError(str(error)) from error
+        set_environment_map(scene, args.environment, 1.0 if args.ambient is None else args.ambient)
         return None
     ambient, infrared = args.ambient, None
     if dome is not None and ambient is None:
@@ -284,19 +273,6 @@ def _light_scene(
             infrared = 0.0
     scene.set_environment(radiance, infrared, light_group=ALL_SIDES)
     return radiance[0] if dome is None and ambient is None and not has_lamps(scene) else None
-
-
-def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, float, float] | None:
-    """Returns the radiance of a USD stage's dome light, where there is one."""
-    from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
-    from activestereo.scene_io.usd import UsdError
-
-    if args.keep_transparent:
-        keep_transparent()
-    try:
-        return load_scene_file(scene, args.scene, args.time, args.unit)
-    except UsdError as error:
-        raise CommandError(str(error)) from error
 
 
 def _view_of_capture(args: argparse.Namespace) -> np.ndarray:

@@ -40,11 +40,9 @@ def add_parser(commands: Commands) -> None:
         "view", help="look at captures and scenes in the browser, with sliders that render again", description=_TEXT
     )
     parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, recording, or a folder of them")
-    text = "a sensor model to begin with: its calibration, noise and effects"
-    parser.add_argument("--model", type=Path, metavar="FILE", help=text)
+    add_shared(parser, model="a sensor model to begin with: its calibration, noise and effects")
     add_shared(parser, effects=", to be added on the page")
-    text = "the sensor in scene files and of recordings, as simulate's (default: d435)"
-    parser.add_argument("--sensor", default="d435", metavar="NAME", help=text)
+    add_shared(parser, sensor="the sensor in scene files and of recordings, as simulate's")
     text = "of the infrared images in scene files (default: the sensor's own; smaller ones are quicker)"
     parser.add_argument("--resolution", type=size, metavar="WxH", help=text)
     text = "what 'save as model.json' writes, with a number behind the name where it is there (default: model.json)"

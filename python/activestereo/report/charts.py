@@ -24,13 +24,9 @@ _LEGEND_IN = 0.32
 
 
 def _axes(
-    figure: Figure,
-    *place: Any,
-    x: str | None = None,
-    y: str | None = None,
-    title: str | None = None,
+    figure: Figure, *place: Any, x: str | None = None, y: str | None = None, title: str | None = None,
     grid: Any = "both",
-) -> Axes:
+) -> Axes:  # fmt: skip
     axes = figure.add_subplot(*place)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(GRID)

@@ -28,12 +28,9 @@ ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id,
 
 
 def model_images(
-    comparison: Comparison,
-    diagnosis: dict[str, Any] | None = None,
-    effects: Mapping[str, Effect] | None = None,
-    progress: Callable[[float], object] | None = None,
-    found_images: Mapping[tuple[int, str], np.ndarray] | None = None,
-) -> ModelImages:
+    comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None, found_images: Mapping[tuple[int, str], np.ndarray] | None = None,
+) -> ModelImages:  # fmt: skip
     """{name: {(frame id, side): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
     BASE is the model without effects. FOUND is the comparison's model if it has effects, else the diagnosis's; it is

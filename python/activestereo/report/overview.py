@@ -20,13 +20,9 @@ _LONGEST_NAME = 17
 
 
 def simulation_figure(
-    title: str,
-    rgb: np.ndarray,
-    ir: Sequence[np.ndarray],
-    depth: np.ndarray,
-    true_depth: np.ndarray,
+    title: str, rgb: np.ndarray, ir: Sequence[np.ndarray], depth: np.ndarray, true_depth: np.ndarray,
     rows: Sequence[Accuracy],
-) -> Figure:
+) -> Figure:  # fmt: skip
     """A sensor's frame: pictures on top, depth and truth below, and figures of each material at the bottom.
 
     rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from

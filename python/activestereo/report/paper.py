@@ -36,11 +36,8 @@ def write_comparison_pdf(path: str | Path, comparison: Comparison) -> None:
 
 
 def write_diagnosis_pdf(
-    path: str | Path,
-    comparison: Comparison,
-    result: Mapping[str, Any],
-    found: Mapping[ImageKey, NDArray[np.float32]],
-) -> None:
+    path: str | Path, comparison: Comparison, result: Mapping[str, Any], found: Mapping[ImageKey, NDArray[np.float32]],
+) -> None:  # fmt: skip
     """Writes the figures of a diagnosis. comparison: of the model that it started from; found: the images that
     model.json expects."""
     images = {"model": comparison.predictions}

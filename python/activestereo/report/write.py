@@ -49,13 +49,10 @@ _SCRIPTS = ("picture.js", "zoom.js", "explorer.js", "strip.js")
 
 
 def write_report(
-    comparison: Comparison,
-    folder: str | Path,
-    diagnosis: dict[str, Any] | None = None,
-    effects: Mapping[str, Effect] | None = None,
-    progress: Callable[[float], object] | None = None,
+    comparison: Comparison, folder: str | Path, diagnosis: dict[str, Any] | None = None,
+    effects: Mapping[str, Effect] | None = None, progress: Callable[[float], object] | None = None,
     steps: Sequence[Step] = (),
-) -> tuple[Path, Path]:
+) -> tuple[Path, Path]:  # fmt: skip
     """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
     first and the last.
 
@@ -77,13 +74,10 @@ def write_report(
 
 
 def report_page(
-    comparison: Comparison,
-    diagnosis: dict[str, Any] | None = None,
-    effects: Mapping[str, Effect] | None = None,
-    progress: Callable[[float], object] | None = None,
-    found_images: Mapping[ImageKey, NDArray] | None = None,
+    comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None, found_images: Mapping[ImageKey, NDArray] | None = None,
     steps: Sequence[Step] = (),
-) -> str:
+) -> str:  # fmt: skip
     """The page's text. found_images: as in model_images(); steps: as in write_report()."""
     scores = comparison.scores
     images = model_images(comparison, diagnosis, effects, progress, found_images)
@@ -101,12 +95,9 @@ def report_page(
 
 
 def write_diagnosis_report(
-    diagnosis: Diagnosis,
-    folder: str | Path,
-    effects: Mapping[str, Effect] | None = None,
-    progress: Callable[[float], object] | None = None,
-    steps: Sequence[Step] = (),
-) -> Path:
+    diagnosis: Diagnosis, folder: str | Path, effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None, steps: Sequence[Step] = (),
+) -> Path:  # fmt: skip
     """Writes report.html of a diagnosis into `folder` (made where absent) and returns its path; renders nothing.
 
     effects: {id: Effect} that it chose from, None for the built-in ones. progress: called as progress(fraction done).

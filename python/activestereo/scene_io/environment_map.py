@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 MAP_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 
 
-class EnvironmentMapError(Exception):
+class EnvironmentMapError(ValueError):
     """An environment map cannot be used; the text names the file and what to do."""
 
 

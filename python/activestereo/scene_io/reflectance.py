@@ -43,7 +43,7 @@ _OBSERVER = (
 )
 
 
-class ReflectanceError(Exception):
+class ReflectanceError(ValueError):
     """A table cannot be used; the text names the file, the place and what to do."""
 
 

@@ -261,12 +261,9 @@ class StereoDepthSensorBatch(SensorResults):
         return {name: max(of[name] for of in times if name in of) for name in times[0]}
 
     def vary(
-        self,
-        environment: int | None = None,
-        laser_power: ArrayLike | None = None,
-        exposure: ArrayLike | None = None,
+        self, environment: int | None = None, laser_power: ArrayLike | None = None, exposure: ArrayLike | None = None,
         right_turn: NDArray[np.float64] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Makes the sensors of an environment differ from the configuration, from the next picture on.
 
         laser_power [S] and exposure [S] are factors on the values without this call. The rotations [S, 3, 3] turn the

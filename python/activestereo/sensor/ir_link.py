@@ -39,14 +39,9 @@ class IrLink:
     `right`. With a count above 1 each of the two is [count, height, width]."""
 
     def __init__(
-        self,
-        renderer_device: kuafu.Device,
-        engine_device: simsense.Device,
-        width: int,
-        height: int,
-        copy: bool = False,
-        count: int = 1,
-    ) -> None:
+        self, renderer_device: kuafu.Device, engine_device: simsense.Device, width: int, height: int,
+        copy: bool = False, count: int = 1,
+    ) -> None:  # fmt: skip
         self._beside = partial(IrLink, renderer_device, engine_device, width, height, copy, count)
         self._laser: IrLink | None = None
         self._size, self._count = (height, width), count

@@ -38,13 +38,9 @@ class PictureMemory:
     """
 
     def __init__(
-        self,
-        device: kuafu.Device,
-        shape: tuple[int, int, int],
-        outputs: Mapping[str, tuple[DTypeLike, int]],
-        host_visible: bool | None = None,
-        on_cuda: bool = False,
-    ) -> None:
+        self, device: kuafu.Device, shape: tuple[int, int, int], outputs: Mapping[str, tuple[DTypeLike, int]],
+        host_visible: bool | None = None, on_cuda: bool = False,
+    ) -> None:  # fmt: skip
         is_host = device.info.kind in ("cpu", "host") if host_visible is None else host_visible
         self._device = device
         self.targets: dict[str, kuafu.Image] = {}

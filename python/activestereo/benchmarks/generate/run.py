@@ -43,14 +43,9 @@ class Done:
 
 
 def generate(
-    settings: Settings,
-    out: Path,
-    count: int,
-    workers: int,
-    part: tuple[int, int] = (1, 1),
-    progress: Callable[[float], object] | None = None,
-    ray: tuple[str, int] | None = None,
-) -> Done:
+    settings: Settings, out: Path, count: int, workers: int, part: tuple[int, int] = (1, 1),
+    progress: Callable[[float], object] | None = None, ray: tuple[str, int] | None = None,
+) -> Done:  # fmt: skip
     """Makes frames 0 to count - 1 in BOP's format under `out`, or part k of n of them.
 
     Other parts may run at the same time, also on other machines that share the folder. The process that makes the last

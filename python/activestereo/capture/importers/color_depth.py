@@ -65,15 +65,10 @@ def image_files(folder: Path) -> dict[str, Path]:
 
 
 def write_color_depth(
-    recording: ColorDepthRecording,
-    out: Path,
-    baseline_m: float,
-    pattern: NDArray[np.uint8],
-    pattern_K: NDArray[np.float64],
-    projector_in_left_m: tuple[float, float, float],
-    scene: Path | None = None,
+    recording: ColorDepthRecording, out: Path, baseline_m: float, pattern: NDArray[np.uint8],
+    pattern_K: NDArray[np.float64], projector_in_left_m: tuple[float, float, float], scene: Path | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Capture:
+) -> Capture:  # fmt: skip
     """Writes the capture `out`, which must not exist. The four after `out` are the preset's. Raises ValueError with the
     file where sizes are mixed, depth is 8-bit or a file is damaged."""
     tell = progress or (lambda fraction: None)

@@ -47,12 +47,9 @@ def has_color_depth_alone(path: Path) -> bool:
 
 
 def read_color_depth_bag(
-    path: Path,
-    folder: Path,
-    K: NDArray[np.float64] | None = None,
-    depth_scale: float | None = None,
+    path: Path, folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None,
     progress: Callable[[float], None] | None = None,
-) -> ColorDepthRecording:
+) -> ColorDepthRecording:  # fmt: skip
     """Writes the images into `folder`. K and depth_scale override the bag's. Raises ImportError without rosbags, and
     ValueError, one line, with the bag and the missing part."""
     there = {stream_of(topic) for topic, kind in topics(path) if kind in IMAGES}

@@ -36,18 +36,10 @@ class StereoDepthCameraConfig(ManiSkillConfig):
     rendering GPU, None: if the simulation is on CUDA."""
 
     def __init__(
-        self,
-        *args: Any,
-        min_depth: float = 0.1,
-        max_depth: float = 10.0,
-        model: str = "sapien-D435",
-        samples_per_pixel: int = 4,
-        device: str | int = "auto",
-        sensor: StereoDepthSensorConfig | None = None,
-        pipelined: bool = False,
-        on_cuda: bool | None = None,
-        **kwargs: Any,
-    ) -> None:
+        self, *args: Any, min_depth: float = 0.1, max_depth: float = 10.0, model: str = "sapien-D435",
+        samples_per_pixel: int = 4, device: str | int = "auto", sensor: StereoDepthSensorConfig | None = None,
+        pipelined: bool = False, on_cuda: bool | None = None, **kwargs: Any,
+    ) -> None:  # fmt: skip
         super().__init__(*args, min_depth=min_depth, **kwargs)
         self.max_depth = max_depth
         self.model = model
@@ -210,15 +202,9 @@ class StereoDepthCamera(Camera):
         self._world.update()
 
     def get_obs(
-        self,
-        rgb: bool = True,
-        depth: bool = True,
-        position: bool = True,
-        segmentation: bool = True,
-        normal: bool = False,
-        albedo: bool = False,
-        apply_texture_transforms: bool = True,
-    ) -> dict[str, torch.Tensor]:
+        self, rgb: bool = True, depth: bool = True, position: bool = True, segmentation: bool = True,
+        normal: bool = False, albedo: bool = False, apply_texture_transforms: bool = True,
+    ) -> dict[str, torch.Tensor]:  # fmt: skip
         """{modality: [E, height, width, channels]} on the simulation's device. Raises ValueError for normal and
         albedo."""
         if normal or albedo:

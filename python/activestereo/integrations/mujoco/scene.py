@@ -50,13 +50,9 @@ class MujocoScene:
     """
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        data: mujoco.MjData | Sequence[mujoco.MjData],
-        groups: Sequence[int] = (0, 1, 2),
-        device: str | int | kuafu.Device = "auto",
-        scene: kuafu.Scene | None = None,
-    ) -> None:
+        self, model: mujoco.MjModel, data: mujoco.MjData | Sequence[mujoco.MjData], groups: Sequence[int] = (0, 1, 2),
+        device: str | int | kuafu.Device = "auto", scene: kuafu.Scene | None = None,
+    ) -> None:  # fmt: skip
         self.model = model
         self.is_batch = not isinstance(data, mujoco.MjData)
         self._states: list[mujoco.MjData] = list(data) if self.is_batch else [data]
