@@ -10,14 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import (
-    CommandError,
-    Commands,
-    add_shared,
-    check_out_file,
-    positive,
-    print_json,
-)
+from activestereo.cli.arguments import CommandError, Commands, add_shared, check_out_file, positive, print_json
 from activestereo.common.input_files import checked_file
 from activestereo.common.output_files import write_text
 

@@ -61,12 +61,7 @@ def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, fram
     panels = (
         (0, "measured", measured, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
         (1, "simulated (square-root scale)", predicted, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
-        (
-            4,
-            "measured - simulated",
-            residual,
-            {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit},
-        ),
+        (4, "measured - simulated", residual, {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}),
     )
     for column, title, image, style in panels:
         axes = figure.add_subplot(grid[row, column])

@@ -85,11 +85,7 @@ def _panels(row: Figure, strip: EffectStrip) -> None:
     (high, limit), (change, unit) = strip_ranges(strip), shown_change(strip)
     span = {"cmap": "gray" if is_light else "viridis", "vmin": 0.0, "vmax": high}
     signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
-    panels = (
-        ("without", strip.without, span),
-        ("with it", strip.with_it, span),
-        ("difference", change, signed),
-    )
+    panels = (("without", strip.without, span), ("with it", strip.with_it, span), ("difference", change, signed))
     for place, (name, image, style) in zip(axes, panels, strict=True):
         shown = place.imshow(image, interpolation="nearest", **style)
         place.set_title(name, size=10, color=MUTED, loc="left")

@@ -65,11 +65,7 @@ class sensor(Options):
 
 
 class depth_sensor(sensor):
-    modes = {
-        (stream.depth, 0): (format.z16,),
-        (stream.infrared, 1): (format.y8,),
-        (stream.infrared, 2): (format.y8,),
-    }
+    modes = {(stream.depth, 0): (format.z16,), (stream.infrared, 1): (format.y8,), (stream.infrared, 2): (format.y8,)}
 
     def __init__(self, camera: SimulatedCamera) -> None:
         ranges = sensor_ranges(camera.base)

@@ -152,10 +152,7 @@ def _places(profiles: dict[Key, video_stream_profile], make: Maker) -> Iterator[
         place = _in_ros_axes(profile.get_extrinsics_to(base))
         turned = (0.0, 0.0, 0.0), _OPTICAL_XYZW
         for body in [f"camera_{name}_frame"] + [f"camera_aligned_depth_to_{name}_frame"] * (key == _LEFT):
-            tree += [
-                _transform(_BASE_FRAME, body, *place, make),
-                _transform(body, _axes(name), *turned, make),
-            ]
+            tree += [_transform(_BASE_FRAME, body, *place, make), _transform(body, _axes(name), *turned, make)]
     kind = "tf2_msgs/msg/TFMessage"
     yield Published("/tf_static", kind, make(kind, transforms=tree), 0, LATCHED)
 
