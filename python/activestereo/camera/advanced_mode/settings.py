@@ -23,7 +23,8 @@ _IGNORED = ("result", "result:")
 
 @dataclass(frozen=True)
 class Key:
-    """A row of keys.toml. words: allowed values of a key that is no number. to: names that it sets here."""
+    """A row of keys.toml. words: allowed values of a key that is no number. to: names that it sets here. control:
+    GROUP.FIELD of pyrealsense2's controls, whose number is control_offset + control_scale x the key."""
 
     name: str
     default: Value
@@ -32,6 +33,9 @@ class Key:
     range: tuple[float, float] = (-math.inf, math.inf)
     words: tuple[str, ...] | None = None
     alias: str = ""
+    control: str = ""
+    control_scale: float = 1.0
+    control_offset: float = 0.0
 
 
 @cache

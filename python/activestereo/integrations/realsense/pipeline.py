@@ -23,7 +23,7 @@ from activestereo.integrations.realsense.frames import (
     video_frame,
     video_stream_profile,
 )
-from activestereo.integrations.realsense.options import GROUPS, Options, group_of, with_group
+from activestereo.integrations.realsense.options import Options, controls, group_of, with_group
 
 _PRODUCT_IDS = {"D405": "0B5B", "D415": "0AD3", "D435": "0B07", "D435I": "0B3A", "D455": "0B5C"}
 _SIZES, _FPS = ((640, 480), (848, 480), (1280, 720)), 30
@@ -144,7 +144,7 @@ class context:
 
 class rs400_advanced_mode:
     """A device's settings as JSON, and as groups of controls: get_depth_table(mode) and set_depth_table(group), and so
-    on for each of GROUPS."""
+    on for each of options.controls()."""
 
     def __init__(self, of: device) -> None:
         self._device = of
@@ -161,7 +161,7 @@ class rs400_advanced_mode:
 
     def __getattr__(self, name: str) -> Any:
         what, _, group = name.partition("_")
-        if what not in ("get", "set") or group not in GROUPS:
+        if what not in ("get", "set") or group not in controls():
             raise AttributeError(f"'rs400_advanced_mode' object has no attribute '{name}'")
         if what == "get":
             return lambda mode=0: group_of(self._device.camera.settings, group, mode)
