@@ -74,12 +74,9 @@ MATCHERS = {
 
 
 SHOWN = (
-    "simsense, default (p1 8, p2 32)",
-    "simsense, fast (block 1x1, p1 8, p2 32)",
-    "simsense-exact (the published engine)",
-    "OpenCV StereoSGBM HH4, block 7",
-    "OpenCV StereoSGBM 3WAY, block 7",
-)
+    "simsense, default (p1 8, p2 32)", "simsense, fast (block 1x1, p1 8, p2 32)",
+    "simsense-exact (the published engine)", "OpenCV StereoSGBM HH4, block 7", "OpenCV StereoSGBM 3WAY, block 7",
+)  # fmt: skip
 
 
 def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):

@@ -27,12 +27,9 @@ from activestereo.sensor.gbuffer.cause import CAUSES
 
 BY_OTHERS = ("occluded", "shadow", "edge")
 WITHOUT = {
-    "mirror_or_glass": "matt",
-    "too_dark": "light",
-    "low_contrast": "light",
-    "saturated": "dim",
+    "mirror_or_glass": "matt", "too_dark": "light", "low_contrast": "light", "saturated": "dim",
     "not_unique": "pattern",
-}
+}  # fmt: skip
 Image = NDArray[Any]
 Causes = dict[str, Image]
 

@@ -135,17 +135,10 @@ def opencv(make: Callable[[int], cv2.StereoMatcher]) -> Matcher:
 def sgbm(mode: int, block: int, uniqueness: int = 15) -> Matcher:
     return opencv(
         lambda disparities: cv2.StereoSGBM_create(
-            minDisparity=0,
-            numDisparities=disparities,
-            blockSize=block,
-            P1=8 * block**2,
-            P2=32 * block**2,
-            disp12MaxDiff=1,
-            preFilterCap=63,
-            uniquenessRatio=uniqueness,
-            mode=mode,
+            minDisparity=0, numDisparities=disparities, blockSize=block, P1=8 * block**2, P2=32 * block**2,
+            disp12MaxDiff=1, preFilterCap=63, uniquenessRatio=uniqueness, mode=mode,
         )
-    )
+    )  # fmt: skip
 
 
 HH4, THREE_WAY = cv2.STEREO_SGBM_MODE_HH4, cv2.STEREO_SGBM_MODE_SGBM_3WAY

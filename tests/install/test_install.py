@@ -50,15 +50,9 @@ def test_headers_please_clang_with_every_cast_visible(tmp_path: pathlib.Path, la
     casts = ["-Wold-style-cast"] if language == "c++17" else []
     compiler = "clang" if language == "c99" else "clang++"
     run(
-        compiler,
-        f"-std={language}",
-        *STRICT,
-        *casts,
-        "-Wno-unused-function",
-        f"-I{ROOT}/capi/include",
-        "-fsyntax-only",
-        all_of_them,
-    )
+        compiler, f"-std={language}", *STRICT, *casts, "-Wno-unused-function", f"-I{ROOT}/capi/include",
+        "-fsyntax-only", all_of_them,
+    )  # fmt: skip
 
 
 def test_components_hold_what_they_are_named_for(tmp_path):
@@ -98,14 +92,9 @@ def test_c99_client_by_pkg_config(moved_prefix, tmp_path, name, said):
 
 def test_cpp17_client_by_find_package(moved_prefix, tmp_path):
     run(
-        "cmake",
-        "-S",
-        CLIENTS,
-        "-B",
-        tmp_path,
-        f"-DCMAKE_PREFIX_PATH={moved_prefix}",
+        "cmake", "-S", CLIENTS, "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={moved_prefix}",
         f"-DCMAKE_CXX_FLAGS={' '.join(STRICT)}",
-    )
+    )  # fmt: skip
     run("cmake", "--build", tmp_path)
     assert "wall 1." in run(tmp_path / "first_depth", SCENE)
 
@@ -129,18 +118,9 @@ def test_project_that_takes_this_one_in(tmp_path):
     builds and runs a program."""
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
     run(
-        "cmake",
-        "-S",
-        ROOT / "tests/install/subdirectory",
-        "-B",
-        tmp_path,
-        "-G",
-        "Ninja",
-        f"-DACTIVESTEREO_SOURCE={ROOT}",
-        *launcher,
-        "-DCMAKE_BUILD_TYPE=Debug",
-        "-DCMAKE_CXX_FLAGS=-O0 -g0",
-    )
+        "cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja",
+        f"-DACTIVESTEREO_SOURCE={ROOT}", *launcher, "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS=-O0 -g0",
+    )  # fmt: skip
     assert "libkuafu.so" in run("ninja", "-C", tmp_path, "-t", "commands", "kuafu")
     for library in ("kuafu", "simsense"):
         made = tmp_path / f"activestereo/{library}/CMakeFiles/{library}.dir/src/api/device.cpp.o"
@@ -188,17 +168,9 @@ def test_rust_client(moved_prefix, tmp_path):
         pytest.skip("rustc is not installed: apt-get install rustc")
     library = moved_prefix / "lib"
     run(
-        rustc,
-        "--edition",
-        "2021",
-        "-D",
-        "warnings",
-        "-L",
-        library,
-        CLIENTS / "first_depth.rs",
-        "-o",
+        rustc, "--edition", "2021", "-D", "warnings", "-L", library, CLIENTS / "first_depth.rs", "-o",
         tmp_path / "client",
-    )
+    )  # fmt: skip
     assert "wall 1." in run(tmp_path / "client", SCENE, LD_LIBRARY_PATH=library)
 
 

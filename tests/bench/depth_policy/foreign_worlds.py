@@ -69,12 +69,9 @@ class MitsubaWrist:
         gripper = self._world.mounts.poses[environment]
         body = Pose(gripper[:3], gripper[3:]) * CAMERA_ON_GRIPPER
         shown = foreign_things(
-            things.mesh(environment, number),
-            things.materials[environment][number],
-            environment,
-            things.thing_to_world[environment],
-            body.p,
-        )
+            things.mesh(environment, number), things.materials[environment][number], environment,
+            things.thing_to_world[environment], body.p,
+        )  # fmt: skip
         light = self._camera.light(shown, foreign_room(), body, self._random)
         left, right = self._camera.counts(light, self._random)
         self.infrared[environment] = left

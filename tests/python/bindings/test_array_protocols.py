@@ -39,16 +39,10 @@ class Tensor(c.Structure):
     """DLTensor of the DLPack specification."""
 
     _fields_ = [
-        ("data", c.c_void_p),
-        ("device", c.c_int32 * 2),
-        ("ndim", c.c_int32),
-        ("code", c.c_uint8),
-        ("bits", c.c_uint8),
-        ("lanes", c.c_uint16),
-        ("shape", c.POINTER(c.c_int64)),
-        ("strides", c.POINTER(c.c_int64)),
-        ("byte_offset", c.c_uint64),
-    ]
+        ("data", c.c_void_p), ("device", c.c_int32 * 2), ("ndim", c.c_int32), ("code", c.c_uint8),
+        ("bits", c.c_uint8), ("lanes", c.c_uint16), ("shape", c.POINTER(c.c_int64)),
+        ("strides", c.POINTER(c.c_int64)), ("byte_offset", c.c_uint64),
+    ]  # fmt: skip
 
 
 Deleter = c.CFUNCTYPE(None, c.c_void_p)
@@ -56,13 +50,9 @@ Deleter = c.CFUNCTYPE(None, c.c_void_p)
 
 class Versioned(c.Structure):
     _fields_ = [
-        ("major", c.c_uint32),
-        ("minor", c.c_uint32),
-        ("context", c.c_void_p),
-        ("deleter", Deleter),
-        ("flags", c.c_uint64),
-        ("tensor", Tensor),
-    ]
+        ("major", c.c_uint32), ("minor", c.c_uint32), ("context", c.c_void_p), ("deleter", Deleter),
+        ("flags", c.c_uint64), ("tensor", Tensor),
+    ]  # fmt: skip
 
 
 c.pythonapi.PyCapsule_GetPointer.restype, c.pythonapi.PyCapsule_GetPointer.argtypes = (
@@ -85,16 +75,9 @@ class Producer:
         self._shape = (c.c_int64 * array.ndim)(*array.shape)
         self._strides = (c.c_int64 * array.ndim)(*(s // array.itemsize for s in array.strides))
         tensor = Tensor(
-            array.ctypes.data,
-            (c.c_int32 * 2)(device_type, 0),
-            array.ndim,
-            kind,
-            8 * array.itemsize,
-            1,
-            self._shape,
-            self._strides,
-            0,
-        )
+            array.ctypes.data, (c.c_int32 * 2)(device_type, 0), array.ndim, kind, 8 * array.itemsize, 1,
+            self._shape, self._strides, 0,
+        )  # fmt: skip
         self._deleter = Deleter(self._delete)
         self._managed = Versioned(major, 0, None, self._deleter, flags, tensor)
 

@@ -14,26 +14,9 @@ from activestereo.capture.capture import CaptureError, read_capture
 from virtual_sensor.world import make_world
 
 ODD = [
-    None,
-    True,
-    -1,
-    0,
-    2**63,
-    1e308,
-    -1e308,
-    0.5,
-    "",
-    "x",
-    "../x.png",
-    "/dev/zero",
-    "a\nb",
-    [],
-    {},
-    [[]],
-    [1e300] * 16,
-    {"a": 1},
-    "\udcff",
-]
+    None, True, -1, 0, 2**63, 1e308, -1e308, 0.5, "", "x", "../x.png", "/dev/zero", "a\nb", [], {}, [[]],
+    [1e300] * 16, {"a": 1}, "\udcff",
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")

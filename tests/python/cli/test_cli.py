@@ -108,20 +108,9 @@ def test_without_a_driver_it_says_what_to_install(process, table_top, tmp_path):
 def test_simulate_writes_all_files(process, table_top, tmp_path):
     out = tmp_path / "deep" / "out"
     result = process(
-        "simulate",
-        table_top,
-        "--sensor",
-        "D435",
-        "--resolution",
-        "212x120",
-        "--spp",
-        "1",
-        "--max-bounces",
-        "1",
-        "--verbose",
-        "--out",
-        out,
-    )
+        "simulate", table_top, "--sensor", "D435", "--resolution", "212x120", "--spp", "1", "--max-bounces", "1",
+        "--verbose", "--out", out,
+    )  # fmt: skip
     assert result.returncode == 0, result.stderr
     pictures = {f"{name}.png" for name in ("rgb", "ir_left", "ir_right", "depth", "depth_true", "overview")}
     assert {path.name for path in out.iterdir()} == pictures | {"cloud.ply", "camera.json"}
@@ -141,19 +130,9 @@ def test_simulate_repeats_with_its_seed(run, table_top, tmp_path):
     files = []
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         result = run(
-            "simulate",
-            table_top,
-            "--resolution",
-            "212x120",
-            "--spp",
-            1,
-            "--max-bounces",
-            0,
-            "--seed",
-            seed,
-            "--out",
-            tmp_path / name,
-        )
+            "simulate", table_top, "--resolution", "212x120", "--spp", 1, "--max-bounces", 0, "--seed", seed,
+            "--out", tmp_path / name,
+        )  # fmt: skip
         assert result.returncode == 0, result.stderr
         files.append((tmp_path / name / "ir_left.png").read_bytes())
     assert files[0] == files[1] != files[2]
@@ -204,27 +183,13 @@ def test_simulate_from_a_given_pose(run, table_top, tmp_path):
 
 def test_depth_of_a_pair(process, pair, tmp_path):
     result = process(
-        "depth",
-        pair / "left.png",
-        pair / "right.png",
-        "--k",
-        K,
-        "--baseline",
-        "0.05",
-        "--max-disparity",
-        "32",
-        "--out",
-        tmp_path,
-    )
+        "depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32",
+        "--out", tmp_path,
+    )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "cloud.ply",
-        "depth.npy",
-        "depth.png",
-        "disparity.npy",
-        "disparity.png",
-        "overview.png",
-    ]
+        "cloud.ply", "depth.npy", "depth.png", "disparity.npy", "disparity.png", "overview.png",
+    ]  # fmt: skip
     disparity, metres = (np.load(tmp_path / f"{name}.npy") for name in ("disparity", "depth"))
     assert disparity.dtype == metres.dtype == np.float32
     np.testing.assert_allclose(metres[metres > 0], 6.0 / disparity[metres > 0], rtol=1e-5)
@@ -308,18 +273,9 @@ def test_depth_explains_itself_where_asked(run, pair, tmp_path):
 
 def test_depth_is_the_same_on_every_back_end_and_takes_faults_by_name(run, pair, tmp_path):
     call = (
-        "depth",
-        pair / "left.png",
-        pair / "right.png",
-        "--k",
-        K,
-        "--baseline",
-        "0.05",
-        "--max-disparity",
-        "32",
-        "--out",
-        tmp_path,
-    )
+        "depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32",
+        "--out", tmp_path,
+    )  # fmt: skip
 
     def depth(*options):
         result = run(*call, *options)
@@ -340,18 +296,9 @@ def test_depth_of_a_dim_16_bit_pair_with_one_bright_pixel(run, pair, tmp_path):
         dim[3, 5] = 65535
         Image.fromarray(dim).save(tmp_path / f"{name}.png")
     result = run(
-        "depth",
-        tmp_path / "left.png",
-        tmp_path / "right.png",
-        "--k",
-        K,
-        "--baseline",
-        "0.05",
-        "--max-disparity",
-        "32",
-        "--out",
-        tmp_path,
-    )
+        "depth", tmp_path / "left.png", tmp_path / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity",
+        "32", "--out", tmp_path,
+    )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert (
         "p1 12, p2 32" in result.stdout and "disparities 0..31" in result.stdout and "matching 160x96" in result.stderr

@@ -32,14 +32,8 @@ def renderer(device):
 
 def test_a_users_own_set(renderer, scene):
     names = (
-        "position",
-        "albedo",
-        "projector_uv",
-        "projector_visibility",
-        "projector_geometry",
-        "semantic_id",
-        "motion",
-    )
+        "position", "albedo", "projector_uv", "projector_visibility", "projector_geometry", "semantic_id", "motion",
+    )  # fmt: skip
     images = renderer.render(scene, CAMERA, names, spp=1)
     u, v = np.meshgrid(np.arange(16), np.arange(12))
     x, y = (u - 7.5) / 20 * Z, (v - 5.5) / 20 * Z
@@ -60,20 +54,14 @@ def test_a_users_own_set(renderer, scene):
 
 def test_dtypes_and_scales(renderer, scene):
     outputs = {
-        "depth": np.uint16,
-        "radiance": np.float16,
-        "ambient": "uint8",
-        "light_group_2": None,
+        "depth": np.uint16, "radiance": np.float16, "ambient": "uint8", "light_group_2": None,
         "instance_id": np.uint8,
-    }
+    }  # fmt: skip
     images = renderer.render(scene, CAMERA, outputs, spp=4, scales={"depth": 1000})
     assert {name: image.dtype.name for name, image in images.items()} == {
-        "depth": "uint16",
-        "radiance": "float16",
-        "ambient": "uint8",
-        "light_group_2": "float32",
+        "depth": "uint16", "radiance": "float16", "ambient": "uint8", "light_group_2": "float32",
         "instance_id": "uint8",
-    }
+    }  # fmt: skip
     assert np.all(images["depth"] == 2000) and np.all(images["instance_id"] == 0)
     np.testing.assert_allclose(images["ambient"], 255 * images["light_group_2"], atol=0.51)
 

@@ -37,14 +37,9 @@ def encoded(radiance, exposure):
 @pytest.mark.parametrize("exposure", [0.0, 0.7])
 def test_bytes_are_the_curves(renderer, scene, exposure):
     images = renderer.render(
-        scene,
-        [CAMERA] * 2,
-        ["srgb", "radiance"],
-        band="visible",
-        spp=2,
-        scales={"srgb": exposure},
+        scene, [CAMERA] * 2, ["srgb", "radiance"], band="visible", spp=2, scales={"srgb": exposure},
         optics={"psf_sigma_px": 0.6},
-    )
+    )  # fmt: skip
     lit = images["radiance"] > 0
     assert lit.any() and not lit.all()
     assert images["srgb"].shape == (2, 23, 31, 4) and (images["srgb"][..., 3] == 255).all()

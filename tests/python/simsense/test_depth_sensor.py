@@ -183,15 +183,9 @@ def test_faults_are_named_switches():
 def test_engine_gives_maps_and_integer_depth(pair):
     camera = simsense.Camera(*SIZE, K)
     engine = simsense.Engine(
-        simsense.Device("host"),
-        camera,
-        camera,
-        L2R,
-        rgb=camera,
-        left_to_rgb=np.eye(4),
-        rectified=True,
+        simsense.Device("host"), camera, camera, L2R, rgb=camera, left_to_rgb=np.eye(4), rectified=True,
         max_disparity=32,
-    )
+    )  # fmt: skip
     rgb = np.random.default_rng(2).integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
     out = engine.compute(*pair, ("depth", "disparity", "confidence", "reason", "points_colored"), rgb=rgb)
     depth, reason = out["depth"], out["reason"]
@@ -209,15 +203,9 @@ def test_engine_gives_maps_and_integer_depth(pair):
 def test_eight_paths_and_a_first_disparity(pair):
     camera = simsense.Camera(*SIZE, K)
     settings = {
-        "path_count": 8,
-        "min_disparity": 5,
-        "max_disparity": 16,
-        "census_kind": 1,
-        "p2_full_gradient_dn": 20,
-        "roi_x": 40,
-        "roi_width": 80,
-        "roi_height": 96,
-    }
+        "path_count": 8, "min_disparity": 5, "max_disparity": 16, "census_kind": 1, "p2_full_gradient_dn": 20,
+        "roi_x": 40, "roi_width": 80, "roi_height": 96,
+    }  # fmt: skip
     engine = simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, **settings)
     disparity = engine.compute(*pair, ("disparity",))["disparity"]
     assert np.median(disparity[:, 44:116]) == pytest.approx(DISPARITY, abs=0.1)
