@@ -6,6 +6,7 @@ import pytest
 from PIL import Image
 
 from activestereo.capture.images import write_gray
+from activestereo.cli import simulate
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from command_line import led_on, run_here
@@ -35,6 +36,19 @@ def scene(folder):
     writer.add_mesh("cube", meshes.box(0.05, 0.05, 0.05), writer.add_material("grey"))
     writer.write(folder / "cube.glb")
     return folder / "cube.glb"
+
+
+@pytest.fixture(autouse=True)
+def rough_pictures(monkeypatch):
+    """What simulate renders is looked at by its own tests: here a sample a pixel is enough, whatever the words say."""
+
+    def with_one_sample(*given):
+        config = simulate_config(*given)
+        config.samples_per_pixel = 1
+        return config
+
+    simulate_config = simulate.make_config
+    monkeypatch.setattr(simulate, "make_config", with_one_sample)
 
 
 @pytest.fixture
