@@ -40,7 +40,7 @@ def scene(folder):
 
 @pytest.fixture(autouse=True)
 def rough_pictures(monkeypatch):
-    """What simulate renders is looked at by its own tests: here a sample a pixel is enough, whatever the words say."""
+    """A sample a pixel is enough here, whatever the words say: simulate has tests of its own for its pictures."""
 
     def with_one_sample(*given):
         config = simulate_config(*given)
