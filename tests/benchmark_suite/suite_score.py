@@ -143,7 +143,7 @@ def score(results):
         "outside the library: said so": rate([r.verdict == "unknown" for r in of["outside"]]),
         "outside the library: wrong name": rate([r.verdict == "effect" for r in of["outside"]]),
         "pairs: both found": rate([r.added == r.truth for r in of["pairs"] if r.detectable]),
-        "pairs: both found, or told equivalent": rate([_all_told(r) for r in of["pairs"] if r.detectable]),
+        "pairs: each named, or in a name's set": rate([_all_told(r) for r in of["pairs"] if r.detectable]),
         "pairs: one of two first": rate([_first(r) for r in of["pairs"] if r.detectable]),
         "another renderer: first name": rate([_first(r) for r in foreign_single]),
         "another renderer: named and right": rate([r.added == r.truth for r in foreign_single]),
@@ -216,10 +216,10 @@ def _set_of(r):
 
 
 def _all_told(r):
-    """Whether nothing else is named, and what is not is told as equivalent to what is."""
-    named = [entry for entry in r.ranking if r.case_name(entry["effect"]) in r.added]
-    equivalent = {r.case_name(name) for entry in named for name in entry["equivalent"]}
-    return bool(r.added) and r.added <= r.truth <= r.added | equivalent
+    """Whether every hidden effect is named or in the set of a name, and every such set holds one."""
+    equivalent = {r.case_name(entry["effect"]): map(r.case_name, entry["equivalent"]) for entry in r.ranking}
+    sets = [{name, *equivalent.get(name, ())} for name in r.added]
+    return bool(sets) and all(found & r.truth for found in sets) and r.truth <= set().union(*sets)
 
 
 def _own_parameters(r):

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Searches a capture's train frames for the effects that its model lacks, and says what the data allow to say.
 
-Test frames are touched once, for the held-out figures of the given and the found model; they decide nothing.
+Test frames are touched once, for the held-out figures of the given and the found model. They name nothing, but where
+they do not confirm a verdict it is `unknown`.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_roo
 from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.diagnose.search.loop import Outcome, Search
 from activestereo.diagnose.search.rendered import Rendering
-from activestereo.diagnose.search.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict_of
+from activestereo.diagnose.search.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.judging import Channel
@@ -292,8 +293,52 @@ def examine(
     phases.begin(FITTING)
     chosen, out_of_reach = _within_reach(evidence, candidates)
     outcome = _searched(evidence, model, chosen, settings)
-    evidence, names, name_of = outcome.evidence, outcome.names, surface_text(evidence.capture.scene_path)
-    verdict = verdict_of(outcome.rest, bool(names), evidence.has_floor, numbers)
+    told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
+    found = told(outcome, settings=settings)
+    confirmed = replace(outcome, rest=_on_test_frames(outcome, found.result))
+    if _verdict(confirmed, numbers) != found.result["verdict"]:
+        return told(confirmed, settings=replace(settings, phases=Phases(None, PHASES)))
+    return replace(found, result=found.result | _rests_on(confirmed, numbers))
+
+
+def _rests_on(outcome: Outcome, numbers: Numbers) -> dict[str, Any]:
+    """The probabilities, the ranking and the numbers of the verdict."""
+    verdict, name_of = _verdict(outcome, numbers), surface_text(outcome.evidence.capture.scene_path)
+    return {
+        "probabilities": None if verdict == UNDETERMINED else probabilities_of(outcome, numbers),
+        "ranking": ranking_of(outcome, numbers, verdict == EFFECT, name_of),
+        "judging": judging_of(outcome),
+    }
+
+
+def _verdict(outcome: Outcome, numbers: Numbers) -> str:
+    return verdict_of(outcome.rest, bool(outcome.names), outcome.evidence.has_floor, numbers)
+
+
+def _on_test_frames(outcome: Outcome, figures: Mapping[str, Any]) -> Remainder:
+    """The remainder with what the held-out figures say. Draws of one frame are not those of another, and the floor
+    does not know noise that was named: figures then say nothing."""
+    after, floor = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"]
+    has_test = figures["curve"] and figures["curve"][-1]["heldout_ir_rmse"] is not None
+    if not has_test or not floor or any(n.field is not None or n.id in outcome.noise for n in outcome.names):
+        return outcome.rest
+    explained = (figures["heldout_ir_rmse_geometry"] ** 2 - after**2) / floor**2
+    return replace(outcome.rest, test_explained=explained, test_left=after**2 / floor**2 - 1.0)
+
+
+def _told(
+    outcome: Outcome,
+    given: Model | SensorModel | None,
+    candidates: Sequence[Effect],
+    chosen: Sequence[Effect],
+    out_of_reach: Sequence[tuple[Effect, str]],
+    settings: Settings,
+) -> Diagnosis:
+    """The Diagnosis that an outcome is."""
+    phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
+    evidence, names, name_of = outcome.evidence, outcome.names, surface_text(outcome.evidence.capture.scene_path)
+    model = _effects_of(given, evidence.capture.scene_path)
+    verdict = _verdict(outcome, numbers)
     is_found = verdict == EFFECT
     settings.says(_verdict_words(verdict, [name.id for name in names] if is_found else []))
     solution = outcome.solution if is_found else outcome.first
@@ -317,10 +362,8 @@ def examine(
         "verdict": verdict,
         "capture": capture.name,
         "binning": capture.binning,
-        "probabilities": None if verdict == UNDETERMINED else probabilities_of(outcome, numbers),
         "alpha": numbers.alpha,
         "least_share": numbers.least_share,
-        "ranking": ranking_of(outcome, numbers, is_found, name_of),
         "sets": sets_of(outcome),
         "not_ranked": [{"effect": e.id, "family": e.family, "reason": why} for e, why in out_of_reach]
         + [{"effect": e.id, "family": e.family, "reason": outcome.unjudged[e.id]}
@@ -336,10 +379,9 @@ def examine(
         "next_measurement": next_measurements(evidence, *_open_set(outcome)),
         "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
         "albedos": albedo_json(evidence, outcome.fitter, solution),
-        "judging": judging_of(outcome),
         "residual_model": residual and residual.as_json(),
         "model": model_json(accepted, solution.nuisances),
-    }  # fmt: skip
+    } | _rests_on(outcome, numbers)  # fmt: skip
     result["own"] = {e.id: _why(e, result, model) for e in candidates if builtin().get(e.id) is not e}
     complete = found_model(evidence, accepted, solution, found)
     before = after = None

@@ -32,7 +32,8 @@ class Numbers:
         "named, and which draws leave")
     structure_kept: float = _number(0.017, "noise variances", "the same beside a name: the structure that remains, "
         "times its share of the first one")
-    scene_error: float = _number(0.5, "noise variances", "excess that errors of the scene measurement leave")
+    scene_error: float = _number(0.35, "noise variances", "excess that errors of the scene measurement leave, on train "
+        "frames or on test frames")
     strain: float = _number(4.0, "1", "stated deviations by which a name may move the rig or an albedo, "
         "or two albedos be off without one")
     # Draws, and the depth engine.

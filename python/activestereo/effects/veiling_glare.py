@@ -13,7 +13,7 @@ from activestereo.effects.core.moved import engine_effect
     family="glare",
     finding="Stray light veils the images",
     source="ISO 9358 veiling glare index",
-    parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.04)],
+    parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.8, typical=0.04)],
 )
 def veiling_glare(inputs: EngineInputs, fraction: float) -> None:
     """A fraction of all light is spread evenly over the image."""

@@ -115,7 +115,7 @@ def test_wrong_answers_are_told_apart():
         == 0.5
     )
     assert value["pairs: both found"] == pytest.approx(1 / 3)
-    assert value["pairs: both found, or told equivalent"] == pytest.approx(2 / 3)
+    assert value["pairs: each named, or in a name's set"] == pytest.approx(2 / 3)
     assert value["pairs: one of two first"] == 1.0
     assert out["by_strength"]["strong"]["confusion"] == {"a": "b"}
 

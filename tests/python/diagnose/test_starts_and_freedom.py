@@ -35,14 +35,26 @@ def test_a_second_units_place_is_found_from_its_dots(scene, x, yaw):
     ambient_dn = 500.0 * view.frame.exposure_gain
     added = ambient_dn * (unit(light, view, **place).ambient - light.ambient)
     residual = added + np.random.default_rng(1).normal(0.0, added.std(), added.shape)
-    image = StartImage(
-        view, light, np.full(view.shape, added.var() ** -1), residual, ambient_dn * light.ambient, ambient_dn
-    )
+    weight, ambient = np.full(view.shape, added.var() ** -1), ambient_dn * light.ambient
+    image = StartImage(view, light, weight, residual, ambient, ambient_dn, ambient)
     found = unit_starts([image])[0]
     # A pixel of this small camera is 19 mrad wide.
     assert found["yaw_rad"] == pytest.approx(yaw, abs=0.03)
     assert found["offset_x_m"] == pytest.approx(x, abs=0.03)
     assert found["intensity_m2"] == pytest.approx(6.0, rel=0.5)
+
+
+@pytest.mark.parametrize(("fraction", "u", "v"), [(0.2, 5.0, -2.0), (0.4, -3.0, 0.0)])
+def test_a_panes_second_image_is_found_at_its_shift(scene, fraction, u, v):
+    """Beside a scale of the image that is fitted too."""
+    (light, view), rng = scene, np.random.default_rng(1)
+    image = 200.0 * light.direct / light.direct.max() + 20.0 * light.ambient / light.ambient.max()
+    both = EFFECTS["double_image"](image, view, fraction=fraction, shift_u_px=u, shift_v_px=v)
+    residual = both - 1.1 * image + rng.normal(0.0, 1.0, image.shape)
+    seen_there = StartImage(view, light, np.ones(view.shape), residual, image, 1.0, image)
+    found = EFFECTS["double_image"].starts([seen_there])[0]
+    assert (found["shift_u_px"], found["shift_v_px"]) == (u, v)
+    assert found["fraction"] == pytest.approx(fraction, abs=0.03)
 
 
 def test_a_flickers_starts_are_of_different_frequencies_and_no_deeper_than_its_mean():
@@ -55,7 +67,7 @@ def test_a_flickers_starts_are_of_different_frequencies_and_no_deeper_than_its_m
     level = np.mean(seen_dn) / 40.0  # a fit without flicker takes its mean for the light
     for frame, image in zip(frames, seen_dn, strict=True):
         view, weight = SimpleNamespace(frame=frame), np.ones(ambient.shape)
-        images.append(StartImage(view, None, weight, image - level * ambient, level * ambient, level))
+        images.append(StartImage(view, None, weight, image - level * ambient, level * ambient, level, image))
     starts = flicker_starts(images)
     assert starts[0]["frequency_hz"] == pytest.approx(107.36, abs=0.02)
     assert starts[0]["depth"] == pytest.approx(0.6, rel=0.05) and starts[0]["line_time_s"] == pytest.approx(2e-5)
@@ -112,6 +124,13 @@ def test_freedom_costs_by_how_finely_it_was_used():
     cost = [-occam_nats(*explanation("vignetting", [1.5], [n]), design=1.0) for n in (1e2, 1e4, 1e6)]
     assert np.diff(cost) == pytest.approx(np.log(10.0), rel=0.05)
     assert -occam_nats(*explanation("vignetting", [1.5], [4e6]), design=4.0) == pytest.approx(cost[2])
+
+
+def test_an_effect_of_more_parameters_is_less_likely_where_one_of_them_is_enough():
+    """Where data tell of one parameter alone, the other gains nothing by itself."""
+    one = occam_nats(*explanation("stereo_pitch", [0.0035], [1e12]), design=1.0)
+    both = occam_nats(*explanation("pattern_scale_drift", [0.014, 0.0], [1e12 / 16.0, 0.0]), design=1.0)
+    assert one - both == pytest.approx(np.log(3.0), abs=0.01)
 
 
 def test_what_the_data_do_not_tell_costs_next_to_nothing():

@@ -41,5 +41,5 @@ def test_a_lamp_in_the_room_is_sought_where_it_may_stand(monkeypatch):
         found = np.linalg.lstsq(columns.T, residual.ravel(), rcond=None)[0]
         return np.mean((residual.ravel() - found @ columns) ** 2) / np.var(residual)
 
-    starts = lamp_starts([StartImage(view, light, np.ones(SHAPE), residual, residual, 40.0)])
+    starts = lamp_starts([StartImage(view, light, np.ones(SHAPE), residual, residual, 40.0, residual)])
     assert min(map(left_by, starts)) < 0.05 < min(map(left_by, starts[:2]))

@@ -32,7 +32,8 @@ def image_of(pose, noise_share):
     noise_dn = noise_share * added.std()
     noise = np.random.default_rng(1).normal(0.0, noise_dn, added.shape)
     weight = np.full(added.shape, noise_dn**-2)
-    return StartImage(view, light, weight, added + noise, AMBIENT_DN * light.ambient, AMBIENT_DN), noise
+    ambient = AMBIENT_DN * light.ambient
+    return StartImage(view, light, weight, added + noise, ambient, AMBIENT_DN, ambient), noise
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from activestereo.diagnose.channels.draws import DrawIndex, dots_seen, draw_grid, frames_that_share, lever_image
+from activestereo.diagnose.evidence import Observation
 from activestereo.diagnose.evidence.model_discrepancy import edges
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine import ImageResidual
@@ -32,13 +33,15 @@ class FieldFit:
     """Fields of random draws, fitted.
 
     residuals: of the train images after each was predicted from others. sigma, error: {parameter: deviation of a draw,
-    its standard error}; share: of the places that have a sparse draw.
+    its standard error}; share: of the places that have a sparse draw. unforeseen: what the draws leave beyond what
+    other images tell of them, noise variances per pixel.
     """
 
     residuals: tuple[np.ndarray, ...]
     sigma: Mapping[str, float]
     error: Mapping[str, float]
     share: float = 0.0
+    unforeseen: float = 0.0
 
 
 def has_extended_draws(effect: Effect) -> bool:
@@ -64,7 +67,7 @@ def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, 
     """
     curves = [_level_means(row) for row in train]
     train = _less(train, curves)
-    index, share, found = DrawIndex(), 0.0, False
+    index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False
     sigma, error = {}, {}
     for term in effect.random_terms:
         rows = [_row_of(term, row, black_dn, index) for row in train]
@@ -83,12 +86,16 @@ def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, 
             seen = np.sqrt(dots_seen(train, partial(_variance_of, rows=rows)))
             sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
         found = True
-        train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
         if term.sparse_share:
             share, mean = _sparse(totals, numbers.outlier)
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
+        else:
+            pairs = zip(train, rows, strict=True)
+            squares = sum(_unforeseen(image.observation, row, rows, totals, variance) for image, row in pairs)
+            unforeseen += squares / sum(row.residual.size for row in rows)
+        train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
     residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
-    return FieldFit(residuals, sigma, error, share) if found else None
+    return FieldFit(residuals, sigma, error, share, unforeseen) if found else None
 
 
 def _level_means(row: ImageResidual) -> np.ndarray:
@@ -228,6 +235,16 @@ def _corrected(
     row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
 ) -> np.ndarray:
     """The residual less what the other groups predict."""
-    own = np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
-    value = _shrunk(totals - own, variance, hot_sigma)
+    value = _shrunk(_of_others(row, rows, totals), variance, hot_sigma)
     return row.residual - row.z * value[row.index]
+
+
+def _of_others(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
+    """The sums of all groups but a row's own."""
+    return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
+
+
+def _unforeseen(o: Observation, row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float) -> float:
+    """Sum over an image's pixels of the squares, in noise variances, that draws leave beside their predictions."""
+    left = variance / (1.0 + variance * _of_others(row, rows, totals)[0])
+    return float((o.weight * row.z**2 * left[row.index]).sum())

@@ -33,8 +33,8 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
     """The penalty for a fitted effect's free parameters: the logarithm of (prior density at the fitted values x
     posterior volume).
 
-    Parameters may also be neutral, at the cost of the likelihood that this loses; the best such choice counts. The
-    result is <= 0 but for chance. design: the residuals' design effect.
+    Parameters may also be neutral, at the cost of the likelihood that this loses; the best such choice counts, and all
+    choices are as likely. design: the residuals' design effect.
     """
     first = len(solution.theta) - len(effect.parameters)
     free = first + np.flatnonzero(~solution.space.given[first:])
@@ -47,21 +47,23 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
     information = _information(fitter, solution, free) * np.outer(typical, typical) / design
     sizes = range(1, len(free) + 1)
     kept = (list(chosen) for size in sizes for chosen in combinations(range(len(free)), size))
-    return max(_cost(k, away, density, information) for k in kept)
+    peaks = np.array([_log_density(p, 0.0) for p in parameters])
+    return max(_cost(k, away, density, information, peaks) for k in kept) - float(np.log(2 ** len(free) - 1))
 
 
-def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray) -> float:
+def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray, peaks: np.ndarray) -> float:
     """The cost where only the parameters `kept` are in use.
 
-    away: distances from neutral in typical deviations; information: in those units.
+    away: distances from neutral in typical deviations; information: in those units; peaks: log densities at neutral.
     """
     used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
     alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
     loss = away[unused] @ alone @ away[unused]
-    # What the data hardly tell keeps the prior's width.
-    volume = np.log(2.0 * np.pi / (1.0 + np.maximum(np.linalg.eigvalsh(inner), 0.0)))
-    return float(density[kept].sum() + 0.5 * volume.sum() - 0.5 * max(loss, 0.0))
+    # What the data do not tell keeps the prior's volume, one over its peak: it costs nothing where it is neutral.
+    told = inner + 2.0 * np.pi * np.diag(np.exp(2.0 * peaks[used]))
+    volume = len(used) * np.log(2.0 * np.pi) - np.linalg.slogdet(told)[1]
+    return float(density[kept].sum() + 0.5 * volume - 0.5 * max(loss, 0.0))
 
 
 def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.ndarray:

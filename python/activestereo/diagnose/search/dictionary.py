@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from activestereo.common.processes import forked
 from activestereo.diagnose.refine import Fitter
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
-from activestereo.diagnose.refine.light import AllPixels, exposed
+from activestereo.diagnose.refine.light import SCALES, AllPixels, exposed
 from activestereo.diagnose.search.linear import Columns, Linear
 from activestereo.effects import Effect, Model, Parameter, Stage
 from activestereo.effects.core.judging import StartImage
@@ -178,11 +178,12 @@ def start_images(linear: Linear) -> list[StartImage]:
     """The images at which an effect's own proposals look."""
     fitter, solution, images = linear.fitter, linear.solution, []
     phi, lights = solution.phi, fitter.lights(solution.space, solution.theta)
-    for (o, _, _, residual), light in zip(fitter.residuals(solution), lights, strict=True):
+    for (o, expected, _, residual), light in zip(fitter.residuals(solution), lights, strict=True):
         slopes = exposed(solution.model, AllPixels(o), light, phi, True)[1]
         assert slopes is not None
         ambient = phi[1] * slopes[1].reshape(o.measured.shape)
-        images.append(StartImage(o.view, light, o.weight, residual, ambient, phi[1] * scales(o.frame)[1]))
+        lit, ambient_dn = expected - phi[SCALES - 1], phi[1] * scales(o.frame)[1]
+        images.append(StartImage(o.view, light, o.weight, residual, ambient, ambient_dn, lit))
     return images
 
 

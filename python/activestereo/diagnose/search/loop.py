@@ -37,7 +37,8 @@ from activestereo.effects.core.judging import Channel
 # Effects that are fitted are the best few, and gain this part of the best by their lines; a fit gains at most so many
 # times what its line says; a gain of so many times what a name needs is no chance, and leaves no room for draws.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
-_SETTLING = 3
+# Steps of a fit beside a new name, which stops where chi2 falls by less than this part of itself.
+_SETTLING, _SETTLED = 8, 1e-4
 # The logarithm of the prior volume that a field of draws takes.
 _OF_A_FIELD = -3.0
 # A term of the noise has to be this share of it.
@@ -147,6 +148,7 @@ class Search:
         drawn = sum(n.gain for n in self._names if n.field is not None)
         noise, unjudged = self._name_noise()
         left = self._excess - max((noise[n.id].repeats_reduced_chi2 for n in self._names if n.id in noise), default=0.0)
+        left -= sum(n.field.unforeseen for n in self._names if n.field is not None)
         rest = Remainder(explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn)
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names), noise,
@@ -354,20 +356,21 @@ class Search:
         return replace(evidence, train=train)
 
     def _fit_again(self, fit: Solution) -> None:
-        self._solution = with_any_curve(self._fitter, self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING))
+        settled = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)
+        self._solution = with_any_curve(self._fitter, settled)
         start = ParameterSpace.of(self._given)
-        self._first = self._fitter.refine(start, start.start, self._first.phi, _SETTLING)
+        self._first = self._fitter.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED)
         self._rows = self._rows_of(self._solution)
         if not any(n.field is not None for n in self._names):
             self._structure_before = local_structure(self._rows_of(self._first))
 
     def _drop_needless(self) -> None:
         """Names whose loss costs less than a name needs go, the weakest first."""
-        for name in sorted(self._names[:-1], key=lambda n: n.gain):
+        for name in sorted(self._names, key=lambda n: n.gain):
             if name.field is not None:
                 continue
             space = ParameterSpace.of(self._solution.model.without_effect(name.id))
-            without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING)
+            without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED)
             if without.sums.total - self._chi2 < self._numbers.least_excess * self._pixels:
                 self._names.remove(name)
                 self._needless.add(name.id)

@@ -13,7 +13,8 @@ class Remainder:
     """Noise variances. explained: the fall of the mean square by all names; drawn: the part that is draws. left: the
     mean square above the noise.
     structure: of what is left (score/structure.py); structure_before: without names. strain: how far a name takes the
-    rig or an albedo beyond what is stated, or without names a second albedo is from it, in stated deviations."""
+    rig or an albedo beyond what is stated, or without names a second albedo is from it, in stated deviations.
+    test_explained, test_left: explained and left on test frames, where all that is named foretells them."""
 
     explained: float
     left: float
@@ -21,23 +22,27 @@ class Remainder:
     structure_before: float
     strain: float = 0.0
     drawn: float = 0.0
+    test_explained: float = 0.0
+    test_left: float = 0.0
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     """The remainder in units of what may remain: beyond 1 something is missing.
 
     Where nothing is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far
-    from what is stated: they would stand for what surfaces do. Beside a name the
-    structure has to be a part of the first one, for formulas are not exact; and no more may be left than is explained.
-    As much again may be draws that no other image predicts.
+    from what is stated: they would stand for what surfaces do. So it is beside draws, which explain no structure, and
+    beside what repeats show, which explains nothing of the expected images. Beside other names the structure has to be
+    a part of the first one, for formulas are not exact; and no more may be left than is explained. Test frames have to
+    confirm either.
     """
-    if not is_named or rest.explained <= 0.0:  # what repeats show explains nothing of the expected images
+    unconfirmed = rest.test_left / max(rest.test_explained, numbers.scene_error)
+    if not is_named or rest.explained - rest.drawn < numbers.least_excess:
         structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
-        return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain)
+        return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
     left = rest.left / max(rest.explained + rest.drawn, numbers.structure)
-    return max(structure, left, rest.strain / numbers.strain)
+    return max(structure, left, rest.strain / numbers.strain, unconfirmed)
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:

@@ -116,7 +116,7 @@ class StartImage:
     [height][width].
 
     view: a View. light: its Light. weight: 1/DN^2. residual: measured - expected, DN. ambient: DN of ambient light in
-    the expected image, 0 where it is clipped. ambient_dn: DN per unit of ambient radiance.
+    the expected image, 0 where it is clipped. ambient_dn: DN per unit of ambient radiance. expected: DN above black.
     """
 
     view: View
@@ -125,6 +125,7 @@ class StartImage:
     residual: np.ndarray
     ambient: np.ndarray
     ambient_dn: float
+    expected: np.ndarray
 
 
 # Proposes where fits begin: the best few {parameter: value}, best first.
