@@ -48,7 +48,7 @@ Evidence look(int x, int y, float moved) {
   ivec4 values = weights * c, rises = slopes * c;
   int before = left_count(x - 1, y), after = left_count(x + 1, y);
   int smooth_count = 32768 * (before + 4 * left_count(x, y) + after);
-  int rise = left_count(x + 2, y) - left_count(x - 2, y) + 2 * (after - before);
+  int rise = left_count(x + 2, y) - left_count(x - 2, y) + 2 * (after - before) - (left_count(x + 4, y) - left_count(x - 4, y));
   one.slope = (rise + int((1u << extra_bits) >> 1)) >> extra_bits;
   one.match_slope = (rises.x + rises.y + rises.z + rises.w + int(128u << extra_bits)) >> (8u + extra_bits);
   int difference = (values.x + values.y + values.z + values.w - smooth_count + int(2048u << extra_bits)) >> (12u + extra_bits);

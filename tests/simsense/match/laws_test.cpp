@@ -44,13 +44,14 @@ TEST_P(matcher_law, shifted_pair_gives_that_disparity) {
   }
 }
 
-/// Gaussian dots of this width on even light; the left image shows them `shift` pixels further right.
-StereoPair fine_dots(double sigma, double shift) {
+/// Gaussian dots of this width on even light; the left image shows them `shift` pixels further right. Vignetting takes this share of the
+/// light at the images' left and right borders.
+StereoPair fine_dots(double sigma, double shift, double vignetting, double dot_dn, double even_dn) {
   constexpr uint32_t width = 160, height = 96;
   std::mt19937 random(5);
   std::uniform_real_distribution<double> place(-4.0, width + 24.0), row(-4.0, height + 4.0);
   std::vector<double> light[2];
-  for (auto& image : light) image.assign(size_t{width} * height, 20.0);
+  for (auto& image : light) image.assign(size_t{width} * height, even_dn);
   for (int dot = 0; dot < 450; ++dot) {
     const double x = place(random), y = row(random);
     for (uint32_t v = 0; v < height; ++v) {
@@ -59,20 +60,22 @@ StereoPair fine_dots(double sigma, double shift) {
       for (uint32_t u = 0; u < width; ++u)
         for (int side = 0; side < 2; ++side) {
           const double off = (u - (side == 0 ? x : x - shift)) / sigma;
-          light[side][v * width + u] += 60.0 * across * std::exp(-0.5 * off * off);
+          light[side][v * width + u] += dot_dn * across * std::exp(-0.5 * off * off);
         }
     }
   }
   StereoPair pair{width, height, {}, {}};
   std::uniform_int_distribution<int> noise(-1, 1);
   for (int side = 0; side < 2; ++side)
-    for (const double value : light[side])
+    for (size_t i = 0; i < light[side].size(); ++i) {
+      const double off = 2.0 * static_cast<double>(i % width) / width - 1, value = light[side][i] * (1 - vignetting * off * off);
       (side == 0 ? pair.left : pair.right).push_back(static_cast<uint8_t>(std::clamp(std::lround(value) + noise(random), 0L, 255L)));
+    }
   return pair;
 }
 
 /// Largest mean error of walls at eight fractions of a pixel.
-double worst_pull(Engine engine, simsense::Subpixel subpixel, double sigma) {
+double worst_pull(Engine engine, simsense::Subpixel subpixel, double sigma, double vignetting = 0, double dot_dn = 60, double even_dn = 20) {
   MatchParameters p;
   p.max_disparity = 32;
   p.block_width = p.block_height = 5;
@@ -81,7 +84,7 @@ double worst_pull(Engine engine, simsense::Subpixel subpixel, double sigma) {
   double worst = 0;
   for (int eighth = 0; eighth < 8; ++eighth) {
     const double shift = 9.0 + eighth / 8.0;
-    const StereoPair pair = fine_dots(sigma, shift);
+    const StereoPair pair = fine_dots(sigma, shift, vignetting, dot_dn, even_dn);
     const auto found = match_with(engine, pair, p);
     double sum = 0, count = 0;
     for (uint32_t y = 8; y + 8 < pair.height; ++y)
@@ -97,6 +100,10 @@ TEST_P(matcher_law, refined_disparities_are_not_pulled_to_whole_pixels) {
     EXPECT_LT(worst_pull(GetParam(), simsense::Subpixel::lucas_kanade, sigma), 0.015) << sigma;
     EXPECT_GT(worst_pull(GetParam(), simsense::Subpixel::equiangular_summed, sigma), 0.04) << sigma;
   }
+}
+
+TEST_P(matcher_law, vignetting_does_not_pull_refined_disparities) {
+  EXPECT_LT(worst_pull(GetParam(), simsense::Subpixel::lucas_kanade, 1.0, 0.7, 8, 120), 0.04);
 }
 
 TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {

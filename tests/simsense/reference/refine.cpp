@@ -88,7 +88,8 @@ class Refinement {
     }
     const uint32_t extra = refine_extra_bits(left_.element_bytes);
     const int32_t smooth = 32768 * (left_count(x - 1, y) + 4 * left_count(x, y) + left_count(x + 1, y));
-    const int32_t rise = left_count(x + 2, y) - left_count(x - 2, y) + 2 * (left_count(x + 1, y) - left_count(x - 1, y));
+    const auto rise_over = [&](ptrdiff_t reach) { return left_count(x + reach, y) - left_count(x - reach, y); };
+    const int32_t rise = rise_over(2) + 2 * rise_over(1) - rise_over(4);
     out.slope = (rise + (1 << extra >> 1)) >> extra;
     out.match_slope = (slope + (128 << extra)) >> (8 + extra);
     out.difference = std::clamp((value - smooth + (2048 << extra)) >> (12 + extra), -REFINE_LARGEST_DIFFERENCE, REFINE_LARGEST_DIFFERENCE);

@@ -32,7 +32,7 @@ inline size_t padded_width(size_t width) { return width + 2 * REFINE_REACH + 2 *
 class EvidenceRow {
  public:
   explicit EvidenceRow(size_t width)
-      : right_(width + 2 * spare), rise_(width + spare), smooth_(width + spare), left_(width + 4 + spare), disparity_(width + spare) {
+      : right_(width + 2 * spare), rise_(width + spare), smooth_(width + spare), left_(width + 2 * slope_reach + spare), disparity_(width + spare) {
     for (auto* values : {&slope_, &match_slope_, &difference_, &counts_}) values->assign(width + spare, 0);
   }
 
@@ -69,20 +69,20 @@ class EvidenceRow {
   }
 
  private:
-  static constexpr size_t spare = 2 * hn::MaxLanes(Ints());
+  static constexpr size_t spare = 2 * hn::MaxLanes(Ints()), slope_reach = 4;
 
   void read_counts(const RefineImages& images, size_t y) {
     const size_t width = images.width;
     images.read(1, y, right_.data());
-    uint16_t* left = left_.data() + 2;
+    uint16_t* left = left_.data() + slope_reach;
     images.read(0, y, left);
-    left[-2] = left[-1] = left[0];
-    left[width] = left[width + 1] = left[width - 1];
+    std::fill_n(left_.data(), slope_reach, left[0]);
+    std::fill_n(left + width, slope_reach, left[width - 1]);
     const uint32_t extra = images.extra_bits();
     const int32_t half = 1 << extra >> 1;
     for (size_t x = 0; x < width; ++x) {
       const uint16_t* c = left + x;
-      rise_[x] = (c[2] - c[-2] + 2 * (c[1] - c[-1]) + half) >> extra;
+      rise_[x] = (c[2] - c[-2] + 2 * (c[1] - c[-1]) - (c[4] - c[-4]) + half) >> extra;
       smooth_[x] = (c[-1] + 4 * c[0] + c[1]) * 32768;
     }
   }
