@@ -6,11 +6,11 @@
 // pixel's match, e = W - left spline, w = dW/dx, g = the left image's slope over five columns. Where all of a window is s px off, e = s w:
 //   s = (sum g e - sum g sum e / n) / (sum g w - sum g sum w / n + prior n);  the subtraction lets the two images differ by a constant.
 // Vignetting stands still in both images, a pattern of disparity 0: the slope over nine columns is taken from g, so that brightness which
-// varies slowly has no say. Noise of g and w is not common to both, so that it does not make the step too short. Each pixel is looked at where its own disparity
-// says, so that a window that sees two surfaces corrects both.
-// First s is found for cells of 16 x 16 px, summed over 3 x 3 cells and interpolated between their middles: it takes a whole wall to its
-// place though single windows drown in noise. From there a window's mean disparity, where it is less than half a pixel off, and its s give
-// the result; a pixel whose match lies at the right image's border keeps its own.
+// varies slowly has no say. Noise of g and w is not common to both, so that it does not make the step too short. Each pixel is looked at
+// where its own disparity says, so that a window that sees two surfaces corrects both. First s is found for cells of 16 x 16 px, summed
+// over 3 x 3 cells and interpolated between their middles: it takes a whole wall to its place though single windows drown in noise. From
+// there a window's mean disparity, where it is less than half a pixel off, and its s give the result; a pixel whose match lies at the right
+// image's border keeps its own.
 //
 // Sums are of integers, so that their order does not matter: g and w in 8ths of a count per pixel, e in 48ths. Counts have 8 bits, and
 // those of wider images 12. A disparity stands in 32nds of a pixel while it is refined.

@@ -75,7 +75,8 @@ StereoPair fine_dots(double sigma, double shift, double vignetting, double dot_d
 }
 
 /// Largest mean error of walls at eight fractions of a pixel.
-double worst_pull(Engine engine, simsense::Subpixel subpixel, double sigma, double vignetting = 0, double dot_dn = 60, double even_dn = 20) {
+double worst_pull(Engine engine, simsense::Subpixel subpixel, double sigma, double vignetting = 0, double dot_dn = 60,
+                  double even_dn = 20) {
   MatchParameters p;
   p.max_disparity = 32;
   p.block_width = p.block_height = 5;

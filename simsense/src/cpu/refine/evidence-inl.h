@@ -32,7 +32,11 @@ inline size_t padded_width(size_t width) { return width + 2 * REFINE_REACH + 2 *
 class EvidenceRow {
  public:
   explicit EvidenceRow(size_t width)
-      : right_(width + 2 * spare), rise_(width + spare), smooth_(width + spare), left_(width + 2 * slope_reach + spare), disparity_(width + spare) {
+      : right_(width + 2 * spare),
+        rise_(width + spare),
+        smooth_(width + spare),
+        left_(width + 2 * slope_reach + spare),
+        disparity_(width + spare) {
     for (auto* values : {&slope_, &match_slope_, &difference_, &counts_}) values->assign(width + spare, 0);
   }
 
