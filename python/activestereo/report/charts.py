@@ -165,11 +165,10 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
         )
     axes.set_ylim(0.0, 1.18 * max(error))
     axes.set_xlim(-0.5, max(len(error) - 0.5, 0.5))
-    names, before = [], None
-    for step in steps:  # what each one changed
-        now, old = step["effects"], before or []
+    names: list[str] = []  # what each step changed
+    for i, step in enumerate(steps):
+        now, old = step["effects"], steps[i - 1]["effects"] if i else []
         changes = [f"+ {name}" for name in now if name not in old] + [f"− {name}" for name in old if name not in now]
-        names.append("\n".join(changes) or ("base model" if before is None else "refitted"))
-        before = now
+        names.append("\n".join(changes) or ("refitted" if i else "base model"))
     axes.set_xticks(range(len(error)), names, size=9, color=INK)
     return figure

@@ -93,8 +93,9 @@ def one_view_depth(
         return gaussian(depth, _SIGMA_M_AT_1_M, random)
     if model == "isaac-like":
         return isaac(depth, gray, focal_px, focal_baseline_px_m / focal_px, settings or IsaacSettings(), random)
-    noisy = {"datasheet": datasheet, "simkinect": simkinect, "redwood": redwood}[model]
-    return noisy(depth, focal_baseline_px_m, random)
+    if model == "redwood":
+        return redwood(depth, focal_baseline_px_m, random)
+    return (datasheet if model == "datasheet" else simkinect)(depth, focal_baseline_px_m, random)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def write(out: Path, count: int, to: Path) -> None:
     for frame in stored_frames(out, count):
         images = _images(frame)
         if data is None:
-            features = {
+            features: dict[str, Any] = {
                 name: {"dtype": "image", "shape": image.shape, "names": ["height", "width", "channels"]}
                 | ({"info": {"is_depth_map": True}} if image.shape[2] == 1 else {})
                 for name, image in images.items()

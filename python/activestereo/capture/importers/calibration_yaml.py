@@ -135,8 +135,9 @@ def _kalibr_lens(camera: Entry) -> Camera:
 
 
 def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int] | None) -> DeviceText:
-    is_told = entry.has("image_width") or size is None
-    width, height = (entry.side("image_width"), entry.side("image_height")) if is_told else size
+    if size is None or entry.has("image_width"):
+        size = entry.side("image_width"), entry.side("image_height")
+    width, height = size
     if are_rectified:
         P1, P2 = (entry.numbers((12,), PIXEL, key).reshape(3, 4) for key in ("P1", "P2"))
         lenses = [

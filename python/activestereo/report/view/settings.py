@@ -75,8 +75,8 @@ class Settings:
             effect, on = self.library[name], self.surfaces.get(name, ())
             entry = known.get(name)
             if entry is not None and entry.surfaces == on:
-                own = effect.values({n: q.value for n, q in entry.parameters.items()})
-                if all(own[n] == value for n, value in values.items()):  # its intervals and sources stay
+                stated = effect.values({n: q.value for n, q in entry.parameters.items()})
+                if all(stated[n] == value for n, value in values.items()):  # its intervals and sources stay
                     model = replace(model, effects=(*model.effects, entry))
                     continue
             units = {p.name: p.unit for p in effect.parameters}
