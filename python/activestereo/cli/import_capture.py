@@ -7,7 +7,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, positive, size
 from activestereo.cli.import_calibration import (
@@ -22,7 +22,11 @@ from activestereo.cli.import_calibration import (
 )
 
 if TYPE_CHECKING:
-    from activestereo.capture.capture import Capture
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.capture import Capture, Projector
     from activestereo.capture.importers.color_depth import ColorDepthRecording
     from activestereo.capture.importers.realsense_folder import RobotPoses
 
@@ -162,9 +166,7 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
     config = StereoDepthSensorConfig(args.sensor)
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
     with ProgressBar(f"importing {args.recording.name}") as bar:
-        return write_color_depth(
-            recording, args.out, baseline_m, *_pattern(args.sensor), config.projector_in_left_m, args.scene, bar
-        )
+        return write_color_depth(recording, args.out, baseline_m, *_nominal_projector(config), args.scene, bar)
 
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str]]:
@@ -215,11 +217,10 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
     rest = [*unused_text(folder, files), *(f"assumed: {line}" for line in assumed)]
     with ProgressBar(f"importing {args.recording.name}") as bar:
-        projector_in_left_m = StereoDepthSensorConfig(args.sensor).projector_in_left_m
+        nominal = _nominal_projector(StereoDepthSensorConfig(args.sensor))
         capture = import_realsense(
-            files, device, args.out, *_pattern(args.sensor), projector_in_left_m, depth_scale, args.scene, trajectory,
-            exposure_s, robot=robot, progress=bar,
-        )  # fmt: skip
+            files, device, args.out, *nominal, depth_scale, args.scene, trajectory, exposure_s, robot, bar
+        )
     missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
     return capture, [*told, *(f"missing: {line}" for line in missing), *rest]
 
@@ -237,11 +238,14 @@ def _robot(args: argparse.Namespace) -> RobotPoses | None:
     return RobotPoses(named, JsonObject.read(args.hand_eye).rigid_transform("camera_to_gripper"))
 
 
-def _pattern(sensor: str) -> tuple[Any, Any]:
-    """The preset's nominal pattern and its K; black where a camera has no projector."""
+def _nominal_projector(config: StereoDepthSensorConfig) -> tuple[Projector, NDArray[np.uint8]]:
+    """The preset's projector and its pattern; black where a camera has no projector."""
     import numpy as np
 
     from activestereo.camera.plan import pattern_of
-    from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.capture import Projector
 
-    return pattern_of(StereoDepthSensorConfig(sensor)) or (np.zeros((2, 2), np.uint8), np.eye(3))
+    pattern, K = pattern_of(config) or (np.zeros((2, 2), np.uint8), np.eye(3))
+    left_to_projector = np.eye(4)
+    left_to_projector[:3, 3] = -np.array(config.projector_in_left_m)
+    return Projector(Path("pattern.png"), K, left_to_projector), pattern

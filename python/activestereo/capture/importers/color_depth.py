@@ -65,12 +65,11 @@ def image_files(folder: Path) -> dict[str, Path]:
 
 
 def write_color_depth(
-    recording: ColorDepthRecording, out: Path, baseline_m: float, pattern: NDArray[np.uint8],
-    pattern_K: NDArray[np.float64], projector_in_left_m: tuple[float, float, float], scene: Path | None = None,
-    progress: Callable[[float], None] | None = None,
+    recording: ColorDepthRecording, out: Path, baseline_m: float, projector: Projector, pattern: NDArray[np.uint8],
+    scene: Path | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
-    """Writes the capture `out`, which must not exist. The four after `out` are the preset's. Raises ValueError with the
-    file where sizes are mixed, depth is 8-bit or a file is damaged."""
+    """Writes the capture `out`, which must not exist. The three after `out` are the preset's. Raises ValueError with
+    the file where sizes are mixed, depth is 8-bit or a file is damaged."""
     tell = progress or (lambda fraction: None)
     width, height = image_size(recording.frames[0].depth, "depth")
     color = recording.color or ColorCamera(width, height, recording.K)
@@ -93,9 +92,8 @@ def write_color_depth(
         groups = repeat_groups(seen, [k in colors for k in depths])
         frames = [replace(frame, repeat_group=group) for frame, group in zip(frames, groups, strict=True)]
     camera = Camera(width, height, recording.K)
-    left_to_right, left_to_projector = np.eye(4), np.eye(4)
-    left_to_right[0, 3], left_to_projector[:3, 3] = -baseline_m, -np.array(projector_in_left_m)
-    projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -baseline_m
     rig = Rig(camera, camera, left_to_right, projector, color=color if colors else None)
     scene = scene or recording.scene
     notes = f"imported from {recording.kind}: colour and depth, no infrared; baseline and pattern are nominal"

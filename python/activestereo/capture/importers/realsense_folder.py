@@ -189,19 +189,17 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 
 def import_realsense(
-    files: list[FrameFiles], device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
-    projector_in_left_m: tuple[float, float, float], depth_scale: float | None = None, scene: Path | None = None,
+    files: list[FrameFiles], device: DeviceText, out: Path, projector: Projector, pattern: NDArray[np.uint8],
+    depth_scale: float | None = None, scene: Path | None = None,
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
-    robot: RobotPoses | None = None,
-    progress: Callable[[float], None] | None = None,
+    robot: RobotPoses | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
     """Writes frames as the capture `out`, which must not exist, and returns it.
 
-    files: from frame_files(). 16-bit images with no pixel above 255 are stored in 8 bits. pattern: uint8, the device's
-    nominal one, with matrix pattern_K; projector_in_left_m: its nominal place in the left camera's frame. depth_scale:
-    metres per unit of the depth images. scene: a glTF file, None for an empty one. trajectory: camera poses over
-    seconds; robot: poses of a gripper that carries the camera. Without a trajectory, frames of one folder (and one
-    pose of the gripper) whose pictures lie on each other are repeats.
+    files: from frame_files(). 16-bit images with no pixel above 255 are stored in 8 bits. projector, pattern: the
+    device's nominal ones. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
+    trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without a trajectory,
+    frames of one folder (and one pose of the gripper) whose pictures lie on each other are repeats.
     """
     tell = progress or (lambda fraction: None)
     first = read_gray(files[0].files["left"], key="Infrared 1")
@@ -242,9 +240,6 @@ def import_realsense(
     is_byte = all(image.max() <= 255 for image in images.values())
     if is_byte:
         images = {key: image.astype(np.uint8) for key, image in images.items()}
-    left_to_projector = np.eye(4)
-    left_to_projector[:3, 3] = -np.array(projector_in_left_m)
-    projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
     rig = Rig(left, right, left_to_right, projector, 8 if is_byte else 16, color=color)
     notes = {"notes": "imported from librealsense"}
     capture = Capture(out, out.name, scene or out / "scene.gltf", rig, tuple(frames), notes)
