@@ -75,14 +75,9 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
         comparison = compare(
-            args.capture,
-            renderer=KuafuRenderer(args.device),
-            samples_per_pixel=args.spp,
-            max_bounces=args.max_bounces,
-            seed=args.seed,
-            progress=phases,
-            **under_model,
-        )
+            args.capture, renderer=KuafuRenderer(args.device), samples_per_pixel=args.spp,
+            max_bounces=args.max_bounces, seed=args.seed, progress=phases, **under_model,
+        )  # fmt: skip
         is_found = args.model is not None and is_near_noise(comparison.scores)
         name, folder = ("simulate", "simulated") if is_found else ("diagnose", "diagnosis")
         same = "--model", args.model, *own, *carried(args, *SAME_RUN)

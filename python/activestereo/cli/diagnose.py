@@ -128,22 +128,12 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
         phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
         diagnosis = diagnose(
-            args.capture,
-            model=model,
-            effects=effects,
-            renderer=KuafuRenderer(args.device),
-            samples_per_pixel=args.spp,
-            max_bounces=args.max_bounces,
-            seed=args.seed,
-            workers=args.workers or os.cpu_count() or 1,
-            progress=phases,
-            numbers=replace(NUMBERS, **given),
+            args.capture, model=model, effects=effects, renderer=KuafuRenderer(args.device),
+            samples_per_pixel=args.spp, max_bounces=args.max_bounces, seed=args.seed,
+            workers=args.workers or os.cpu_count() or 1, progress=phases, numbers=replace(NUMBERS, **given),
             rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
-            engines=engines_of(*sampled),
-            binning=args.bin,
-            reference=args.reference,
-            says=bar.tell,
-        )
+            engines=engines_of(*sampled), binning=args.bin, reference=args.reference, says=bar.tell,
+        )  # fmt: skip
         phases.begin(WRITING)
         steps = _steps(args, diagnosis)
         write_diagnosis_report(diagnosis, args.out, effects, phases, steps)

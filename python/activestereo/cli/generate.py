@@ -107,18 +107,10 @@ def run(args: argparse.Namespace) -> None:
         if not path.exists():
             raise CommandError(f"{path}: there is no such file")
     settings = Settings(
-        things=tuple(args.things),
-        sensor=args.sensor,
-        rgb_size=args.rgb_size,
-        ir_size=args.ir_size,
-        samples=args.spp,
-        seed=args.seed,
-        layout=args.layout,
-        ranges=read_ranges(args.ranges, Ranges),
-        unit_m=args.unit,
-        keep_transparent=args.keep_transparent,
-        device=args.device,
-    )
+        things=tuple(args.things), sensor=args.sensor, rgb_size=args.rgb_size, ir_size=args.ir_size, samples=args.spp,
+        seed=args.seed, layout=args.layout, ranges=read_ranges(args.ranges, Ranges), unit_m=args.unit,
+        keep_transparent=args.keep_transparent, device=args.device,
+    )  # fmt: skip
     make_folder(args.out)
     workers = args.workers or 1
     ray = None if args.ray is None else (args.ray, args.ray_cpus or 2)

@@ -75,13 +75,9 @@ def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[
     for gain, color in zip(gains, [BLUE, ORANGE, GREEN] * len(gains), strict=False):
         own = [p for p in points if p["gain"] == gain]
         axes.plot(
-            [p["mean_dn"] for p in own],
-            [p["variance_dn2"] for p in own],
-            ".",
-            color=color,
-            ms=5,
+            [p["mean_dn"] for p in own], [p["variance_dn2"] for p in own], ".", color=color, ms=5,
             label=f"repeats, gain {gain:g}",
-        )
+        )  # fmt: skip
         mean = np.linspace(min(p["mean_dn"] for p in own), max(p["mean_dn"] for p in own), 100)
         signal = np.maximum(mean - noise["black_dn"], 0.0)
         variance = noise["offset"] + noise["shot"] * gain * signal + noise["relative"] * signal**2
@@ -118,15 +114,9 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
     axes.axhline(0.0, color=MUTED, lw=0.7)
     if categories or len(bins) < 6:
         axes.errorbar(
-            x,
-            rmse,
-            [np.maximum(rmse - low, 0), np.maximum(high - rmse, 0)],
-            fmt="o",
-            ms=4,
-            color=BLUE,
-            lw=1.4,
+            x, rmse, [np.maximum(rmse - low, 0), np.maximum(high - rmse, 0)], fmt="o", ms=4, color=BLUE, lw=1.4,
             label="RMSE",
-        )
+        )  # fmt: skip
         axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5,
                       color=ORANGE, lw=1.4, label="mean residual")  # fmt: skip
         axes.hlines(floor, x - 0.4, x + 0.4, color=INK, lw=1.4, label="noise floor")

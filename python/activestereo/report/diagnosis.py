@@ -79,14 +79,9 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
         rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", explains, values, twins,
                      _residual(entry["effect"], shown)])  # fmt: skip
     head = [
-        "",
-        "effect, family",
-        "gain, nats",
-        "explains",
-        "fitted value (90 %)",
-        "cannot be told from",
+        "", "effect, family", "gain, nats", "explains", "fitted value (90 %)", "cannot be told from",
         "what it leaves",
-    ]
+    ]  # fmt: skip
     placed = {entry["effect"] for entry in ranking}
     left_out = "".join(f"<p>{text(n)}, yours: {text(why)}</p>" for n, why in own.items() if n not in placed)
     more = len(ranking) - len(rows)

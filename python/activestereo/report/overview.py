@@ -45,13 +45,9 @@ def simulation_figure(
     _error(page.picture(1, 2), depth, true_depth)
     _bars(page.chart(0, 3), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", BLUE)
     _bars(
-        page.chart(2, 3),
-        rows,
-        [100.0 * r.invented for r in rows],
-        "invented: nothing is there, or 5 % off,",
-        "%",
+        page.chart(2, 3), rows, [100.0 * r.invented for r in rows], "invented: nothing is there, or 5 % off,", "%",
         MUTED,
-    )
+    )  # fmt: skip
     _bars(page.chart(1, 3), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", ORANGE)
     return page.figure
 

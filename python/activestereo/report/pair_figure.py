@@ -65,13 +65,9 @@ def _table(axes: Axes, findings_of: Mapping[str, Sequence[Finding]]) -> None:
         found = [next((f for f in findings if f.name == shown.name), None) for findings in findings_of.values()]
         rows.append([shown.text, *("-" if f is None else f"{scale * f.value:.3g} {unit}" for f in found)])
     table = axes.table(
-        cellText=rows,
-        colLabels=["", *findings_of],
-        colWidths=[0.56, 0.22, 0.22],
-        loc="center",
-        cellLoc="left",
+        cellText=rows, colLabels=["", *findings_of], colWidths=[0.56, 0.22, 0.22], loc="center", cellLoc="left",
         edges="horizontal",
-    )
+    )  # fmt: skip
     table.auto_set_font_size(False)
     table.set_fontsize(9)
     table.scale(1.0, 1.35)

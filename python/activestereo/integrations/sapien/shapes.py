@@ -238,13 +238,10 @@ def render_parts(shape: Any) -> Iterator[Part]:
         normals, uvs = part.get_vertex_normal(), part.get_vertex_uv()
         positions = _floats(part.vertices)
         yield Part(
-            positions,
-            np.ascontiguousarray(part.triangles, np.uint32),
+            positions, np.ascontiguousarray(part.triangles, np.uint32),
             _floats(normals) if len(normals) == len(positions) else None,
-            _floats(uvs) if len(uvs) == len(positions) else None,
-            scale,
-            part.material,
-        )
+            _floats(uvs) if len(uvs) == len(positions) else None, scale, part.material,
+        )  # fmt: skip
 
 
 def record_parts(record: Any) -> Iterator[Part]:
@@ -293,13 +290,9 @@ def _file_parts(path: str, scale: ArrayLike, material: Any) -> Iterator[Part]:
     except Exception as error:  # errors of trimesh's many readers
         raise ValueError(f"{path}: no mesh could be read: {error}") from error
     yield Part(
-        _floats(loaded.vertices),
-        np.ascontiguousarray(loaded.faces, np.uint32),
-        _floats(loaded.vertex_normals),
-        None,
-        scale,
-        material or kuafu.Material(base_color=_GREY),
-    )
+        _floats(loaded.vertices), np.ascontiguousarray(loaded.faces, np.uint32), _floats(loaded.vertex_normals), None,
+        scale, material or kuafu.Material(base_color=_GREY),
+    )  # fmt: skip
 
 
 def _make_part(mesh: Mesh, scale: ArrayLike, material: Any) -> Part:

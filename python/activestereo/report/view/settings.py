@@ -124,13 +124,9 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
     if not isinstance(has_noise, bool):
         raise ValueError(f"has_noise is {has_noise!r}, expected true or false")
     return Settings(
-        **camera,
-        has_noise=has_noise,
-        materials=materials,
-        effects=effects if "effects" in given else None,
-        surfaces=surfaces,
-        library=library,
-    )
+        **camera, has_noise=has_noise, materials=materials, effects=effects if "effects" in given else None,
+        surfaces=surfaces, library=library,
+    )  # fmt: skip
 
 
 def _surface(name: str, values: Any, material_names: list[str]) -> dict[str, float]:
