@@ -30,7 +30,7 @@ _COMMANDS = (
     "devices", "doctor",
 )  # fmt: skip
 
-# What is said where no command is given; README.md has the same table.
+# Printed without a command; README.md has the same table.
 _WANTED = """\
 activestereo simulates depth cameras, and finds out what the model of one lacks.
 

@@ -20,7 +20,7 @@ from activestereo.common.pose import rigid_fault
 if TYPE_CHECKING:
     from activestereo.report.screen import Step
 
-# What a command's add_parser gets, and adds its own parser to.
+# The subparsers to which a command's add_parser adds its own.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 _MAX_BOUNCES = next(p for p in RENDER if p.name == "max_bounces")
 

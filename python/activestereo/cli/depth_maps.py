@@ -29,13 +29,13 @@ def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def matching_words(engine: simsense.Engine) -> dict[str, Any]:
-    """How a simsense.Engine matches, by parameter; a choice by its word."""
+    """The parameters with which a simsense.Engine matches; a choice by its word."""
     choices = {p.name: p.choices for p in MATCHER if p.choices}
     return {name: choices[name][int(value)] if name in choices else value for name, value in engine.parameters.items()}
 
 
 def matching_line(engine: simsense.Engine) -> str:
-    """How a simsense.Engine matches, in one line."""
+    """The main parameters with which a simsense.Engine matches, in one line."""
     p = engine.parameters
     first, last = p["min_disparity"], p["min_disparity"] + p["max_disparity"] - 1
     checks = f"uniqueness {p['uniqueness_ratio']} %, left-right {p['lr_max_diff']}, median {p['median_size']}"

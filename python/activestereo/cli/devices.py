@@ -7,7 +7,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, print_json
-from activestereo.report.screen import wrapped
+from activestereo.report.screen import wrapped_lines
 
 if TYPE_CHECKING:
     import kuafu
@@ -61,4 +61,4 @@ def describe(info: kuafu.DeviceInfo) -> str:
         f"    can: {', '.join(name.replace('_', ' ') for name in info.capabilities) or 'nothing beyond compute'}",
         "    usable" if info.usable else f"    not usable: {info.refused}",
     ]
-    return "\n".join(part for line in lines for part in wrapped(line.lstrip(), " " * (len(line) - len(line.lstrip()))))
+    return wrapped_lines(lines)

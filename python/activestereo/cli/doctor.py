@@ -12,7 +12,7 @@ from typing import Any
 
 from activestereo.cli.arguments import Commands, Finding, add_shared, print_json
 from activestereo.cli.devices import as_json
-from activestereo.report.screen import wrapped
+from activestereo.report.screen import wrapped_lines
 
 _TEXT = """\
 Tells what this machine renders and matches on, why each device is refused, which optional
@@ -102,7 +102,7 @@ def _words(found: dict[str, Any]) -> str:
     lines.append("free memory: " + ("not known" if free is None else f"{free / 1e9:.1f} GB"))
     if found["renders_on"]:
         lines.append("next: activestereo demo")
-    return "\n".join(part for line in lines for part in wrapped(line.lstrip(), " " * (len(line) - len(line.lstrip()))))
+    return wrapped_lines(lines)
 
 
 def _blas() -> str | None:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from activestereo.common.accuracy import Accuracy
     from activestereo.sensor.light_share import LightShare
 
-# Of the infrared light at the dots, the projector's: below it depth is coarser. (In the example scene, whose table has
-# 300 lux, it is a sixth, and a twenty-fifth of the light of all pixels.)
+# The projector's share of the infrared light at the dots below which depth is coarser. (The example scene, whose table
+# has 300 lux, has a sixth; the share of all pixels' light is a twenty-fifth.)
 LEAST_SHARE = 0.05
 _MOST_NAMED = 3
 _MOST_MATERIALS = 3

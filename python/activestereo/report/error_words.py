@@ -39,7 +39,7 @@ _FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
         "": ("camera geometry", "surface", "speckle", "fixed pattern"),
     },
 }  # fmt: skip
-# Where an error lies, by a covariate below or above a value; others only follow the image's brightness.
+# Places of an error by a covariate below or above a value; other covariates only follow the image's brightness.
 _PLACES = {
     "radius": ("within {:.2g} of the way to the corners", "beyond {:.2g} of the way to the corners"),
     "depth": ("nearer than {:.2g} m", "further than {:.2g} m"),
@@ -52,7 +52,7 @@ _PLACES = {
     "temperature": ("below {:.3g} °C", "above {:.3g} °C"),
 }  # fmt: skip
 _LEAST_CONCENTRATION = 0.1
-# Of few frames nobody can tell a time from what the frame looks at.
+# A time of few frames cannot be told from the things that those frames show.
 _OF_FRAMES, _LEAST_FRAMES = ("time", "temperature"), 5
 _MOST_MATERIALS, _MOST_FAMILIES = 3, 4
 # A place that holds so much of what the first one does may be the one that matters.

@@ -97,6 +97,11 @@ def wrapped(text: str, indent: str = "") -> list[str]:
     )  # fmt: skip
 
 
+def wrapped_lines(lines: Sequence[str]) -> str:
+    """Lines of text, each wrapped behind its own indentation."""
+    return "\n".join(part for line in lines for part in wrapped(line.lstrip(), " " * (len(line) - len(line.lstrip()))))
+
+
 def _command_lines(step: Step) -> list[str]:
     """Lines that a shell takes as one command."""
     parts: list[str] = []

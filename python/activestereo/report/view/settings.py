@@ -22,7 +22,7 @@ SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmissio
 _CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
 _KEYS = (*_CAMERA, "has_noise", "materials", "effects")
 _FAMILY_OF_MOTION = "motion"
-# What draws random numbers in an imager.
+# The random terms of an imager.
 _NOISE = (
     "speckle_shape", "prnu", "hot_pixel_share", "shot_noise", "dsnu_e", "row_fixed_e", "column_fixed_e", "row_noise_e",
     "column_noise_e", "read_noise_e", "adc_noise_dn",
