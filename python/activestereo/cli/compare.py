@@ -62,10 +62,9 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
-    from activestereo.report.error_words import is_near_noise
     from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
     from activestereo.report.screen import command
-    from activestereo.report.summary import comparison_screen
+    from activestereo.report.summary import comparison_screen, is_near_noise
     from activestereo.report.write import WRITING, WRITING_TIME, write_report
 
     effects = library(*args.effects)

@@ -24,10 +24,10 @@ from activestereo.diagnose.answer.verdict_words import (
 )
 from activestereo.report.charts import covariates_chart, effects_chart
 from activestereo.report.encode import data_address
-from activestereo.report.error_words import error_places
 from activestereo.report.models import BASE, FOUND, ModelImages
 from activestereo.report.page import chart
 from activestereo.report.screen import Step
+from activestereo.report.summary import error_places
 from activestereo.report.worst import known_residual, residual_limit, rmse
 
 if TYPE_CHECKING:

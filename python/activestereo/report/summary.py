@@ -1,13 +1,186 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of compare.json that a reader wants first, on a terminal."""
+"""A comparison in sentences (what the model misses and where, which families of effects do that, what infrared and
+depth say of one another), and its first figures on a terminal."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from activestereo.report.error_words import what_is_missed
 from activestereo.report.screen import Figure, Step, screen
+
+_KINDS = {
+    "brightness": ("The measured images are smoothly {} than the model's", ("darker", "brighter")),
+    "dots": ("The measured dots stand out {} than the model's", ("less", "more")),
+    "sharpness": ("The measured dots are {} than the model's", ("sharper", "softer")),
+    "place": ("The measured dots lie elsewhere than the model's, by some {:.2g} px", ()),
+    "other": ("The measured images differ from the model's dot by dot", ()),
+}
+# Families of effects by the error's shape and what it goes with; "" for all else.
+_FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
+    "brightness": {
+        "radius": ("lens shading", "projector shading"), "time": ("projector power",),
+        "temperature": ("projector power",), "depth": ("medium", "ambient light"),
+        "": ("surface", "ambient light", "tone"),
+    },
+    "dots": {
+        "radius": ("projector shading", "lens shading"), "time": ("projector power",),
+        "temperature": ("projector power",), "depth": ("tone", "medium", "projector blur"),
+        "material": ("surface", "tone"), "": ("pattern strength", "surface", "tone"),
+    },
+    "sharpness": {
+        "velocity": ("motion",), "radius": ("camera blur",), "depth": ("projector blur", "camera blur"),
+        "material": ("surface", "projector blur"), "": ("projector blur", "camera blur", "surface"),
+    },
+    "place": {
+        "velocity": ("motion",), "time": ("pattern geometry", "camera geometry"),
+        "temperature": ("pattern geometry", "camera geometry"), "": ("camera geometry", "pattern geometry", "motion"),
+    },
+    "other": {
+        "velocity": ("motion",), "material": ("surface",),
+        "": ("camera geometry", "surface", "speckle", "fixed pattern"),
+    },
+}  # fmt: skip
+# Places of an error by a covariate below or above a value; other covariates only follow the image's brightness.
+_PLACES = {
+    "radius": ("within {:.2g} of the way to the corners", "beyond {:.2g} of the way to the corners"),
+    "depth": ("nearer than {:.2g} m", "further than {:.2g} m"),
+    "column": ("left of column {:.0f}", "right of column {:.0f}"),
+    "row": ("above row {:.0f}", "below row {:.0f}"),
+    "incidence": ("on surfaces less than {:.0f}° aslant", "on surfaces more than {:.0f}° aslant"),
+    "edge_distance": ("within {:.0f} px of edges in depth", "more than {:.0f} px away from edges in depth"),
+    "velocity": ("where the image moves slower than {:.2g} px/s", "where the image moves faster than {:.2g} px/s"),
+    "time": ("before {:.3g} s", "after {:.3g} s"),
+    "temperature": ("below {:.3g} °C", "above {:.3g} °C"),
+}  # fmt: skip
+_LEAST_CONCENTRATION = 0.1
+# A time of few frames cannot be told from the things that those frames show.
+_OF_FRAMES, _LEAST_FRAMES = ("time", "temperature"), 5
+_MOST_MATERIALS, _MOST_FAMILIES = 3, 4
+# A place that holds so much of what the first one does may be the one that matters.
+_ALIKE = 0.7
+# A mean error that changes its sign is told where it makes so much of the error.
+_LEAST_TURN = 0.5
+# An error that falls by less than this share did not fall.
+_SAME = 0.02
+# An error above the noise by less than this share of it is nearly all noise.
+_NEAR_NOISE = 0.05
+
+
+def is_near_noise(scores: Mapping[str, Any]) -> bool:
+    """Whether the infrared error is hardly more than noise."""
+    values = next(reversed(scores["ir"].values()))
+    return values["noise_floor_dn"] is not None and values["rmse_dn"] < (1.0 + _NEAR_NOISE) * values["noise_floor_dn"]
+
+
+def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
+    """Sentences, most important first: the warnings, what the model misses and where, the model's effects on both
+    errors, and the families that do what is missed."""
+    said = [f"Warning: {text}." for text in scores["warnings"]]
+    shape = scores["shape"]
+    if shape is None or not scores["regions"].get("infrared", {}).get("is_explainable", True):
+        return [
+            *said,
+            "The model's infrared images are at the noise floor: nothing is missing there.",
+            *depth_sentences(scores),
+        ]
+    places = error_places(scores["where"])
+    place = places[0] if places else None
+    words, ways = _KINDS[shape["kind"]]
+    amount = place["mean"] if place is not None and shape["kind"] == "brightness" else shape["amount"]
+    where = ""
+    if place is not None and place["turns"]:
+        where = f" {place['words']} and {ways[amount <= 0]} beyond: {_percent(place['share'])} of the error"
+    elif place is not None:
+        where = f": {_percent(place['share'])} of the error lies {place['words']}"
+        where += f", in {_percent(place['pixel_share'])} of the pixels"
+    if is_near_noise(scores):
+        said += [f"Little is missing: the infrared error is within {_percent(_NEAR_NOISE)} of noise alone."]
+    said.append(f"{words.format(ways[amount > 0] if ways else abs(amount))}{where}.")
+    suspects = _FAMILIES[shape["kind"]]
+    alike = [one["covariate"] for one in places if _gain(one) > _ALIKE * _gain(places[0])] or [""]
+    names = [*dict.fromkeys(name for one in alike for name in suspects.get(one, suspects[""]))][:_MOST_FAMILIES]
+    return [*said, *depth_sentences(scores), f"Effects that do this: {', '.join(names)}. diagnose tells which."]
+
+
+def error_places(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """{words, covariate, its table, mean DN, share of the infrared error beyond noise, pixel_share} of pixels that one
+    covariate tells, those that hold most of the error beside their number first; none where it lies everywhere alike.
+    turns: whether the mean error of all pixels makes that share, and has the other sign on the other side.
+    """
+    known = [t for t in tables if t["channel"] == "infrared" and t["is_finding"]]
+    told = [t for t in known if t["covariate"] in (*_PLACES, "material") and t["concentration"] >= _LEAST_CONCENTRATION]
+    told = [t for t in told if t["covariate"] not in _OF_FRAMES or len(t["bins"]) >= _LEAST_FRAMES]
+    places = [_materials(t) if t["covariate"] == "material" else _turn(t) or _tail(t) for t in told]
+    return sorted(places, key=_gain, reverse=True)
+
+
+def _gain(place: Mapping[str, Any]) -> float:
+    return float(place["share"] - place["pixel_share"])
+
+
+def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The pixels below the value at which the mean error changes its sign, where that mean makes most of the error."""
+    bins, low = table["bins"], _PLACES[table["covariate"]][0]
+    sums = [b["pixels"] * b["mean"] for b in bins]
+    parts = [(sum(sums[:i]), sum(sums[i:]), i) for i in range(1, len(bins))]
+    below, above, i = max(parts, key=lambda part: abs(part[0] - part[1]), default=(0.0, 0.0, 0))
+    if (table["mean_share"] or 0.0) < _LEAST_TURN or below * above >= 0.0:
+        return None
+    place = _place(table, bins[:i], low.format(bins[i]["low"]))
+    return place | {"share": table["mean_share"], "pixel_share": 0.0, "turns": True}
+
+
+def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The pixels beyond the value that parts most of the error from most of the pixels."""
+    bins, low, high = table["bins"], *_PLACES[table["covariate"]]
+    ends = [(bins[: i + 1], low.format(bins[i]["high"])) for i in range(len(bins) - 1)]
+    ends += [(bins[i:], high.format(bins[i]["low"])) for i in range(1, len(bins))]
+    return max((_place(table, own, words) for own, words in ends), key=_gain)
+
+
+def _materials(table: Mapping[str, Any]) -> dict[str, Any]:
+    worst = sorted(table["bins"], key=lambda b: -b["pixels"] * (b["excess"] - _mean(table["bins"])))[:_MOST_MATERIALS]
+    worst = [b for b in worst if b["excess"] > _mean(table["bins"])]
+    return _place(table, worst, f"on {' and '.join(b['label'] for b in worst)}")
+
+
+def _mean(bins: Sequence[Mapping[str, Any]]) -> float:
+    return float(sum(b["pixels"] * b["excess"] for b in bins) / sum(b["pixels"] for b in bins))
+
+
+def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: str) -> dict[str, Any]:
+    all_bins = table["bins"]
+    held, whole = (sum(b["pixels"] * max(b["excess"], 0.0) for b in bins) for bins in (own, all_bins))
+    share, pixels = held / max(whole, 1e-12), sum(b["pixels"] for b in own) / sum(b["pixels"] for b in all_bins)
+    mean = sum(b["pixels"] * b["mean"] for b in own) / max(sum(b["pixels"] for b in own), 1)
+    told = {"words": words, "covariate": table["covariate"], "table": table, "mean": mean, "turns": False}
+    return told | {"share": share, "pixel_share": pixels}
+
+
+def depth_sentences(scores: Mapping[str, Any]) -> list[str]:
+    """The change of both errors by a model's effects, and its meaning where infrared alone improves."""
+    before = scores["without_effects"]
+    if before is None:
+        return []
+    split = "test" if "test" in before["ir"] else "train"
+    infrared = before["ir"][split], scores["ir"][split]["rmse_dn"]
+    said = [f"With the model's effects the infrared error goes from {infrared[0]:.2f} to {infrared[1]:.2f} DN"]
+    depth = before["depth"].get(split), scores["depth"].get(split, {}).get("rmse_px")
+    if depth[0] is None or depth[1] is None:
+        return [f"{said[0]}."]
+    said.append(f"that of disparity from {depth[0]:.3f} to {depth[1]:.3f} px")
+    if infrared[1] < (1.0 - _SAME) * infrared[0] and depth[1] > (1.0 - _SAME) * depth[0]:
+        return [
+            f"{', '.join(said)}: infrared improves and depth does not.",
+            "What is left in depth is no matter of these images: look at the matcher, the calibration and the scene.",
+        ]
+    return [f"{', '.join(said)}."]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept: str, verbose: bool) -> str:

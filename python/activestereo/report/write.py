@@ -25,7 +25,6 @@ from activestereo.compare.model_file import library
 from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
-from activestereo.report.error_words import what_is_missed
 from activestereo.report.explorer import explorer_section
 from activestereo.report.first_screen import comparison_first_screen, first_screen
 from activestereo.report.lettering import write_figure
@@ -34,6 +33,7 @@ from activestereo.report.page import page
 from activestereo.report.screen import Step
 from activestereo.report.sheet import comparison_figure
 from activestereo.report.strips import found_strips
+from activestereo.report.summary import what_is_missed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

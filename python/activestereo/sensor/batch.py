@@ -32,8 +32,8 @@ from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
+from activestereo.sensor.maps import JoinedResults
 from activestereo.sensor.mounts import HasPoses, Places, raise_broken, raise_faults
-from activestereo.sensor.result_memory import JoinedResults
 from activestereo.sensor.results import SensorResults
 
 _Result = TypeVar("_Result")

@@ -22,9 +22,8 @@ from activestereo.model import SensorModel
 from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
 from activestereo.sensor.ir_link import IrLink
-from activestereo.sensor.maps import Maps
+from activestereo.sensor.maps import Maps, PartOfResults
 from activestereo.sensor.pictures import RGB_OUTPUTS, Picture, PictureMemory, Taken, UnderWay, expose_each
-from activestereo.sensor.result_memory import PartOfResults
 from activestereo.sensor.rig import Rig
 from activestereo.sensor.rig_inputs import RigInputs
 

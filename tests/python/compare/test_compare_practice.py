@@ -16,7 +16,7 @@ import pytest
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.effects import builtin
-from activestereo.report.error_words import what_is_missed
+from activestereo.report.summary import what_is_missed
 
 _ROOT = Path(__file__).resolve().parents[3]
 _CAPTURES = Path(os.environ.get("ACTIVESTEREO_DATA") or _ROOT.parent / "shared") / "captures"

@@ -6,7 +6,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, shift
 
 from activestereo.compare.error_shape import error_shape
-from activestereo.report.error_words import what_is_missed
+from activestereo.report.summary import what_is_missed
 
 HEIGHT, WIDTH, NOISE_DN = 160, 240, 1.0
 

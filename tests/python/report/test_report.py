@@ -21,7 +21,7 @@ from activestereo.report.explorer import explorer_data
 from activestereo.report.models import model_images
 from activestereo.common.html_table import table
 from activestereo.report.write import report_page, write_report
-from activestereo.report.error_words import error_places
+from activestereo.report.summary import error_places
 from activestereo.report.screen import command
 from activestereo.report.summary import comparison_screen, summary_table
 from report_worlds import DIAGNOSIS, WITH_MODEL, decoded
