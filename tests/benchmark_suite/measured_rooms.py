@@ -6,8 +6,9 @@
 
 Each RECORDING is a capture that 'activestereo import' made, of two views or more. All are measured as they are. Then
 the kinds of 'activestereo benchmark inject', and drops on a window, go into their images, on one recording after the
-other, before calibrate world and diagnose. OUT/results.json has a row for each: the names beside the lens's falloff,
-nats, seconds.
+other, before calibrate world and diagnose. OUT/results.json has a row for each: whether the plan of the measured room
+tells an effect of that size, which stands there for all rows before the first diagnosis; then the names beside the
+lens's falloff, nats, seconds.
 """
 
 import argparse
@@ -21,9 +22,13 @@ import numpy as np
 
 from inject.inject import plan, write_injected
 from inject.kinds import KINDS
+from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import SIDES, read_capture
 from activestereo.diagnose import diagnose
+from activestereo.diagnose.room.names import seen_of
+from activestereo.diagnose.room.plan import told_by
+from activestereo.effects import builtin
 
 OWN = "vignetting"  # of every lens: no further name, but an exponent that grows
 EXPONENT_SD = 0.25  # of one pair of views
@@ -42,15 +47,24 @@ def main():
     parser.add_argument("--reference", type=Path, action="append", default=[], help="a measured room of the same unit")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for name, strength, recording in cases(args):
-        rows.append(judged(args, name, strength, recording, rows))
-        print(json.dumps(rows[-1]), flush=True)
-        (args.out / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
+    rows = [measured(args, *case) for case in cases(args)]
+    write(args.out, rows)
+    for number, row in enumerate(rows):
+        rows[number] = row if "why" in row else answered(args, row, rows[:number])
+        print(json.dumps(rows[number]), flush=True)
+        write(args.out, rows)
     hidden = [row for row in rows if row["hidden"] is not None]
-    right, wrong = (sum(row["verdict"] == verdict for row in hidden) for verdict in ("right", "wrong"))
-    print(f"{right} of {len(hidden)} right, {wrong} wrong; nothing hidden: {len(rows) - len(hidden)} rooms, "
-          f"{sum(row['verdict'] == 'wrong' for row in rows if row['hidden'] is None)} with a name")  # fmt: skip
+    told = [row for row in hidden if row["told"]]
+    plain = [row for row in rows if row["hidden"] is None]
+    right, of_told, wrong = (sum(row["verdict"] == verdict for row in some)
+                             for some, verdict in ((hidden, "right"), (told, "right"), (hidden, "wrong")))  # fmt: skip
+    named = sum(row["verdict"] == "wrong" for row in plain)
+    print(f"{right} of {len(hidden)} right, {wrong} wrong; {of_told} of {len(told)} that the plan tells; "
+          f"nothing hidden: {len(plain)} rooms, {named} with a name")  # fmt: skip
+
+
+def write(out, rows):
+    (out / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
 def cases(args):
@@ -83,33 +97,68 @@ def hidden(recording, out, name, strength, seed):
     return {"side": side, "sigma_px": DROPS[strength], "share": round(float(wet.mean()), 4)}
 
 
-def judged(args, name, strength, recording, done):
-    """A row of the results. done: rows so far, of the recordings as they are first."""
+def measured(args, name, strength, recording):
+    """A row without an answer, of a recording that calibrate world has measured: told is the plan's word."""
     place = args.out / "_".join([recording.name, *([name, strength] if name else ["plain"])])
-    row = {"recording": recording.name, "hidden": name, "strength": strength, "named": [], "verdict": "silent"}
-    source, truth = recording, ()
-    started = time.monotonic()
+    row = {"recording": recording.name, "place": place.name, "hidden": name, "strength": strength, "told": False}
+    source, started = recording, time.monotonic()
     try:
         if name is not None:
             source = place.with_name(place.name + "_recorded")
+            truth = place.with_name(place.name + "_truth.json")
             if not source.exists():
-                row["truth"] = hidden(recording, source, name, strength, args.seed)
-            truth = ACCEPTED[name]
+                truth.write_text(json.dumps(hidden(recording, source, name, strength, args.seed)))
+            row["truth"] = json.loads(truth.read_text())
         if not place.exists():
             calibrate_world(source, place)
-        result = diagnose(place, reference=args.reference).result
+        if name is not None:
+            capture = read_capture(place)
+            tells = told_by(seen_of(Room(capture), tuple(builtin().values())))
+            row["told"], row["least"] = is_told(tells, name, row["truth"], capture)
     except ValueError as error:
         return row | {"verdict": "refused", "why": str(error)}
+    return row | {"seconds": round(time.monotonic() - started, 1)}
+
+
+def is_told(tells, name, truth, capture):
+    """(whether a plan tells an effect of such a size, the sizes from which it does)."""
+    light = np.mean([capture.ir(f, side).mean() for f in capture.frames for side in SIDES]) / capture.rig.max_dn
+    effect, sizes = {
+        "blur": lambda: ("focus_mismatch", {"sigma_px": truth["radius_px"] / 2.0}),  # of a disc, along an axis
+        "drops": lambda: ("drops on a window", truth),
+        "veiling_glare": lambda: ("veiling_glare", truth),
+        "ghost": lambda: ("lens_ghost", truth),
+        "gain": lambda: ("gain_mismatch", {"gain": truth["excess"]}),
+        "black_level": lambda: ("gain_mismatch", truth),
+        "radial_distortion": lambda: ("radial_distortion", truth),
+        "tangential_distortion": lambda: ("tangential_distortion", {
+            "p1": truth["size"] * np.sin(truth["direction_rad"]), "p2": truth["size"] * np.cos(truth["direction_rad"]),
+        }),
+        "bands": lambda: ("flicker_banding", truth),
+        "row_noise": lambda: ("row_noise", truth),
+        "dead_dots": lambda: ("dot_gain_spread", {}),
+        "vignetting": lambda: ("vignetting", truth),
+        "response": lambda: ("response_gamma", {"log_exponent": np.log1p(truth["compression"] * light)}),
+    }[name]()  # fmt: skip
+    least = tells.get(effect, {})
+    each = [abs(sizes[parameter]) >= size for parameter, size in least.items() if parameter in sizes]
+    return bool(each) and (all if name == "drops" else any)(each), dict(least)
+
+
+def answered(args, row, done):
+    """The row with the names of its diagnosis. done: rows so far, of the recordings as they are first."""
+    started, name = time.monotonic(), row["hidden"]
+    result = diagnose(args.out / row["place"], reference=args.reference).result
     entries = {entry["effect"]: entry for entry in result["ranking"]}
-    row["named"] = [effect for effect in result["added"] if effect != OWN]
+    row = row | {"named": [effect for effect in result["added"] if effect != OWN], "verdict": "silent"}
     row["nats"] = [round(entries[effect]["score_nats"], 1) for effect in row["named"]]
     row["exponent"] = round(entries[OWN]["parameters"]["exponent"]["value"], 2) if OWN in entries else None
-    row["seconds"] = round(time.monotonic() - started, 1)
+    row["seconds"] = round(row["seconds"] + time.monotonic() - started, 1)
     if name == OWN:  # more of what every lens has
-        grown = row["exponent"] - next(r["exponent"] for r in done if r["recording"] == recording.name)
+        grown = row["exponent"] - next(r["exponent"] for r in done if r["recording"] == row["recording"])
         row["verdict"] = "right" if abs(grown - row["truth"]["exponent"]) < EXPONENT_SD * 3.0 else "silent"
     if row["named"]:
-        row["verdict"] = "right" if row["named"][0] in truth else "wrong"
+        row["verdict"] = "right" if name is not None and row["named"][0] in ACCEPTED[name] else "wrong"
     return row
 
 

@@ -14,7 +14,7 @@ from activestereo.diagnose.room.bands import blur
 
 _FINE_PX, _COARSE_PX, _AROUND_PX, _PLACE_PX = 0.6, 3.0, 3.0, 4.0
 _LEAST_DN2, _NOISE_DN2, _MOST_LOG = 0.6, 0.03, 2.0
-_LEAST_SEEN, _BLURRED_LOG = 0.4, 0.5
+_LEAST_SEEN, BLURRED_LOG = 0.4, 0.5
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def blurred_places(room: Room, exponent: float) -> list[Blurred]:
         middle = float(np.median(mildest))
         deviation = 1.4826 * float(np.median(np.abs(mildest - middle)))
         low = middle - float(mildest.min())
-        share = float((mildest < middle - _BLURRED_LOG).mean())
+        share = float((mildest < middle - BLURRED_LOG).mean())
         out.append(Blurred(side, low / max(deviation, 1e-3), low, share))
     return out
 

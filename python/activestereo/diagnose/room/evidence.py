@@ -22,6 +22,7 @@ from activestereo.effects import Effect
 # Of V, the share that independent tiles make up: their own scatter is known from a few dozen of them.
 _BY_TILES, _INFLATED = 0.7, 1.5
 _RIDGE = 1e-9
+ONE_SIDED = 1.0  # deviations that five of six recordings do not fall short by
 Matrix = NDArray[np.float64]
 
 
@@ -39,7 +40,8 @@ class Reduced:
 @dataclass(frozen=True)
 class Found:
     """An effect's evidence in nats, by its tempered and Student's likelihood, and parameters {name: (value, deviation)}
-    as a fit beside all other columns has them. least: {parameter: how large it must be for a name, by its column}.
+    as a fit beside all other columns has them. least: {parameter: the size, by its column, that gets a name in five of
+    six recordings}.
     finding: what is said in place of the effect's own sentence."""
 
     effect: Effect
@@ -109,7 +111,7 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
             unit = H[:, way] @ np.full(len(way), np.sqrt(0.5) if lead.name.endswith("sine") else 1.0)
             occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
             missing = gaussian(needed, few) + occam + cost + np.log(len(ways))
-            units = np.sqrt(2.0 * missing / max(unit @ np.linalg.solve(null, unit), 1e-12))
+            units = (np.sqrt(2.0 * missing) + ONE_SIDED) / np.sqrt(max(unit @ np.linalg.solve(null, unit), 1e-12))
             least[lead.parameter.name] = float(lead.step * units)
         parameters = {
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own

@@ -12,8 +12,8 @@ import numpy as np
 from activestereo.calibrate.world.cells import Room
 from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
 from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, waves
-from activestereo.diagnose.room.drops import blurred_places
-from activestereo.diagnose.room.evidence import Found, Reduced, judged, reduced, student
+from activestereo.diagnose.room.drops import BLURRED_LOG, blurred_places
+from activestereo.diagnose.room.evidence import ONE_SIDED, Found, Reduced, gaussian, judged, reduced, student
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
 from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.rows import row_variance
@@ -222,8 +222,23 @@ def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
     if effect is None:
         return []
     value, deviation = row_variance(room)
-    z = value / max(deviation, _ROW_FLOOR_DN2)
-    nats = min(0.5 * z * z, _MOST_NATS) if value > _LEAST_ROWS_DN2 else -1.0
+    sure = max(deviation, _ROW_FLOOR_DN2)
+    nats = min(0.5 * (value / sure) ** 2, _MOST_NATS) if value > _LEAST_ROWS_DN2 else -1.0
     sigma = float(np.sqrt(max(value, 0.0)))
     found = {"row_noise.sigma_dn": (sigma, 0.5 * deviation / max(sigma, 1e-2))}
-    return [Found(effect, nats, found)]
+    least = np.sqrt(max(_LEAST_ROWS_DN2, (np.sqrt(2.0 * NEEDED) + ONE_SIDED) * sure))
+    return [Found(effect, nats, found, {"sigma_dn": float(least)})]
+
+
+def beside_columns(room: Room, effects: Sequence[Effect]) -> dict[str, Mapping[str, float]]:
+    """{what is told without a column: its least sizes}: noise of rows, the lens's falloff, and drops by their share of
+    an image and by their blur."""
+    out = {found.effect.id: found.least for found in _rows(room, effects)}
+    ids = {e.id for e in effects}
+    falloff = room.capture.measured.get("exposure", {}).get("vignetting_exponent")
+    if falloff is not None and "vignetting" in ids:
+        out["vignetting"] = {"exponent": float((np.sqrt(2.0 * NEEDED) + ONE_SIDED) * falloff[1])}
+    if "focus_mismatch" in ids:
+        share = _BLURRED_SHARE * float(np.sqrt(2.0 * gaussian(NEEDED, FEW)))
+        out["drops on a window"] = {"share": share, "sigma_px": _DOT_PX * float(np.sqrt(np.expm1(BLURRED_LOG)))}
+    return out

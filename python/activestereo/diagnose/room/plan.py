@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
-from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, key, with_take
+from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, beside_columns, key, with_take
 from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT
 from activestereo.effects import Effect, Stage
 
@@ -37,6 +37,7 @@ _VIEWS = (
 _COVERED = "cover both lenses and record twenty frames: activestereo calibrate noise --dark"
 _COVERED_DN = 0.05
 _MUCH_LESS = 0.75
+_NEEDS_NO_MORE = ("vignetting", "row_noise")  # any two views tell them
 _REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
 
 # What views of one room never show, and what measures it.
@@ -54,7 +55,7 @@ def plan_of(seen: Seen) -> list[Recording]:
     """This recording with the sizes that it tells; then recordings that tell what it cannot tell at typical size, or
     much less of what it can: views of this room, most effects per minute first, then commands. Every effect that was
     asked about stands in one of them."""
-    this = _tells(seen, seen.scores, seen.known(OF_A_UNIT))
+    this = told_by(seen)
     now = {effect: told for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, _known(r, OF_A_UNIT))) for text, take in _VIEWS
               for r in [with_take(seen, take)]]  # fmt: skip
@@ -66,8 +67,13 @@ def plan_of(seen: Seen) -> list[Recording]:
         plan.append(Recording(text, minutes, {e: told for e, told in usual.items() if _is_more(told, now.get(e))}))
     plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
     told = {effect for r in plan for effect in r.tells} | set(now)
-    beside = _by_commands(e for e in seen.asked if e.id not in told | {"vignetting", "row_noise"})
+    beside = _by_commands(e for e in seen.asked if e.id not in told)
     return [Recording(_THIS, 0.0, this), *plan, *beside]
+
+
+def told_by(seen: Seen) -> dict[str, Sizes]:
+    """{effect: {parameter: least size}} of those that a recording names, with what no column tells."""
+    return _tells(seen, seen.scores, seen.known(OF_A_UNIT)) | dict(beside_columns(seen.room, seen.asked))
 
 
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:
@@ -87,9 +93,9 @@ def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str,
 
 
 def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
-    """Whether all sizes are at most what is typical."""
+    """Whether all sizes are at most what is typical, or need no other recording."""
     typical = {p.name: p.typical for e in seen.asked if e.id == effect for p in e.parameters}
-    return all(size <= typical[name] for name, size in told.items())
+    return effect in _NEEDS_NO_MORE or all(size <= typical.get(name, np.inf) for name, size in told.items())
 
 
 def _is_more(told: Sizes, now: Sizes | None) -> bool:
