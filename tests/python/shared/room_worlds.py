@@ -35,9 +35,9 @@ class Warm:
 
 @dataclass
 class Room:
-    """turns_deg: of each view, about y and x; exposures: relative."""
+    """turns_deg: of each view, about y and x, perhaps z; exposures: relative."""
 
-    turns_deg: tuple[tuple[float, float], ...] = ((0, 0), (14, 3), (-13, -4), (6, -3))
+    turns_deg: tuple[tuple[float, ...], ...] = ((0, 0), (14, 3), (-13, -4), (6, -3))
     exposures: tuple[float, ...] = (1.0, 0.85, 1.3, 1.1)
     dots_dn: float = 180.0
     room_dn: float = 110.0
@@ -46,8 +46,8 @@ class Room:
 
     def pose(self, k: int) -> np.ndarray:
         """camera_to_world: turned about a tripod's axis, 5 cm behind the camera."""
-        y, x = np.radians(self.turns_deg[k])
-        turn = cv2.Rodrigues(np.array([0, y, 0.0]))[0] @ cv2.Rodrigues(np.array([x, 0, 0.0]))[0]
+        y, x, z = np.radians((*self.turns_deg[k], 0.0)[:3])
+        turn = np.linalg.multi_dot([cv2.Rodrigues(np.array(a))[0] for a in ((0, y, 0.0), (x, 0, 0.0), (0, 0, z))])
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = turn, turn @ (0, 0, 0.05) - (0, 0, 0.05)
         return pose
