@@ -60,8 +60,8 @@ def test_what_was_hidden_and_found_have_one_name_and_one_unit():
     row = {"value": 0.17, "low": 0.15, "high": 0.21, "unit": "1"}
     found = {"added": ["gain_mismatch"], "ranking": [{"effect": "gain_mismatch", "parameters": {"gain": row}}]}
     said = "found: {}, gain_mismatch, gain 0.17 (0.15 to 0.21)"
-    assert demo._told("gain_mismatch", found) == "hidden: gain_mismatch, gain 0.18\n" + said.format("yes")
-    assert demo._told("vignetting", found) == "hidden: vignetting, exponent 3\n" + said.format("no")
+    assert demo._outcome("gain_mismatch", found) == "hidden: gain_mismatch, gain 0.18\n" + said.format("yes")
+    assert demo._outcome("vignetting", found) == "hidden: vignetting, exponent 3\n" + said.format("no")
 
 
 def test_what_is_hidden_follows_its_law_under_the_labs_names(tmp_path):

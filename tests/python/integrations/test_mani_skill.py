@@ -291,7 +291,7 @@ def test_a_simulation_on_cuda_does_without_the_host_where_it_can(
     world = ManiSkillWorld(parallel, "cpu")
     parallel.device = SimpleNamespace(type="cuda")
     with pytest.warns(UserWarning, match="observations pass through the host: there is no CUDA driver"):
-        seen = camera._made(world)
+        seen = camera._make_observations(world)
     with pytest.raises(RuntimeError, match="on_cuda=True"):
         seen.sensors.get_cuda("depth")
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from activestereo.common.mcap_file import McapFile
 from activestereo.common.ros_images import camera_info_message, image_message
-from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream
+from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream, timestamp_domain
 from activestereo.integrations.realsense.frames import composite_frame, extrinsics, frame, video_stream_profile
 
 Key = tuple[stream, int]
@@ -129,7 +129,7 @@ def _camera_info(one: frame, left: video_stream_profile | None, header: Any, mak
 def _metadata_text(one: frame) -> str:
     facts: dict[str, object] = {
         "frame_number": one.frame_number,
-        "clock_domain": one.get_frame_timestamp_domain().name,
+        "clock_domain": timestamp_domain.hardware_clock.name,
         "frame_timestamp": one.timestamp,
     }
     for which, value in sorted(one.metadata.items()):
