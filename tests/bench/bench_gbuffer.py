@@ -28,6 +28,7 @@ import kuafu
 import simsense
 from activestereo import GBufferStereo, Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 
+from activestereo.effects.engines.world import copy_record
 from activestereo.common.pose import as_matrix
 
 Image = NDArray[Any]
@@ -142,7 +143,10 @@ def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[
     depth = memory.image(np.float32, sensor.shape)
     given = dict(sensor._views[0]._buffers)
     targets = {"radiance": link.target, "projector": link.laser().target}
-    cameras, optics = sensor._rig.ir_cameras(np.eye(4)[None]), sensor._optics()
+    cameras = sensor._rig.ir_cameras(np.eye(4)[None])
+    optics = [copy_record(one) for one in sensor._rig.infrared()["optics"]]
+    for one in optics:
+        one.firefly_factor = 0.0
 
     def work() -> dict[str, float]:
         sensor._renderer.light_gbuffers(
