@@ -205,6 +205,7 @@ def test_a_run_goes_on_where_it_was(
 ) -> None:
     for slow in ("PPF", "template"):
         monkeypatch.delitem(methods.METHODS, slow)
+    monkeypatch.setattr("activestereo.benchmarks.sim_to_real._DRAWS", 20)
     three = [(name, number) for name, number in every_candidate() if number % 3 == 1]  # of ICP's nine
     for user in ("tuning", "run"):
         monkeypatch.setattr(f"sim_to_real.{user}.every_candidate", lambda: three)
