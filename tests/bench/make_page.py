@@ -18,10 +18,10 @@ from figures import PAGE, ROOT, figures_page
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
 CHAPTERS = {
-    "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
+    "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "scenes", "cancel"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel", "invented"),
     "Sensor": (
-        *("sensor", "split", "model_sensor", "gbuffer", "gbuffer_gpu"),
+        *("sensor", "split", "gbuffer", "gbuffer_gpu"),
         *("camera", "realism", "noise_profiles", "generate"),
     ),
     "Calibration": ("calibrate", "materials"),
