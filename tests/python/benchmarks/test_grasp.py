@@ -3,14 +3,13 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 import kuafu
 from activestereo import Mounts, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.sensor.depth_modes import MODES, DepthCamera
-from activestereo.sensor.rival_noise import IsaacSettings, redwood, simkinect
+from activestereo.sensor.rival_noise import IsaacSettings
 from stereo_grasp import GraspWorld, teacher
 
 
@@ -55,48 +54,6 @@ def test_isaac_like_is_noise_and_steps_of_disparity_where_the_other_view_sees_to
     outside = int(config.focal_baseline_px_m / 0.8) - 1
     assert (depth[..., :outside] == 0).all() and (depth[..., outside + 2 :] > 0).all()
     np.testing.assert_array_equal(depth, camera("isaac-like", isaac=isaac)[0].take_depth())
-
-
-def test_isaac_like_sees_no_untextured_wall_and_nothing_near():
-    assert not camera("isaac-like", distance_m=1.0)[0].take_depth().any()
-    assert not camera("isaac-like", distance_m=0.4, isaac=IsaacSettings(needs_texture=False))[0].take_depth().any()
-
-
-@pytest.mark.parametrize(
-    ("mode", "sigma_px", "step_px"),
-    [("redwood", 0.027778, 1 / 8), ("datasheet", 0.08, 0)],
-)
-def test_rivals_have_the_noise_that_their_papers_state(mode, sigma_px, step_px):
-    one, config = camera(mode)
-    disparity = config.focal_baseline_px_m / measured(one.take_depth())
-    true = config.focal_baseline_px_m / 0.8
-    if step_px:
-        np.testing.assert_allclose(disparity / step_px, np.rint(disparity / step_px), atol=0.01)
-        edge = (np.floor(true / step_px) + 0.5) * step_px  # the share below it is a normal distribution's
-        share = norm.cdf((edge - true) / sigma_px)
-        assert (disparity < edge).mean() == pytest.approx(share, abs=0.02)
-    else:
-        assert np.std(disparity) == pytest.approx(sigma_px, rel=0.05)
-
-
-def test_simkinect_is_half_a_step_too_near_and_empty_at_edges():
-    """round(n + 0.5 + N(0, 1/6)) of a whole step n is n or n + 1, as often; an edge's window has no 1 / 1.2 of its
-    pixels within reach of its mean."""
-    fb, random = 40.0, np.random.default_rng(1)
-    depth = np.full((1, 60, 80), fb / 30.0, np.float32)
-    steps = 8 * fb / measured(simkinect(depth, fb, random))
-    assert set(np.rint(steps)) == {240, 241} and np.mean(steps) == pytest.approx(240.5, abs=0.03)
-    depth[..., 40:] = fb / 60.0
-    found = simkinect(depth, fb, random)[0, 10:-10]
-    assert (found[:, [15, 65]] > 0).all() and (found[:, 36:44] == 0).mean() > 0.1
-
-
-def test_redwood_sees_every_other_pixel():
-    depth = np.full((1, 40, 40), 2.0, np.float32)
-    depth[:, ::2, ::2] = 1.0
-    found = redwood(depth, 35.13, np.random.default_rng(1))
-    np.testing.assert_allclose(found, 1.0, atol=0.01)
-    assert not redwood(np.full_like(depth, 10.0), 35.13, np.random.default_rng(1)).any()
 
 
 @pytest.mark.parametrize("mode", ["raster", "full"])

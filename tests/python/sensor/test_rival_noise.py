@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from activestereo.sensor.rival_noise import IsaacSettings, datasheet, isaac, redwood, simkinect
 
@@ -38,10 +39,33 @@ def test_the_datasheets_noise_grows_with_the_square_of_depth():
     assert far == pytest.approx(9.0 * near, rel=0.05)
 
 
-def test_kinects_give_depth_in_eighths_of_a_pixel():
-    for rival in (simkinect, redwood):
-        depth = rival(_WALL_M, 35.0, np.random.default_rng(0))
-        eighths = 8.0 * 35.0 / depth[depth > 0]
-        assert np.allclose(eighths, np.rint(eighths), atol=1e-2)
-    assert not redwood(11.0 * _WALL_M, 35.0, np.random.default_rng(0)).any()
-    assert redwood(11.0 * _WALL_M, 35.0, np.random.default_rng(0), farthest_m=np.inf).all()
+def test_redwoods_disparities_are_eighths_of_a_normal_distribution():
+    fb, sigma_px = 35.0, 0.027778
+    depth_m = 0.7995
+    eighths = 8.0 * fb / redwood(np.full_like(_WALL_M, depth_m), fb, np.random.default_rng(0))
+    np.testing.assert_allclose(eighths, np.rint(eighths), atol=0.01)
+    edge = np.floor(8.0 * fb / depth_m) + 0.5
+    assert (eighths < edge).mean() == pytest.approx(norm.cdf((edge - 8.0 * fb / depth_m) / 8.0 / sigma_px), abs=0.02)
+    assert not redwood(11.0 * _WALL_M, fb, np.random.default_rng(0)).any()
+    assert redwood(11.0 * _WALL_M, fb, np.random.default_rng(0), farthest_m=np.inf).all()
+
+
+def test_redwood_sees_every_other_pixel():
+    depth = np.full((1, 40, 40), 2.0, np.float32)
+    depth[:, ::2, ::2] = 1.0
+    found = redwood(depth, 35.13, np.random.default_rng(1))
+    np.testing.assert_allclose(found, 1.0, atol=0.01)
+    assert not redwood(np.full_like(depth, 10.0), 35.13, np.random.default_rng(1)).any()
+
+
+def test_simkinect_is_half_a_step_too_near_and_empty_at_edges():
+    """round(n + 0.5 + N(0, 1/6)) of a whole step n is n or n + 1, as often; an edge's window has no 1 / 1.2 of its
+    pixels within reach of its mean."""
+    fb, random = 40.0, np.random.default_rng(1)
+    depth = np.full((1, 60, 80), fb / 30.0, np.float32)
+    found = simkinect(depth, fb, random)
+    steps = 8 * fb / found[found > 0]
+    assert set(np.rint(steps)) == {240, 241} and np.mean(steps) == pytest.approx(240.5, abs=0.03)
+    depth[..., 40:] = fb / 60.0
+    found = simkinect(depth, fb, random)[0, 10:-10]
+    assert (found[:, [15, 65]] > 0).all() and (found[:, 36:44] == 0).mean() > 0.1
