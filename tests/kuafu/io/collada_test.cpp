@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "capi/device/expect_error.h"
 #include "kuafu/io/loaded.h"
 
 namespace {
@@ -94,12 +95,7 @@ TEST(ColladaFile, CamerasThatAreNotShownAreSaid) {
 TEST(ColladaFile, AFileThatIsNoXmlNamesThePlace) {
   const Folder folder;
   write_text(folder / "a.dae", replaced(collada_triangle(), "</library_geometries>", ""));
-  try {
-    load_path(folder / "a.dae");
-    FAIL();
-  } catch (const ks::Error& error) {
-    EXPECT_NE(std::string(error.what()).find("a.dae: this is no XML: at byte "), std::string::npos) << error.what();
-  }
+  EXPECT_ERROR(load_path(folder / "a.dae"), KS_ERROR_FILE, "a.dae: this is no XML: at byte ");
 }
 
 struct Outline {

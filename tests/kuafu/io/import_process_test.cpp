@@ -8,6 +8,7 @@
 #include <csignal>
 #include <thread>
 
+#include "capi/device/expect_error.h"
 #include "device/error.h"
 #include "io/load.h"
 #include "io/wire.h"
@@ -57,12 +58,8 @@ TEST(ImportProcess, AMissingHelperIsNamed) {
   const Folder folder;
   write_glb(folder / "a.glb");
   Scene scene;
-  try {
-    load_file(scene, folder / "a.glb", glm::dmat4(1.0), {.helpers = folder / ""});
-    ADD_FAILURE() << "loaded";
-  } catch (const ks::Error& error) {
-    EXPECT_TRUE(has(error.what(), "kuafu-import-gltf")) << error.what();
-  }
+  const LoadOptions options{.helpers = folder / ""};
+  EXPECT_ERROR(load_file(scene, folder / "a.glb", glm::dmat4(1.0), options), KS_ERROR_FILE, "kuafu-import-gltf");
 }
 
 TEST(ImportProcess, AHostThatIgnoresItsChildrenLoadsAllTheSame) {
