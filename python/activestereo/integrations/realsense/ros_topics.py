@@ -163,8 +163,10 @@ def _in_ros_axes(of: extrinsics) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
     optical = Rotation.from_quat(_OPTICAL_XYZW)
     x, y, z = of.translation
-    turn = optical * Rotation.from_matrix(of.matrix()[:3, :3]) * optical.inv()
-    return (z, -x, -y), tuple(float(q) for q in turn.as_quat())
+    turn = (optical * Rotation.from_matrix(of.matrix()[:3, :3]) * optical.inv()).as_quat()
+    return (z, -x, -y), tuple(
+        float(q) for q in (turn if turn[3] >= 0.0 else -turn)
+    )  # w >= 0
 
 
 def _transform(
