@@ -8,6 +8,9 @@ robosuite and LIBERO give MuJoCo's depth buffer, upside down: take it with
 
     metres=lambda z: get_real_depth_map(env.sim, z)[::-1], and put back with back=lambda z: z[::-1]
 
+and make robosuite's environment with hard_reset=False: robosuite 1.5 else drops its OpenGL context whenever Python
+frees that of an earlier reset (eglReleaseThread), and returns unset memory as depth.
+
 LeRobot's LiberoEnv gives no depth, and its policies take bytes of three channels:
 
     def rendered(env):

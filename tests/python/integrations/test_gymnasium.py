@@ -172,7 +172,7 @@ def test_robosuites_depth_buffer_becomes_measured_depth(monkeypatch):
 
     scene = robosuite.make(
         "Lift", robots="Panda", has_renderer=False, has_offscreen_renderer=True, camera_names="agentview",
-        camera_heights=HEIGHT, camera_widths=WIDTH, camera_depths=True,
+        camera_heights=HEIGHT, camera_widths=WIDTH, camera_depths=True, hard_reset=False,
     )  # fmt: skip
     own = Robosuite(scene)
     fovy_deg = scene.sim.model.cam_fovy[scene.sim.model.camera_name2id("agentview")]
