@@ -9,6 +9,7 @@ bright to the eye."""
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,7 +70,7 @@ ROOM_RADIANCE = 0.1
 # kuafu's light groups, by which a picture's light is told apart: lamps, surfaces that shine, light from all sides.
 LAMPS, SURFACES, ALL_SIDES = 0, 1, 2
 
-_RADII_AWAY = 2.6  # from the middle, where the scene fills half of the picture
+_HALF_VIEW = 0.9 * np.tan(np.deg2rad((69.0, 42.0)) / 2.0)  # nine tenths of a D400's colour camera, to either side
 
 
 def part_light(scene: kuafu.Scene) -> None:
@@ -95,10 +96,11 @@ def has_lamps(scene: kuafu.Scene) -> bool:
 
 
 def overall_view(summary: kuafu.SceneSummary, least_m: float = 0.0) -> NDArray[np.float64]:
-    """camera_to_world [4, 4] of a camera in front of the scene and above it (y up, as in glTF) that sees all of it in
-    the middle half of the picture. least_m: the shortest distance that the camera measures."""
+    """camera_to_world [4, 4] of a camera in front of the scene and above it (y up, as in glTF), as near as it sees the
+    whole bounding box. least_m: the shortest distance that the camera measures."""
     low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
-    centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-    direction = np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
-    distance = max(_RADII_AWAY * radius, radius + 1.5 * least_m, 0.13)
-    return look_at(centre + distance * direction, centre, (0.0, 1.0, 0.0))
+    centre, direction = 0.5 * (low + high), np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
+    axes = look_at(direction, np.zeros(3), (0.0, 1.0, 0.0))[:3, :3]
+    corners = np.array(list(itertools.product(*zip(low - centre, high - centre, strict=True)))) @ axes
+    nearest = np.maximum(np.max(np.abs(corners[:, :2]) / _HALF_VIEW, axis=1), 1.5 * least_m) - corners[:, 2]
+    return look_at(centre + max(float(nearest.max()), 0.13) * direction, centre, (0.0, 1.0, 0.0))
