@@ -170,7 +170,7 @@ def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses
     """A text that names the missing parts of a recording, and their use."""
     out = []
     if not any("depth" in entry.files for entry in files):
-        out.append("no depth: poses, pattern and albedo cannot be measured from scenes; record the depth stream, too")
+        out.append("no depth, which poses, pattern and albedo need: record it, too, or name it by --depth WORD")
     if not has_poses:
         count = sum(frame.repeat_group is not None for frame in frames)
         out.append(f"no poses: {count} of {len(frames)} frames lie on another one of their folder and are its repeats")

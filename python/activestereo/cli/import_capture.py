@@ -215,14 +215,14 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
     if bag and has_color(args.recording):
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
-    rest = [*unused_text(folder, files), *(f"assumed: {line}" for line in assumed)]
+    told += unused_text(folder, files)
     with ProgressBar(f"importing {args.recording.name}") as bar:
         nominal = _nominal_projector(StereoDepthSensorConfig(args.sensor))
         capture = import_realsense(
             files, device, args.out, *nominal, depth_scale, args.scene, trajectory, exposure_s, robot, bar
         )
     missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
-    return capture, [*told, *(f"missing: {line}" for line in missing), *rest]
+    return capture, [*told, *(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:
