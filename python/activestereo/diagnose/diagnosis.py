@@ -43,19 +43,19 @@ from activestereo.diagnose.answer.ranking import (
     sets_of,
 )
 from activestereo.diagnose.answer.residual_model import residual_model
-from activestereo.diagnose.answer.told import explained, html_of, ranking_figure, sets_told
+from activestereo.diagnose.answer.told import explained, html_of, ranking_figure
 from activestereo.diagnose.channels.depth_engine import judged_depth
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.kept import Found, keep, key_of
 from activestereo.diagnose.kept import kept as found_before
 from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.numbers import NUMBERS, Numbers
-from activestereo.diagnose.refine import Fitter, ImageResidual, Solution
+from activestereo.diagnose.refine import Fitter, Solution
 from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing, with_test_frames
 from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_room
 from activestereo.diagnose.score.likelihood import design_effect
-from activestereo.diagnose.search.loop import Outcome, Search
+from activestereo.diagnose.search.loop import Outcome, Search, with_own_functions
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.diagnose.search.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
@@ -112,7 +112,7 @@ class Diagnosis:
 
     def sets(self) -> list[list[str]]:
         """For each name, the effects that this recording cannot tell apart, likeliest first."""
-        return sets_told(self.result)
+        return [list(s["effects"]) for s in self.result["sets"]]
 
     def explain(self, effect_id: str) -> str:
         """Why an effect was named, or not: a sentence."""
@@ -292,7 +292,7 @@ def examine(
         return _undetermined("the infrared images are blank", model)
     phases.begin(FITTING)
     chosen, out_of_reach = _within_reach(evidence, candidates)
-    outcome = _searched(evidence, model, chosen, settings)
+    outcome = Search(evidence, model, chosen, settings).run()
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
     found = told(outcome, settings=settings)
     confirmed = replace(outcome, rest=_on_test_frames(outcome, found.result))
@@ -342,9 +342,11 @@ def _told(
     is_found = verdict == EFFECT
     settings.says(_verdict_words(verdict, [name.id for name in names] if is_found else []))
     solution = outcome.solution if is_found else outcome.first
-    rows = outcome.rows if is_found or not names else _rows(evidence, solution)
+    rows = outcome.rows
+    if names and not is_found:
+        rows = tuple(Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles).residuals(solution))
     found = {name.id: parameters_of(outcome, name) for name in names}
-    accepted = _with_own_functions(solution.model, candidates)
+    accepted = with_own_functions(solution.model, candidates)
     for name in names if is_found else ():
         if name.field is not None or name.id in outcome.noise:
             accepted = accepted.with_effect(name.effect, **{key: v.value for key, v in found[name.id].items()})
@@ -354,7 +356,7 @@ def _told(
         accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in fault.parameters.items()})
         found[fault.effect.id] = fault.parameters
     if settings.with_test is not None:
-        own = _with_own_functions(solution.model, candidates)
+        own = with_own_functions(solution.model, candidates)
         evidence = settings.with_test(evidence, outcome.fitter, solution, own)
     capture, black_dn = evidence.capture, solution.nuisances.black_dn
     residual = residual_model(rows, black_dn, capture.name, evidence.seed) if verdict == UNKNOWN else None
@@ -408,26 +410,6 @@ def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> M
     return given.bound(surface_names(scene_path)) if isinstance(given, SensorModel) else given or Model()
 
 
-def _searched(evidence: Evidence, given: Model, chosen: Sequence[Effect], settings: Settings) -> Outcome:
-    located = settings.located
-
-    def there(model: Model, near: Evidence) -> tuple[Evidence, Rendering | None]:
-        assert located is not None
-        return located(_with_own_functions(model, chosen), near)
-
-    return Search(
-        evidence,
-        given,
-        chosen,
-        settings.numbers,
-        settings.rendering,
-        None if located is None else there,
-        settings.memory,
-        settings.workers,
-        settings.says,
-    ).run()
-
-
 def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[list[Effect], list[tuple[Effect, str]]]:
     """(effects that this evidence can judge, the others and why not)."""
     size = evidence.capture.binning
@@ -445,16 +427,6 @@ def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[lis
         else:
             chosen.append(e)
     return chosen, others
-
-
-def _with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
-    """The model with its effects' own image functions, in place of rendered ones."""
-    own = {e.id: e for e in candidates}
-    return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))
-
-
-def _rows(evidence: Evidence, solution: Solution) -> tuple[ImageResidual, ...]:
-    return tuple(Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles).residuals(solution))
 
 
 def _open_set(outcome: Outcome) -> tuple[dict[str, Solution | None], float]:

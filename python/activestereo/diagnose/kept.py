@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, Capture
+from activestereo.capture.capture import Capture
 from activestereo.common.output_files import write_text
-from activestereo.compare.cache import LayerCache, scene_digest
-from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
+from activestereo.compare.cache import LayerCache
+from activestereo.diagnose.refine.fit_cache import capture_content, code_digest, content_key, effect_content
 from activestereo.effects import Effect
 from activestereo.model import SensorModel, read_model
 from activestereo.model.write import model_json
@@ -33,9 +33,7 @@ def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) ->
     contents = [effect_content(effect) for effect in effects.values()]
     if None in contents:
         return None
-    images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
-    seen = capture, capture.rig.projector.pattern(), images, [capture.depth(f) for f in capture.frames]
-    return content_key("diagnosis", code_digest(), *seen, scene_digest(capture.scene_path), contents, options)
+    return content_key("diagnosis", code_digest(), capture_content(capture), contents, options)
 
 
 def keep(cache: LayerCache, key: str, found: Found) -> None:

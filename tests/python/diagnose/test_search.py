@@ -49,10 +49,7 @@ def test_what_a_name_cannot_be_told_from_has_the_figures_of_its_own_round():
         noise={"vignetting": SimpleNamespace(effect=vignetting, nats=0.0, parameters=found)},
         first=fitted("vignetting", 200.0),
         solution=fitted("vignetting", 100.0),
-        fitter=SimpleNamespace(
-            observations=[SimpleNamespace(pixels=100)], pixels=lambda: [SimpleNamespace(tile=np.arange(100) % 4)]
-        ),
-        evidence=SimpleNamespace(tiles=4),
+        fitter=SimpleNamespace(observations=[SimpleNamespace(pixels=100)], tile_pixels=lambda: np.full(4, 25)),
         rest=Remainder(1.0, 0.0, 0.0, 1.0),
     )
     twin = ranking_of(outcome, NUMBERS, True, str)[1]

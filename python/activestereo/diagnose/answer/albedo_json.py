@@ -59,16 +59,14 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
         least, sigmas = _TOLD_SIGMAS * max(error, stated), abs(factor - 1.0) / stated
         if number < len(surfaces) and abs(factor - 1.0) > least:
             name = material_of(surfaces[number].name)
-            text = _text(name, factor, _stated(evidence, surfaces[number].material)) + beyond_stated(sigmas)
+            albedo = _stated(evidence, surfaces[number].material)
+            says = f"{factor:.2f} of what the scene says"
+            if albedo is not None:
+                says = f"{factor * albedo:.2f}, the scene says {albedo:.2f}"
+            text = f"{name} reflects {says}{beyond_stated(sigmas)}"
             entry = {"material": name, "text": text, "factor": factor, "factor_sigma": error}
             told.append(entry | {"stated_sigmas": sigmas})
     return told
-
-
-def _text(name: str, factor: float, stated: float | None) -> str:
-    if stated is None:
-        return f"{name} reflects {factor:.2f} of what the scene says"
-    return f"{name} reflects {factor * stated:.2f}, the scene says {stated:.2f}"
 
 
 def _stated(evidence: Evidence, number: int) -> float | None:

@@ -4,8 +4,6 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-
 from activestereo.diagnose.channels.field_fit import field_parameters
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.score.calibration import probability_right
@@ -77,7 +75,8 @@ def ranking_of(
     for candidate in list(outcome.rounds[0].candidates.values())[:_SHOWN]:
         effect, line = candidate.best.atom.effect, candidate.best.values()
         found = {q.name: Interval(line[q.name], q.low, q.high, q.unit) for q in effect.parameters}
-        add(effect, candidate.gain / pixels, max(candidate.evidence, 0.0) / _unit(outcome), 0.0, found, [])
+        nats = max(candidate.evidence, 0.0) / max(1.0, _design(outcome))
+        add(effect, candidate.gain / pixels, nats, 0.0, found, [])
     for term in outcome.noise.values():
         add(term.effect, 0.0, term.nats, 0.0, term.parameters, [])
     return list(entries.values())
@@ -99,12 +98,7 @@ def _nats(outcome: Outcome, gain: float) -> float:
 
 
 def _design(outcome: Outcome) -> float:
-    tiles = np.bincount(np.concatenate([p.tile for p in outcome.fitter.pixels()]), minlength=outcome.evidence.tiles)
-    return design_effect(outcome.solution.sums.tile_chi2, tiles)
-
-
-def _unit(outcome: Outcome) -> float:
-    return max(1.0, _design(outcome))
+    return design_effect(outcome.solution.sums.tile_chi2, outcome.fitter.tile_pixels())
 
 
 def _known(outcome: Outcome, numbers: Numbers) -> float:

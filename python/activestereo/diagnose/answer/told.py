@@ -15,11 +15,6 @@ if TYPE_CHECKING:
 _BARS, _ROWS = 10, 5
 
 
-def sets_told(result: Mapping[str, Any]) -> list[list[str]]:
-    """For each name, the effects that this recording cannot tell apart. result: diagnose.json's contents."""
-    return [list(s["effects"]) for s in result["sets"]]
-
-
 def explained(result: Mapping[str, Any], effect_id: str) -> str:
     """Why an effect was named, or not."""
     skipped = {entry["effect"]: entry["reason"] for entry in result["not_ranked"]}

@@ -66,7 +66,7 @@ def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, 
     A residual that depends on the expected value alone, such as an error of the tone curve, is no random field.
     """
     curves = [_level_means(row) for row in train]
-    train = _less(train, curves)
+    train = _with_residuals(train, [row.residual - curve for row, curve in zip(train, curves, strict=True)])
     index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False
     sigma, error = {}, {}
     for term in effect.random_terms:
@@ -76,14 +76,14 @@ def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, 
         first = _variance(rows)[0]
         variance, deviation = _variance(_unclipped(rows, train, first))
         sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
-        totals = _totals(rows)
+        totals = np.sum([*_group_sums(rows).values()], axis=0)
         grid = draw_grid(term.shared_by, train[0].observation)
         sparse = numbers.outlier if term.sparse_share else None
         if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, numbers.neighbours)):
             sigma[term.parameter] = 0.0
             continue
         if term.shared_by is SharedBy.DOT:
-            seen = np.sqrt(dots_seen(train, partial(_variance_of, rows=rows)))
+            seen = np.sqrt(dots_seen(train, partial(_variance_of, rows)))
             sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
         found = True
         if term.sparse_share:
@@ -104,10 +104,6 @@ def _level_means(row: ImageResidual) -> np.ndarray:
     level = np.searchsorted(between, row.expected.ravel())
     total = np.bincount(level, row.residual.ravel(), minlength=_LEVELS)
     return (total / np.maximum(np.bincount(level, minlength=_LEVELS), 1))[level].reshape(row.residual.shape)
-
-
-def _less(rows: Sequence[ImageResidual], images: Sequence[np.ndarray]) -> list[ImageResidual]:
-    return _with_residuals(rows, [row.residual - image for row, image in zip(rows, images, strict=True)])
 
 
 def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> list[ImageResidual]:
@@ -152,6 +148,10 @@ def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIn
     return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight)
 
 
+def _variance_of(rows: Sequence[_Row], residuals: Sequence[np.ndarray]) -> float:
+    return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
+
+
 def _is_random(
     totals: np.ndarray,
     variance: float,
@@ -181,17 +181,8 @@ def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: f
     return out
 
 
-def _size(rows: Sequence[_Row]) -> int:
-    return max(int(row.index.max()) for row in rows) + 1
-
-
-def _totals(rows: Sequence[_Row]) -> np.ndarray:
-    size = _size(rows)
-    return np.sum([row.sums(size) for row in rows], axis=0)
-
-
 def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, np.ndarray]:
-    size = _size(rows)
+    size = max(int(row.index.max()) for row in rows) + 1
     groups: dict[Hashable, np.ndarray] = {}
     for row in rows:
         groups[row.group] = row.sums(size) + groups.get(row.group, 0.0)
@@ -218,24 +209,16 @@ def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
     return float(variance), float(spread / (2.0 * np.sqrt(max(variance, spread, 1e-30))))
 
 
-def _variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row]) -> float:
-    """The variance of other residuals."""
-    return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
-
-
-def _shrunk(totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
-    """Best predictions of the draws; of a sparse field, of those that stand out alone."""
-    a, b = totals
-    if hot_sigma is None:
-        return b / (a + 1.0 / variance)
-    return np.where(_stands_out(totals, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
-
-
 def _corrected(
     row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
 ) -> np.ndarray:
-    """The residual less what the other groups predict."""
-    value = _shrunk(_of_others(row, rows, totals), variance, hot_sigma)
+    """The residual less the best predictions by the other groups; of a sparse field, of draws that stand out alone."""
+    others = _of_others(row, rows, totals)
+    a, b = others
+    if hot_sigma is None:
+        value = b / (a + 1.0 / variance)
+    else:
+        value = np.where(_stands_out(others, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
     return row.residual - row.z * value[row.index]
 
 

@@ -18,8 +18,9 @@ import numpy as np
 import scipy
 
 import activestereo
+from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.processes import forked
-from activestereo.compare.cache import LayerCache
+from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.diagnose.refine.parameter_space import ParameterSpace
 from activestereo.effects import Effect, builtin
@@ -118,6 +119,13 @@ def content_key(*values: object) -> str:
         return digest.digest()
 
     return of(values).hex()
+
+
+def capture_content(capture: Capture) -> str:
+    """Hash of all that a capture states and shows."""
+    images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
+    depths = [capture.depth(f) for f in capture.frames]
+    return content_key(capture, capture.rig.projector.pattern(), images, depths, scene_digest(capture.scene_path))
 
 
 @cache

@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture
-from activestereo.compare.cache import LayerCache, scene_digest
+from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, Geometry, Observation, gather
 from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.gather import held_out
 from activestereo.diagnose.evidence.geometry import TWIST
 from activestereo.diagnose.evidence.observation import NuisancePrior, one_of_each_situation
-from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
+from activestereo.diagnose.refine.fit_cache import capture_content, code_digest, content_key, effect_content
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
@@ -107,10 +107,8 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
     effects = [(effect_content(effect), values) for effect, values in model.effects]
     if any(content is None for content, _ in effects):
         return None
-    images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
-    seen = capture, capture.rig.projector.pattern(), images, scene_digest(capture.scene_path)
     start = None if near is None else (near.geometry.focal, near.geometry.twists())
-    return content_key("geometry", code_digest(), *seen, effects, seed, rendered_by, start)
+    return content_key("geometry", code_digest(), capture_content(capture), effects, seed, rendered_by, start)
 
 
 def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
@@ -176,7 +174,8 @@ def _own_step(
     supersampled: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(step, variance) of the numbers at places own of the prior, on which others alone depend."""
-    fitter, at = Fitter(_tiled(others), prior, evidence.tiles, supersampled), len(theta) + SCALES + own
+    in_one_tile = [replace(o, tile=np.zeros_like(o.tile)) for o in others]
+    fitter, at = Fitter(in_one_tile, prior, evidence.tiles, supersampled), len(theta) + SCALES + own
     sums = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
     precision = 1.0 / prior.sigma[own] ** 2
     stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
@@ -306,11 +305,6 @@ def _own_places(fitted: Sequence[Observation], others: Sequence[Observation]) ->
         {int(place) for o in observations for place in o.geometry_places} for observations in (fitted, others)
     )
     return np.array(sorted(all_seen - seen), dtype=np.intp)
-
-
-def _tiled(observations: Sequence[Observation]) -> list[Observation]:
-    """Observations that are not fitted as a Fitter takes them: all in one tile."""
-    return [replace(o, tile=np.zeros_like(o.tile)) for o in observations]
 
 
 def _change(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> float:

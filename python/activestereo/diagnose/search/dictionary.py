@@ -19,7 +19,7 @@ from activestereo.diagnose.refine import Fitter
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
 from activestereo.diagnose.refine.light import SCALES, AllPixels, exposed
 from activestereo.diagnose.search.linear import Columns, Linear
-from activestereo.effects import Effect, Model, Parameter, Stage
+from activestereo.effects import Effect, Parameter, Stage
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.model import scales
 
@@ -116,7 +116,8 @@ def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.flo
     """The columns of atoms, one after the other, in numbers of half the size: their rounding is far below the noise."""
     if not atoms:
         return np.zeros((0, len(linear.residual)), np.float16)
-    model, images = linear.solution.model, list(_images(linear, linear.solution.model))
+    model = linear.solution.model
+    images = linear.images(model)
     for effect in {atom.effect.id: atom.effect for atom in atoms}.values():
         if effect.prepare is not None:
             effect.prepare(o.view for o in linear.fitter.observations)
@@ -126,14 +127,14 @@ def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.flo
 
     def fill(i: int) -> None:
         atom, own = atoms[i], columns[ends[i] : ends[i + 1]]
-        lead = _change(linear, model.with_effect(atom.effect, **atom.values), images)
+        lead = linear.change(model.with_effect(atom.effect, **atom.values), images)
         own[0] = _in_halves(lead)
         if not lead.any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
             return  # a drift alone shows nothing here: the atoms of the first amplitude have it
         for column, (name, step) in zip(own[1:], atom.steps[1:], strict=True):
             p = next(p for p in atom.effect.parameters if p.name == name)
             moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
-            column[:] = _in_halves(_change(linear, model.with_effect(atom.effect, **moved), images) - lead)
+            column[:] = _in_halves(linear.change(model.with_effect(atom.effect, **moved), images) - lead)
 
     done = {i for i, work in forked(fill, range(len(atoms)), workers) if work.exception() is None}
     for i in range(len(atoms)):
@@ -161,17 +162,6 @@ def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
         out[:, start : start + len(there)] = columns[:, first + np.maximum(there, 0)] * ratio.astype(np.float32)
         first, start = first + len(old.index), start + len(there)
     return out
-
-
-def _images(linear: Linear, model: Model) -> Iterator[np.ndarray]:
-    for i, p in enumerate(linear.fitter.pixels()):
-        yield exposed(model, p, linear.fitter.light(model, i), linear.solution.phi)[0]
-
-
-def _change(linear: Linear, model: Model, images: Sequence[np.ndarray]) -> Columns:
-    """By how much a model changes the expected images, noise units [n]."""
-    changes = zip(linear.fitter.pixels(), _images(linear, model), images, strict=True)
-    return np.concatenate([((new - old) * p.root_weight).astype(np.float32) for p, new, old in changes])
 
 
 def start_images(linear: Linear) -> list[StartImage]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from activestereo.diagnose.evidence import Observation
 from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
-from activestereo.diagnose.refine.light import SCALES
+from activestereo.diagnose.refine.light import SCALES, exposed
 from activestereo.diagnose.refine.normal_equations import Cluster, Pixels, cluster_of
 from activestereo.effects import Model
 
@@ -50,6 +50,16 @@ class Linear:
     residual: Columns
     material: NDArray[np.int64]
     block: NDArray[np.int64]
+
+    def images(self, model: Model) -> list[NDArray[np.float64]]:
+        """The expected DN [pixels] of each observation under a model, beside the solution's nuisances."""
+        pixels, phi = enumerate(self.fitter.pixels()), self.solution.phi
+        return [exposed(model, p, self.fitter.light(model, i), phi)[0] for i, p in pixels]
+
+    def change(self, model: Model, images: Sequence[NDArray[np.float64]]) -> Columns:
+        """By how much a model changes images, noise units [n]."""
+        changes = zip(self.fitter.pixels(), self.images(model), images, strict=True)
+        return np.concatenate([((new - old) * p.root_weight).astype(np.float32) for p, new, old in changes])
 
 
 def linearised(fitter: Fitter, solution: Solution) -> Linear:

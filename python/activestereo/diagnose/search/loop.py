@@ -5,7 +5,7 @@ One dictionary serves all rounds. After a name the weights are estimated again, 
 and for misplaced edges, and the rig is measured again beside it.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,9 +14,7 @@ from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws
 from activestereo.diagnose.channels.noise_model import NoiseTerm, noise_terms
 from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.numbers import NUMBERS, Numbers
 from activestereo.diagnose.refine import Fitter, ImageResidual, ParameterSpace, Solution
-from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.score.likelihood import design_effect, occam_nats
 from activestereo.diagnose.score.structure import local_structure
@@ -25,12 +23,12 @@ from activestereo.diagnose.search.fields import fields_of
 from activestereo.diagnose.search.formulas import freed, gain_beyond
 from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
 from activestereo.diagnose.search.refit import Refit, formula_error, refits
-from activestereo.diagnose.search.rendered import Rendering
 from activestereo.diagnose.search.scores import scores
 from activestereo.diagnose.search.selection import Candidate, by_chance, candidates, credible
 from activestereo.diagnose.search.tone import is_response, with_any_curve
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
+from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.judging import Channel
 
@@ -44,7 +42,6 @@ _OF_A_FIELD = -3.0
 # A term of the noise has to be this share of it.
 _NOISE_SHARE = 0.1
 
-Located = Callable[[Model, Evidence], tuple[Evidence, Rendering | None]]
 Fields = dict[str, tuple[float, FieldFit]]
 
 
@@ -100,28 +97,14 @@ class Outcome:
 
 
 class Search:
-    """A search among effects beside a given model.
-
-    rendering: the engine, for what surfaces, air and lamps do. located: evidence, and its engine, from where the
-    capture stands under a model. says: called with the likeliest effects once the scores are there.
-    """
+    """A search among effects beside a given model."""
 
     def __init__(
-        self,
-        evidence: Evidence,
-        given: Model,
-        effects: Sequence[Effect],
-        numbers: Numbers = NUMBERS,
-        rendering: Rendering | None = None,
-        located: Located | None = None,
-        memory: FitCache | None = None,
-        workers: int = 1,
-        says: Callable[[str], object] = lambda text: None,
+        self, evidence: Evidence, given: Model, effects: Sequence[Effect], settings: Settings | None = None
     ) -> None:
-        known = {e.id for e, _ in given.effects}
+        settings, known = settings or Settings(workers=1), {e.id for e, _ in given.effects}
         self._given, self._effects = given, [e for e in effects if e.id not in known]
-        self._numbers, self._rendering, self._located = numbers, rendering, located
-        self._memory, self._workers, self._says = memory, workers, says
+        self._settings, self._numbers, self._rendering = settings, settings.numbers, settings.rendering
         self._names: list[Name] = []
         self._drawn: dict[ImageKey, np.ndarray] = {}
         self._needless: set[str] = set()
@@ -129,16 +112,17 @@ class Search:
         self._measured = evidence
         self._look_at(evidence)
         self._first = self._solution = fitted_model(self._fitter, given, self._fitter.phi0(evidence.nuisances))
-        self._rows = self._rows_of(self._solution)
+        self._rows = self._whole.residuals(self._solution)
         self._structure = self._structure_before = local_structure(self._rows)
 
     def run(self) -> Outcome:
         """Names effects until nothing passes."""
         linear = linearised(self._fitter, self._solution)
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
-        atoms = atoms_of(linear, images, self._numbers.prior_reach, self._workers, self._memory)
-        columns = columns_of(linear, atoms, self._workers, self._memory)
-        while self._name_one(linear, self._unnamed(atoms), columns):
+        made_by = self._settings.workers, self._settings.memory
+        atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
+        columns = columns_of(linear, atoms, *made_by)
+        while self._name_one(linear, [a for a in atoms if self._is_open(a.effect)], columns):
             before = linear.fitter
             self._drop_needless()
             linear = linearised(self._fitter, self._solution)
@@ -186,21 +170,16 @@ class Search:
             return 0.0
         return self._fitter.prior_sigmas(self._solution, self._first)
 
-    def _unnamed(self, atoms: Sequence[Atom]) -> list[Atom]:
-        return [a for a in atoms if self._is_open(a.effect)]
-
     def _look_at(self, evidence: Evidence) -> None:
         """Takes evidence in place of the last one."""
         self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
         self._whole = Fitter(evidence.train, *sized)
-        self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._memory)
-
-    def _rows_of(self, solution: Solution) -> list[ImageResidual]:
-        return self._whole.residuals(solution)
+        self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
         """Names the effect that is likeliest to be missing, where one may be named."""
-        numbers, formulas = self._numbers, [n.effect for n in self._names if self._is_in_model(n)]
+        numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
+        formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
         seen = scores(linear, columns)
         found = candidates(atoms, seen)
@@ -245,12 +224,12 @@ class Search:
 
     def _say_first_words(self, found: Mapping[str, Candidate]) -> None:
         """The likeliest effects by their scores, and the rank of each of a user's own."""
-        self._says(f"looks like {', '.join(list(found)[:3])}")
+        self._settings.says(f"looks like {', '.join(list(found)[:3])}")
         best = max(c.gain for c in found.values())
         for rank, (name, c) in enumerate(found.items(), 1):
             if builtin().get(name) is not c.best.atom.effect:
                 shares = f"{100 * c.gain / self._chi2:.1f} % of the error, the best one {100 * best / self._chi2:.1f} %"
-                self._says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
+                self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self) -> float:
         """The fall of chi2 that a name needs."""
@@ -271,9 +250,6 @@ class Search:
         """The fall of chi2 that these shares of the names' gains are."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
 
-    def _is_in_model(self, name: Name) -> bool:
-        return any(effect.id == name.id for effect, _ in self._solution.model.effects)
-
     def _floor_of_draws(self) -> float:
         """The fall of chi2 that a field needs beside other fields: every image adds its noise to what is known of their
         draws, and the images of a camera share it."""
@@ -281,10 +257,8 @@ class Search:
         return self._pixels * sum(n.gain for n in self._names if n.field is not None) / images
 
     def _fields(self) -> Fields:
-        return fields_of(self._unnamed_effects(), self._rows, float(self._solution.phi[SCALES - 1]), self._numbers)
-
-    def _unnamed_effects(self) -> list[Effect]:
-        return [e for e in self._effects if self._is_open(e)]
+        effects = [e for e in self._effects if self._is_open(e)]
+        return fields_of(effects, self._rows, float(self._solution.phi[SCALES - 1]), self._numbers)
 
     def _is_open(self, effect: Effect) -> bool:
         """Whether an effect may be named yet. A needless name stays out, so that a search ends."""
@@ -300,19 +274,24 @@ class Search:
         most = max((c.gain for c in found.values()), default=0.0)
         chosen = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
         model, phi = self._solution.model, self._solution.phi
-        return refits(self._fitter, model, phi, chosen, self._chi2, self._rendering, self._workers)
+        return refits(self._fitter, model, phi, chosen, self._chi2, self._rendering, self._settings.workers)
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
         """The set that holds the truth, likeliest first. Formulas are not exact: odds count in units of what they may
         miss of the best one's gain. That is as likely what was measured of those in question as the usual share."""
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
         solution = fits[best].solution if best in fits else self._solution
-        design = design_effect(solution.sums.tile_chi2, self._tile_pixels())
+        design = design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
         nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
+
+        def occam(fit: Refit | None, design: float) -> float:
+            if fit is None:
+                return _OF_A_FIELD
+            return occam_nats(self._fitter, fit.solution, fit.solution.effects[-1], design)
 
         def logs(names: Iterable[str], missed: float) -> dict[str, float]:
             unit = max(1.0, missed * nats[best])
-            return {name: nats[name] / unit + self._occam(fits.get(name), design * unit) for name in names}
+            return {name: nats[name] / unit + occam(fits.get(name), design * unit) for name in names}
 
         question = credible(logs(nats, share), 1.0 - self._numbers.alpha)
         measured = max(formula_error(e, share) for e in self._effects if e.id in question)
@@ -320,25 +299,15 @@ class Search:
         both = {name: float(np.log(p + sharp.get(name, 0.0))) for name, p in question.items()}
         return credible(both, self._numbers.credible)
 
-    def _occam(self, fit: Refit | None, design: float) -> float:
-        """The penalty for what a fit, None for a field of draws, may choose."""
-        if fit is None:
-            return _OF_A_FIELD
-        return occam_nats(self._fitter, fit.solution, fit.solution.effects[-1], design)
-
-    def _tile_pixels(self) -> np.ndarray:
-        tiles = [p.tile for p in self._fitter.pixels()]
-        return np.bincount(np.concatenate(tiles), minlength=self._evidence.tiles)
-
     def _take(self, fit: Solution) -> None:
         """Goes on from a fit with a name more: weights and rig are estimated again beside it."""
         evidence = self._evidence
-        if self._located is not None and not evidence.geometry.is_as_stated():
-            there, self._rendering = self._located(fit.model, evidence)
+        if self._settings.located is not None and not evidence.geometry.is_as_stated():
+            there, self._rendering = self._settings.located(with_own_functions(fit.model, self._effects), evidence)
             if there is not evidence:  # of the capture's own images
                 evidence = self._less_draws(there, self._drawn)
         self._look_at(evidence)
-        rows = self._rows_of(fit)
+        rows = self._whole.residuals(fit)
         self._look_at(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
         self._fit_again(fit)
 
@@ -360,9 +329,9 @@ class Search:
         self._solution = with_any_curve(self._fitter, settled)
         start = ParameterSpace.of(self._given)
         self._first = self._fitter.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED)
-        self._rows = self._rows_of(self._solution)
+        self._rows = self._whole.residuals(self._solution)
         if not any(n.field is not None for n in self._names):
-            self._structure_before = local_structure(self._rows_of(self._first))
+            self._structure_before = local_structure(self._whole.residuals(self._first))
 
     def _drop_needless(self) -> None:
         """Names whose loss costs less than a name needs go, the weakest first."""
@@ -375,4 +344,10 @@ class Search:
                 self._names.remove(name)
                 self._needless.add(name.id)
                 self._solution = without
-                self._rows = self._rows_of(without)
+                self._rows = self._whole.residuals(without)
+
+
+def with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
+    """The model with its effects' own image functions, in place of rendered ones."""
+    own = {e.id: e for e in candidates}
+    return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))
