@@ -166,7 +166,9 @@ def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit |
     rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
     if not rows:
         return _NO_REPEATS
-    stated = [lever for effect, _ in model.effects for lever in _transfer_levers(effect)]
+    noise = [effect for effect, _ in model.effects if effect.channel is Channel.NOISE_MODEL]
+    independent = [t for effect in noise for t in effect.random_terms if t.shared_by is SharedBy.PIXEL]
+    stated = [t.lever for t in independent if t.lever in _TRANSFER]
     others = [lever for lever in (stated or _TRANSFER) if lever is not term.lever]
     black = evidence.nuisances.black_dn
     without, _, _ = _fit_levers(rows, others, black)
@@ -177,13 +179,6 @@ def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit |
     mean = np.average([_column(term.lever, row[0], np.array(row[1]), np.array(row[2]), black) for row in rows])
     nats = 0.5 * (without - misfit) if stated else 0.0
     return _NoiseFit(float(nats), float(value * mean), {term.parameter: (float(value**power), low, high)})
-
-
-def _transfer_levers(effect: Effect) -> list[Lever]:
-    """Levers by which an effect states independent temporal noise."""
-    if effect.channel is not Channel.NOISE_MODEL:
-        return []
-    return [t.lever for t in effect.random_terms if t.shared_by is SharedBy.PIXEL and t.lever in _TRANSFER]
 
 
 def _column(

@@ -240,7 +240,9 @@ def focal_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[
 def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
     """Derivatives of the projector's light and of the ambient light, [2][height][width]."""
     (u, v), (cx, cy) = image.view.pixels(), image.view.K[:2, 2]
-    light = _on_its_own(Light.of(image.layers))
+    light = Light.of(image.layers)
+    if light.supersampled is not None:  # spline coefficients are as large as the images: none are kept
+        light = replace(light, supersampled=replace(light.supersampled))
 
     def seen(change: float) -> NDArray[np.float64]:
         shorter = 1.0 / (1.0 + change)
@@ -248,8 +250,3 @@ def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
         return np.stack([moved.projector, moved.ambient])
 
     return ((seen(_FOCAL_STEP) - seen(-_FOCAL_STEP)) / (2.0 * _FOCAL_STEP)).astype(np.float32)
-
-
-def _on_its_own(light: Light) -> Light:
-    """A copy of the light that shares no spline coefficients with others, which are as large as the images."""
-    return light if light.supersampled is None else replace(light, supersampled=replace(light.supersampled))

@@ -105,7 +105,7 @@ class Fitter:
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """The Light of every observation."""
         model = self._prepared(space.model(theta))
-        return [self._lights(model, i, self._supersampled) for i in range(len(self.observations))]
+        return [self.light(model, i) for i in range(len(self.observations))]
 
     def light(self, model: Model, i: int) -> Light:
         """The Light of observation i under a model."""
@@ -123,14 +123,14 @@ class Fitter:
     def _residuals_of(self, solution: Solution) -> list[ImageResidual]:
         model = self._prepared(solution.model)
 
-        def residual(i: int) -> ImageResidual:
-            o, light = self.observations[i], self._lights(model, i, self._supersampled)
+        def residual(i: int, o: Observation) -> ImageResidual:
+            light = self.light(model, i)
             image = signal(model, o, light, solution.phi)
             dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
             residual = o.measured - image if o.view.known is None else np.where(o.view.known, o.measured - image, 0.0)
             return ImageResidual(o, image, dots, residual)
 
-        return [residual(i) for i in range(len(self.observations))]
+        return [residual(i, o) for i, o in enumerate(self.observations)]
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
         """Squared residuals of the pixels under (theta, phi), and squared offsets of the nuisances, in deviations."""
@@ -145,10 +145,6 @@ class Fitter:
     def sigmas(self, phi: np.ndarray) -> np.ndarray:
         """How far nuisances are from what is stated, in its deviations."""
         return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
-
-    def _black_offset(self, phi: np.ndarray) -> float:
-        known = self.nuisance_prior.black_dn
-        return 0.0 if known is None else float(phi[SCALES - 1]) - known[0]
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
         """Sums at (theta, phi). Columns: theta, then phi."""
@@ -188,7 +184,7 @@ class Fitter:
                 if model is None:
                     columns.append(np.zeros(image.shape))
                     continue
-                moved = self._lights(model, i, self._supersampled) if space.in_light[j] else light
+                moved = self.light(model, i) if space.in_light[j] else light
                 columns.append((exposed(model, pixels, moved, phi)[0] - image) / steps[j])
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
@@ -247,8 +243,8 @@ class Fitter:
 
     def pull(self, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray) -> np.ndarray:
         """The pull of the priors on (theta, phi): precision times offset."""
-        offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
-        scales = [*np.zeros(SCALES - 1), self._black_offset(phi)]
+        offset, black = np.where(space.given, 0.0, theta - space.neutral)[:n_theta], self.nuisance_prior.black_dn
+        scales = [*np.zeros(SCALES - 1), 0.0 if black is None else phi[SCALES - 1] - black[0]]
         return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self.nuisance_prior.value])
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:

@@ -13,9 +13,10 @@ from activestereo.diagnose.search.selection import Candidate
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.differences import known_differences
 
-# Fits have so few steps, from the best start and another one that gains this part of what it gains; those that come
-# within this part of the best fit have more, until chi2 falls by a small part of itself.
-_STEPS, _RIVAL, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 6, 0.75, 1e-3
+# Fits have so few steps, from the best start and another one that gains this part of what it gains, unless the first
+# leaves less than a part of its own gain; those that come within this part of the best fit have more steps, until chi2
+# falls by a small part of itself.
+_STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
 
@@ -99,7 +100,9 @@ def _from_starts(
     look = lambda: {"chi2": np.array([fitter.nuisance_fit(space, theta, phi)[1] for theta in thetas])}  # noqa: E731
     seen = fitter.remembered(look, space, thetas, phi)["chi2"]
     best, *others = np.argsort(seen)
-    gain = base_chi2 - seen
-    chosen = [best, *(k for k in others[:1] if gain[k] > _RIVAL * gain[best])]
-    fits = [fitter.refine(space, thetas[k], phi, _STEPS) for k in chosen]
-    return min(fits, key=lambda f: f.sums.total)
+    gain, fit = base_chi2 - seen, fitter.refine(space, thetas[best], phi, _STEPS)
+    left = fit.sums.total - sum(o.pixels for o in fitter.observations)
+    if left < _NOTHING * (base_chi2 - fit.sums.total):
+        return fit
+    rivals = [fitter.refine(space, thetas[k], phi, _STEPS) for k in others[:1] if gain[k] > _RIVAL * gain[best]]
+    return min([fit, *rivals], key=lambda f: f.sums.total)

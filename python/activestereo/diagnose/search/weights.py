@@ -5,7 +5,7 @@ A dark signal that grows with temperature is not light, but photon transfer take
 repeat to the next it adds to their variance. The model found so far removes both.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,11 +14,9 @@ from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import by_repeats, frame_noise_variances
 from activestereo.diagnose.evidence.gather import noise_at_other_gains
 from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
-from activestereo.diagnose.evidence.observation import Evidence, Observation, weight_of
+from activestereo.diagnose.evidence.observation import Evidence, weight_of
 from activestereo.diagnose.refine import ImageResidual
 from activestereo.effects import Model
-
-Images = Mapping[tuple[int, str], np.ndarray]
 
 
 def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:
@@ -29,7 +27,9 @@ def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Seque
     lit_train = [replace(o, measured=o.measured - dark[o.key]) for o in train]
     lit = {key: image - dark[key] for key, image in expected.items()}
     if evidence.has_floor:
-        no_noise = dark | _drift(train, expected)
+        groups = by_repeats((o.frame, o.side, o.key) for o in train)
+        means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
+        no_noise = dark | {key: expected[key] - mean for keys, mean in means for key in keys}
         own, found = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
         if found is not None:
             own_variances = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in own.items()}
@@ -39,10 +39,3 @@ def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Seque
     return replace(
         evidence, train=weighed, noise_model=noise_model, noise_variances=evidence.noise_variances | variances,
     )  # fmt: skip
-
-
-def _drift(train: Sequence[Observation], expected: Images) -> Images:
-    """The difference of every repeat's expected image from the mean of its group's, DN."""
-    groups = by_repeats((o.frame, o.side, o.key) for o in train)
-    means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
-    return {key: expected[key] - mean for keys, mean in means for key in keys}
