@@ -125,9 +125,7 @@ def _advice(item: Any) -> str:
     return text(item["text"]) + (f"<br><span class='muted'>tells apart</span> {between}" if between else "")
 
 
-def _residual_model(model: dict[str, Any] | None) -> str:
-    if model is None:
-        return ""
+def _residual_model(model: dict[str, Any]) -> str:
     rows = [
         [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in model.get("terms", [])
     ]

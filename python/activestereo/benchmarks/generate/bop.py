@@ -41,7 +41,7 @@ from activestereo.common.output_files import (
     write_text,
     written_together,
 )
-from activestereo.sensor.results import CameraInfo, camera_info
+from activestereo.sensor.results import camera_info
 
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
@@ -144,7 +144,12 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
     k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
     camera = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2], "depth_scale": 1.0}
     _write_json(out / "camera.json", camera | {"width": width, "height": height})
-    sides = {f"ir_{side}": _infrared(camera_info(config, side)) for side in SIDES}
+    sides = {}
+    for side in SIDES:
+        eye = camera_info(config, side)
+        shape = {"width": eye.width, "height": eye.height, "cam_K": eye.k.ravel().tolist()}
+        place = {"distortion": list(eye.distortion), "camera_to_rgb": eye.camera_to_rgb.ravel().tolist()}
+        sides[f"ir_{side}"] = shape | place
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
     _write_json(out / "ir_cameras.json", sides | {"baseline_m": baseline_m, "reasons": list(simsense.REASONS)})
     models = {}
@@ -156,16 +161,6 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
     (out / "models").mkdir(exist_ok=True)
     _write_json(out / "models" / "models_info.json", models)
     _write_json(out / "dataset.json", about)
-
-
-def _infrared(camera: CameraInfo) -> dict[str, Any]:
-    return {
-        "width": camera.width,
-        "height": camera.height,
-        "cam_K": camera.k.ravel().tolist(),
-        "distortion": list(camera.distortion),
-        "camera_to_rgb": camera.camera_to_rgb.ravel().tolist(),
-    }
 
 
 def _info(found: Found, depth: NDArray[np.float32]) -> dict[str, Any]:

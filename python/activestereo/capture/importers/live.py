@@ -45,23 +45,20 @@ def record_live(
             frames = pipeline.wait_for_frames(_TIMEOUT_MS)
             if number < _SETTLING_FRAMES:
                 continue
-            exposure_s = _save(rs, frames, folder, exposure_s)
+            first = frames.get_infrared_frame(1)
+            time_ms = float(first.get_timestamp())
+            for side in (1, 2):
+                image = np.array(frames.get_infrared_frame(side).get_data())
+                write_gray(folder / f"Infrared {side} {time_ms:.3f}.png", image)
+            write_gray(folder / f"Depth {time_ms:.3f}.png", np.array(frames.get_depth_frame().get_data()))
+            write_png(folder / f"Color {time_ms:.3f}.png", np.array(frames.get_color_frame().get_data()))
+            if first.supports_frame_metadata(rs.frame_metadata_value.actual_exposure):
+                exposure_s = 1e-6 * float(first.get_frame_metadata(rs.frame_metadata_value.actual_exposure))
             if progress is not None:
                 progress((number - _SETTLING_FRAMES + 1) / frame_count)
     finally:
         pipeline.stop()
     return device, scale, exposure_s
-
-
-def _save(rs: Any, frames: Any, folder: Path, exposure_s: float) -> float:
-    time_ms = float(frames.get_infrared_frame(1).get_timestamp())
-    for side in (1, 2):
-        write_gray(folder / f"Infrared {side} {time_ms:.3f}.png", np.array(frames.get_infrared_frame(side).get_data()))
-    write_gray(folder / f"Depth {time_ms:.3f}.png", np.array(frames.get_depth_frame().get_data()))
-    write_png(folder / f"Color {time_ms:.3f}.png", np.array(frames.get_color_frame().get_data()))
-    first = frames.get_infrared_frame(1)
-    key = rs.frame_metadata_value.actual_exposure
-    return 1e-6 * float(first.get_frame_metadata(key)) if first.supports_frame_metadata(key) else exposure_s
 
 
 def _calibration(rs: Any, profile: Any) -> DeviceText:

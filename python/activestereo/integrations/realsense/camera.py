@@ -121,7 +121,10 @@ class SimulatedCamera:
     def config(self) -> StereoDepthSensorConfig:
         """The sensor's configuration under the present options."""
         if self._config is None:
-            config = _sized(self.base, self.depth_size, self.color_size)
+            # A mode of another shape is cut out of the camera's own image.
+            config, colored = _cut(self.base, "ir", self.depth_size), _cut(self.base, "rgb", self.color_size)
+            for name in ("rgb_resolution", "rgb_intrinsic", "rgb_line_time_s", "rgb_optics"):
+                setattr(config, name, getattr(colored, name))
             self._set_light(config)
             set_here = matcher_parameters(self.settings, matcher_of(config)) | camera_fields(self.settings)
             for name, value in set_here.items():
@@ -233,17 +236,6 @@ def _scene(world: World) -> kuafu.Scene:
         path = Path(folder) / "table_top.gltf"
         write_table_top(path)
         return as_mount(path, world.device).scene
-
-
-def _sized(
-    base: StereoDepthSensorConfig, depth_size: tuple[int, int], color_size: tuple[int, int]
-) -> StereoDepthSensorConfig:
-    """A copy with streams of these sizes: a mode of another shape is cut out of the camera's own image."""
-    out, colored = _cut(base, "ir", depth_size), _cut(base, "rgb", color_size)
-    out = deepcopy(out)
-    for name in ("rgb_resolution", "rgb_intrinsic", "rgb_line_time_s", "rgb_optics"):
-        setattr(out, name, getattr(colored, name))
-    return out
 
 
 def _cut(base: StereoDepthSensorConfig, camera: str, size: tuple[int, int]) -> StereoDepthSensorConfig:

@@ -164,9 +164,7 @@ def _in_ros_axes(of: extrinsics) -> tuple[tuple[float, ...], tuple[float, ...]]:
     optical = Rotation.from_quat(_OPTICAL_XYZW)
     x, y, z = of.translation
     turn = (optical * Rotation.from_matrix(of.matrix()[:3, :3]) * optical.inv()).as_quat()
-    return (z, -x, -y), tuple(
-        float(q) for q in (turn if turn[3] >= 0.0 else -turn)
-    )  # w >= 0
+    return (z, -x, -y), tuple(float(q) for q in (turn if turn[3] >= 0.0 else -turn))  # w >= 0
 
 
 def _transform(
@@ -211,16 +209,13 @@ class TopicPublisher:
         for one in published(frames, not self._publishers, _message):
             if one.message is None:
                 self.missing.add(one.topic)
-            else:
-                self._publisher(one).publish(one.message)
-
-    def _publisher(self, one: Published) -> Any:
-        if one.topic not in self._publishers:
-            kept = self._qos.DurabilityPolicy
-            durability = kept.TRANSIENT_LOCAL if one.quality.is_latched else kept.VOLATILE
-            profile = self._qos.QoSProfile(depth=one.quality.depth, durability=durability)
-            self._publishers[one.topic] = self._node.create_publisher(type(one.message), one.topic, profile)
-        return self._publishers[one.topic]
+                continue
+            if one.topic not in self._publishers:
+                kept = self._qos.DurabilityPolicy
+                durability = kept.TRANSIENT_LOCAL if one.quality.is_latched else kept.VOLATILE
+                profile = self._qos.QoSProfile(depth=one.quality.depth, durability=durability)
+                self._publishers[one.topic] = self._node.create_publisher(type(one.message), one.topic, profile)
+            self._publishers[one.topic].publish(one.message)
 
 
 def _message(kind: str, **fields: Any) -> Any:

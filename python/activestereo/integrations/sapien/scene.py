@@ -56,19 +56,17 @@ class SapienScene:
         for number in [n for n in self._names if n not in seen]:
             self.bodies.remove(self._names.pop(number))
         for number in [n for n in seen if n not in self._names]:
-            self._add(seen[number])
+            entity = seen[number]
+            name = entity.name or "entity"
+            if name in self.bodies.names:
+                name = f"{name} ({number})"
+            shapes = self.looks.shapes(entity, name)
+            self.bodies.add(name, shapes, pose=as_matrix(entity.pose), semantic_id=number)
+            self._names[number] = name
         self._follow_lights()
         # Bodies and names are in one order: both lose and gain at the same places.
         poses = [seen[number].pose.to_transformation_matrix() for number in self._names]
         return self.bodies.move(np.array(poses, np.float64).reshape(-1, 4, 4))
-
-    def _add(self, entity: Any) -> None:
-        name = entity.name or "entity"
-        if name in self.bodies.names:
-            name = f"{name} ({entity.per_scene_id})"
-        shapes, pose = self.looks.shapes(entity, name), as_matrix(entity.pose)
-        self.bodies.add(name, shapes, pose=pose, semantic_id=entity.per_scene_id)
-        self._names[entity.per_scene_id] = name
 
     def _follow_lights(self) -> None:
         system = render_system(self.sapien_scene)
