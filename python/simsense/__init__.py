@@ -28,8 +28,11 @@ from ._simsense import (
     Submission,
     __version__,
     default_parameters,
+    distort,
+    fold_radius2,
     signal_analogue,
     signal_preset,
+    undistort,
 )
 from .depth_sensor import DepthSensor, SettingError
 from .stereo_sgm import StereoSGM
@@ -55,6 +58,9 @@ __all__ = [
     "StereoSGM",
     "Submission",
     "default_parameters",
+    "distort",
+    "fold_radius2",
     "signal_analogue",
     "signal_preset",
+    "undistort",
 ]

@@ -231,6 +231,23 @@ class Camera:
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]:
         """The coefficients, of which a fisheye lens has four; zeros of Brown and Conrady's are an ideal pinhole."""
 
+def distort(
+    x: ArrayLike, y: ArrayLike, distortion: Sequence[float], lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady"
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where rays (x, y, 1) appear, in focal lengths from the principal point; x and y have one shape. Beyond the lens' fold the
+    radial factor stays constant, so that positions go on outwards."""
+
+def undistort(
+    x: ArrayLike, y: ArrayLike, distortion: Sequence[float], lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady"
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The inverse of distort(), by Newton's method."""
+
+def fold_radius2(
+    distortion: Sequence[float], lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady"
+) -> float:
+    """x^2 + y^2 of the first rays that the lens no longer bends farther out than their neighbours within: it shows none beyond.
+    100 where the lens does not fold, 1e8 of a fisheye lens."""
+
 class Engine:
     """A stereo rig's depth engine. One thread at a time."""
 

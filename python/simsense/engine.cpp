@@ -3,6 +3,7 @@
 #include "bindings/array_pool.h"
 #include "bindings/lens.h"
 #include "bindings/wait.h"
+#include "ks/lens.hpp"
 #include "settings.h"
 
 namespace ks_python {
@@ -338,6 +339,42 @@ void bind_camera(py::module_& module) {
       .def_property_readonly("distortion", [](const C& c) { return py::tuple(py::cast(std::to_array(c.lens.distortion))); });
 }
 
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+ks_lens read_lens(const std::vector<double>& distortion, const std::string& model) {
+  ks_lens lens{read_lens_model<Simsense>(model), 0, {}};
+  read_distortion<Simsense>(distortion, lens);
+  return lens;
+}
+
+/// map(lens, x, y, radius from which on it goes straight) of each pair of two arrays of one shape.
+template <auto map>
+py::tuple mapped(const Doubles& x, const Doubles& y, const std::vector<double>& distortion, const std::string& model) {
+  const std::vector<py::ssize_t> shape(x.shape(), x.shape() + x.ndim());
+  if (!std::equal(shape.begin(), shape.end(), y.shape(), y.shape() + y.ndim())) raise_argument<Simsense>("x and y differ in their shape");
+  const ks_lens lens = read_lens(distortion, model);
+  const double last_radius2 = ks::lens_fold(lens).last_radius2;
+  Doubles to_x(shape), to_y(shape);
+  for (py::ssize_t i = 0; i < x.size(); ++i) {
+    const auto to = map(lens, x.data()[i], y.data()[i], last_radius2);
+    to_x.mutable_data()[i] = to.x;
+    to_y.mutable_data()[i] = to.y;
+  }
+  return py::make_tuple(to_x, to_y);
+}
+
+void bind_lens(py::module_& module) {
+  const py::arg x("x"), y("y"), distortion("distortion");
+  const py::arg_v model = py::arg("lens_model") = "brown_conrady";
+  module.def("distort", &mapped<ks::distorted>, x, y, distortion, model, doc("distort"));
+  constexpr auto inverse = [](const ks_lens& lens, double a, double b, double last2) { return ks::undistorted(lens, a, b, last2); };
+  module.def("undistort", &mapped<inverse>, x, y, distortion, model, doc("undistort"));
+  module.def(
+      "fold_radius2",
+      [](const std::vector<double>& distortion, const std::string& model) { return ks::lens_fold(read_lens(distortion, model)).radius2; },
+      distortion, model, doc("fold_radius2"));
+}
+
 }  // namespace
 
 void bind_engine(py::module_& module) {
@@ -345,6 +382,7 @@ void bind_engine(py::module_& module) {
   module.attr("REASONS") = py::make_tuple("valid", "not_unique", "outside", "occluded", "isolated", "speckle", "out_of_range",
                                           "not_computed", "low_texture", "saturated");
   bind_camera(module);
+  bind_lens(module);
   module.def(
       "default_parameters",
       [] {

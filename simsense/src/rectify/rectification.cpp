@@ -57,7 +57,7 @@ void check_rectified(const simsense_rig_desc& rig, const Rigid& pose) {
 RemapTable remap_table(const simsense_camera& source, const Rotation& source_to_rectified, const Pinhole& rectified) {
   const Rotation back = transposed(source_to_rectified);
   constexpr float outside_px = -2;
-  const double farthest2 = is_distorting(source.lens) ? fold_radius2(source.lens) : std::numeric_limits<double>::infinity();
+  const double farthest2 = is_distorting(source.lens) ? ks::lens_fold(source.lens).radius2 : std::numeric_limits<double>::infinity();
   RemapTable table{source.width, source.height, {}, {}};
   table.x.reserve(size_t{source.width} * source.height);
   table.y.reserve(size_t{source.width} * source.height);
@@ -70,9 +70,9 @@ RemapTable remap_table(const simsense_camera& source, const Rotation& source_to_
         table.y.push_back(outside_px);
         continue;
       }
-      const auto [x, y] = distorted(source.lens, ideal);
-      table.x.push_back(static_cast<float>(source.k[0] * x + source.k[2]));
-      table.y.push_back(static_cast<float>(source.k[4] * y + source.k[5]));
+      const ks::LensImage seen = ks::distorted(source.lens, ideal[0], ideal[1]);
+      table.x.push_back(static_cast<float>(source.k[0] * seen.x + source.k[2]));
+      table.y.push_back(static_cast<float>(source.k[4] * seen.y + source.k[5]));
     }
   return table;
 }

@@ -9,7 +9,7 @@ namespace simsense {
 namespace {
 
 LensParameters lens_parameters(const ks_lens& lens) {
-  LensParameters out{lens.model, {}, is_distorting(lens) ? static_cast<float>(fold_radius2(lens)) : 0.0f};
+  LensParameters out{lens.model, {}, is_distorting(lens) ? static_cast<float>(ks::lens_fold(lens).radius2) : 0.0f};
   std::ranges::transform(lens.distortion, out.k, [](double k) { return static_cast<float>(k); });
   return out;
 }

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+import simsense
 from activestereo.camera.plan import plan_of
 from activestereo.camera.registration import registered
 from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
@@ -75,6 +76,11 @@ def test_a_denominator_that_reaches_0_ends_the_lens():
     lens = (0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0)
     np.testing.assert_array_equal(is_drawn(x, 0 * x, lens), [True, True, False, False])
     assert np.all(np.isfinite(distort(x, 0 * x, lens)))
+
+
+def test_positions_of_two_shapes_are_refused():
+    with pytest.raises(ValueError, match="x and y differ in their shape"):
+        simsense.distort(np.zeros(3), np.zeros(2), BARREL)
 
 
 def test_points_beyond_the_fold_are_not_registered(small_config):

@@ -141,9 +141,9 @@ TEST(OpenCv, UndistortsPixelsToTheSameRays) {
     cv::undistortPoints(pixels, rays, matrix(camera.k, 3, 3), matrix(camera.lens.distortion, 1, 8), cv::noArray(), cv::noArray(),
                         cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-12));
     for (size_t i = 0; i < pixels.size(); ++i) {
-      const Normalised back = distorted(camera.lens, {rays[i].x, rays[i].y});
+      const ks::LensImage back = ks::distorted(camera.lens, rays[i].x, rays[i].y);
       const double residual_px =
-          std::hypot(camera.k[0] * back[0] + camera.k[2] - pixels[i].x, camera.k[4] * back[1] + camera.k[5] - pixels[i].y);
+          std::hypot(camera.k[0] * back.x + camera.k[2] - pixels[i].x, camera.k[4] * back.y + camera.k[5] - pixels[i].y);
       if (residual_px > 1e-9) continue;  // OpenCV's steps have not arrived: nothing to compare with
       const Normalised ray = ray_of_pixel(camera, pixels[i].x, pixels[i].y);
       ASSERT_NEAR(ray[0], rays[i].x, 1e-9) << "camera " << n;
@@ -161,8 +161,8 @@ TEST(RayOfPixel, IsBentBackToItsPixel) {
     const ks_lens& lens = camera.lens;
     for (double x = -0.4; x < 0.41; x += 0.1)
       for (double y = -0.4; y < 0.41; y += 0.1) {
-        const Normalised seen = distorted(lens, {x, y});
-        const Normalised ray = ray_of_pixel(camera, camera.k[0] * seen[0] + camera.k[2], camera.k[4] * seen[1] + camera.k[5]);
+        const ks::LensImage seen = ks::distorted(lens, x, y);
+        const Normalised ray = ray_of_pixel(camera, camera.k[0] * seen.x + camera.k[2], camera.k[4] * seen.y + camera.k[5]);
         ASSERT_NEAR(ray[0], x, 1e-10);
         ASSERT_NEAR(ray[1], y, 1e-10);
       }
