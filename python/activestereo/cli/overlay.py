@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from activestereo.capture.capture import Camera
+
 _TEXT = """\
 Lays a scene over the pictures of a real camera: contours of what is rendered in
 orange, and with --blend the surfaces themselves, lit from the camera, so that the eye
@@ -71,25 +73,48 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """Each pose's colour image and its infrared ones without dots, means of repeats; the left images of all frames
+    where there are none."""
     import numpy as np
 
-    from activestereo.calibrate.material_views import View, object_views
-    from activestereo.capture.capture import read_capture
+    from activestereo.capture.capture import SIDES, Frame, read_capture
     from activestereo.report.overlay import Overlay
 
     capture = read_capture(args.source)
-    try:
-        views = object_views(capture, most_poses=10**6)
-    except ValueError:  # only dots: they will do to look at
-        rig, views = capture.rig, []
-        for f in capture.frames:
-            image = capture.ir(f, "left")[..., None] / rig.max_dn
-            views.append(View(f"frames[id={f.id}].left", image, rig.left.K, f.camera_to_world, f))
+    rig, poses = capture.rig, dict[bytes, list[Frame]]()
     overlay = Overlay(args.scene or capture.scene_path, args.device, args.blend)
-    for view in views:
-        picture = np.rint(255 * np.clip(view.image, 0, 1)).astype(np.uint8)
-        name = view.name.replace("frames[id=", "").replace("].", "_")
-        yield name, overlay.blend(picture, view.K, view.camera_to_world)
+    for frame in capture.frames:
+        poses.setdefault(np.round(frame.camera_to_world, 7).tobytes(), []).append(frame)
+
+    def laid(frames: list[Frame], which: str, camera: Camera, left_to: NDArray[np.float64]) -> NDArray[np.uint8]:
+        if which == "color":
+            image = np.mean([capture.color(f) for f in frames], axis=0) / 255.0
+        else:
+            image = np.mean([capture.ir(f, which) for f in frames], axis=0)[..., None] / rig.max_dn
+        picture = np.rint(255 * np.clip(_undistorted(image, camera), 0, 1)).astype(np.uint8)
+        return overlay.blend(picture, camera.K, frames[0].camera_to_world @ np.linalg.inv(left_to))
+
+    is_empty = True
+    for frames in poses.values():
+        colored = [f for f in frames if f.color_path is not None]
+        dark = [f for f in frames if f.projector_power == 0 and f.has_infrared]
+        is_empty = is_empty and not (dark or (colored and rig.color))
+        if colored and rig.color is not None:
+            yield f"{colored[0].id}_color", laid(colored, "color", rig.color, rig.color.left_to_color)
+        for side, left_to in zip(SIDES, (np.eye(4), rig.left_to_right), strict=True) if dark else ():
+            yield f"{dark[0].id}_{side}", laid(dark, side, rig.camera(side), left_to)
+    for frame in capture.frames if is_empty else ():
+        yield f"{frame.id}_left", laid([frame], "left", rig.left, np.eye(4))
+
+
+def _undistorted(image: NDArray[np.floating], camera: Camera) -> NDArray[np.floating]:
+    import cv2
+
+    if camera.is_pinhole:
+        return image
+    if len(camera.distortion) == 4:
+        return cv2.fisheye.undistortImage(image, camera.K, camera.distortion, Knew=camera.K).reshape(image.shape)
+    return cv2.undistort(image, camera.K, camera.distortion).reshape(image.shape)
 
 
 def _of_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
