@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 
 from activestereo.capture.capture import Capture, Frame
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.meshes import Mesh
+from activestereo.scene_io.meshes import Mesh, depth_triangles
 
 NOTE = (
     "warning: this scene is what the camera measured, errors included: what it saw wrongly (gloss, glass, edges) is "
@@ -94,14 +94,7 @@ def _mesh(
     z = depth[v, u]
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T
     points = (rays * z[..., None]) @ pose[:3, :3].T + pose[:3, 3]
-    a, b, c, d = (np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:])
-    number = np.arange(z.size).reshape(z.shape)
-    faces = []
-    for corners in ((a, c, b), (b, c, d)):
-        each = np.stack([z[k] for k in corners])
-        whole = (each > 0).all(axis=0) & (np.ptp(each, axis=0) < _JUMP * step_px * each.min(axis=0))
-        faces.append(np.stack([number[k][whole] for k in corners], axis=-1))
-    triangles = np.concatenate(faces)
+    triangles = depth_triangles(z, _JUMP * step_px)
     if not len(triangles):
         return Mesh.of(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 3))), 0.0
     corners3 = points.reshape(-1, 3)[triangles]

@@ -43,6 +43,21 @@ def grid(rows: int, columns: int) -> np.ndarray:
     return np.vstack([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
 
 
+def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray | None = None) -> np.ndarray:
+    """[t, 3] numbers of the pixels that make triangles of a depth image [height, width], 0 = none: those of one
+    surface, whose depths differ by less than this share. wanted: mask of pixels of which a triangle has one or more."""
+    number = np.arange(depth.size).reshape(depth.shape)
+    a, b, c, d = np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]
+    faces = []
+    for corners in ((a, c, b), (b, c, d)):
+        each = np.stack([depth[k] for k in corners])
+        whole = (each > 0).all(axis=0) & (np.ptp(each, axis=0) < largest_step * each.min(axis=0))
+        if wanted is not None:
+            whole &= np.any([wanted[k] for k in corners], axis=0)
+        faces.append(np.stack([number[k][whole] for k in corners], axis=-1))
+    return np.concatenate(faces)
+
+
 def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
     """A parallelogram, seen from the side that cross(side_u, side_v) points to; texture upright with side_v up."""
     origin, side_u, side_v = (np.asarray(v, dtype=np.float64) for v in (origin, side_u, side_v))

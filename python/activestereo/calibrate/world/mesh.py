@@ -18,7 +18,7 @@ from activestereo.calibrate.world.overlaps import Pose
 from activestereo.calibrate.world.views import Image, Mask, SceneView, normals_of, points_of
 from activestereo.capture.capture import Camera
 from activestereo.scene_io.gltf_writer import CLAMP, GltfWriter
-from activestereo.scene_io.meshes import Mesh
+from activestereo.scene_io.meshes import Mesh, depth_triangles
 
 _MOST_TRIANGLES = 1_000_000
 _JUMP = 0.03  # neighbours farther apart than this share of their depth belong to two surfaces
@@ -119,15 +119,7 @@ def _mesh(view: SceneView, fresh: Mask, K: NDArray[np.float64], pose: Pose, step
     points = points_of(depth, K)
     row, column = np.mgrid[0 : depth.shape[0] : step, 0 : depth.shape[1] : step]
     z, wanted = depth[row, column], fresh[row, column]
-    number = np.arange(z.size).reshape(z.shape)
-    a, b, c, d = np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]
-    faces = []
-    for corners in ((a, c, b), (b, c, d)):
-        each = np.stack([z[k] for k in corners])
-        whole = (each > 0).all(axis=0) & (np.ptp(each, axis=0) < _JUMP * step * each.min(axis=0))
-        whole &= np.any([wanted[k] for k in corners], axis=0)
-        faces.append(np.stack([number[k][whole] for k in corners], axis=-1))
-    triangles = np.concatenate(faces)
+    triangles = depth_triangles(z, _JUMP * step, wanted)
     if not len(triangles):
         return None
     used, triangles = np.unique(triangles, return_inverse=True)
