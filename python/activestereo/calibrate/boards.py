@@ -17,8 +17,8 @@ KINDS = ("chessboard", "charuco", "apriltag")
 _DICTIONARY = {"charuco": "DICT_5X5_250", "apriltag": "DICT_APRILTAG_36h11"}
 _LEAST_CORNERS = 8
 # OpenCV 4.6's marker detectors count pixels from their corners: what they give lies half a pixel right of and below the
-# place where pixel centres are integers. (test_acquire_rig.py measures it on rendered boards; the chessboard's detector
-# has no such shift.)
+# place where pixel centres are integers. (test_calibrate_rig.py measures it on rendered boards; the chessboard's
+# detector has no such shift.)
 _MARKER_SHIFT_PX = 0.5
 _EXAMPLES = "9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01"
 
@@ -126,16 +126,3 @@ class Board:
         return cv2.aruco.CharucoBoard_create(
             self.columns, self.rows, self.camera_m, self.second_m, dictionary
         ), dictionary
-
-    def drawn(self, pixels_per_m: float, margin_m: float) -> NDArray[np.uint8]:
-        """The board as a picture to print, its first corner at margin_m (chessboard: plus one square) from the left
-        top."""
-        if self.kind != "chessboard":
-            board, _ = self._aruco_board()
-            step = self.camera_m if self.kind == "charuco" else self.camera_m + self.second_m
-            gap = 0.0 if self.kind == "charuco" else self.second_m
-            size = tuple(round(pixels_per_m * (n * step - gap + 2 * margin_m)) for n in (self.columns, self.rows))
-            return board.draw(size, marginSize=round(pixels_per_m * margin_m), borderBits=1)
-        square, margin = round(pixels_per_m * self.camera_m), round(pixels_per_m * margin_m)
-        row, column = np.mgrid[: square * (self.rows + 1), : square * (self.columns + 1)] // square
-        return np.pad(np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8), margin, constant_values=255)

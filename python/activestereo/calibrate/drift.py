@@ -9,7 +9,6 @@ alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, gaussian_filter
 
+from activestereo.calibrate.least_squares import INTERVAL_90
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.common.input_files import read_text
 from activestereo.effects import Light, View, builtin
@@ -27,7 +27,7 @@ from activestereo.model import Quantity, SensorModel
 # Effects with a law per kelvin that shows without a scene. A laser's power and a filter's transmission are one change.
 _EFFECTS = ("thermal_drift.cx_px_per_k", "thermal_drift.focal_per_k", "laser_power_drift.per_k")
 _GROWTH = "pattern_scale_drift.per_k"
-_FEWEST, _LEAST_K, _NAMED, _Z90 = 8, 3.0, 4.0, 1.645
+_FEWEST, _LEAST_K, _NAMED = 8, 3.0, 4.0
 _STEP_PX = 2  # between pixels that are looked at
 _READ_DN2, _SHOT_DN = 0.5, 0.05  # noise that weighs pixels
 _FULL = 0.95
@@ -41,7 +41,6 @@ _DERIVATIVE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 
 Matrix = NDArray[np.float64]
 Layers = tuple[Matrix, Matrix]  # the dots' light and the room's, DN [height][width]
-Change = Callable[[str, Layers], Matrix]
 
 
 @dataclass(frozen=True)
@@ -72,12 +71,10 @@ class Drift:
         model = SensorModel()
         for name in dict.fromkeys(s.name.split(".")[0] for s in self.slopes if s.moves):
             own = [s for s in self.slopes if s.name.startswith(f"{name}.")]
-            values = {
-                s.name.split(".")[1]: Quantity(
-                    s.value, s.value - _Z90 * s.deviation, s.value + _Z90 * s.deviation, s.unit, self.source
-                )
-                for s in own
-            }
+            values = {}
+            for s in own:
+                half = INTERVAL_90 * s.deviation
+                values[s.name.split(".")[1]] = Quantity(s.value, s.value - half, s.value + half, s.unit, self.source)
             model = model.with_effect(builtin()[name], values)
         return model
 
@@ -86,7 +83,7 @@ class Drift:
         moving = [s.name for s in self.slopes if s.moves]
         low, high = self.celsius
         first = f"{', '.join(moving) or 'nothing'} moves with temperature, {low:g} to {high:g} C, {self.frames} frames"
-        lines = [f"{s.name}: {s.value:.3g} +- {_Z90 * s.deviation:.2g} {s.unit}" for s in self.slopes]
+        lines = [f"{s.name}: {s.value:.3g} +- {INTERVAL_90 * s.deviation:.2g} {s.unit}" for s in self.slopes]
         lines.append("laser_power_drift may be chromatic_drift.transmission_per_k: above 25 C they are one")
         return "\n".join([first, *lines])
 
@@ -107,10 +104,14 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
         raise ValueError(
             f"{folder}: frames span {np.ptp(celsius):.2g} K: record from switching on, {_LEAST_K:g} K or more"
         )
-    layers = {side: _layers(capture, side, lit, dark) for side in SIDES}
+    layers: dict[str, Layers] = {}
+    for side in SIDES:
+        room, both = (np.mean([_smooth(capture, f, side) for f in frames], axis=0) for frames in (dark, lit))
+        layers[side] = both - room, room
     names, columns, weight = _columns(capture, lit[0], layers)
     mean = np.concatenate([_picked(layers[side][0] + layers[side][1]) for side in SIDES])
-    changes = np.stack([_pixels(capture, frame) - mean for frame in lit])
+    pixels = [np.concatenate([_picked(_smooth(capture, frame, side)) for side in SIDES]) for frame in lit]
+    changes = np.stack(pixels) - mean
     weighted = columns * weight
     square = weighted @ columns.T
     sizes = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), weighted @ changes.T).T
@@ -137,83 +138,49 @@ def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Fram
     return [f for f in frames if f.temperature_c is not None]
 
 
-def _layers(capture: Capture, side: str, lit: Sequence[Frame], dark: Sequence[Frame]) -> Layers:
-    """(dots, room light and black level) of one camera, means of frames."""
-    room, both = (np.mean([_smooth(capture, f, side) for f in frames], axis=0) for frames in (dark, lit))
-    return both - room, room
-
-
 def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple[list[str], Matrix, Matrix]:
     """(names, columns [n][pixel of both cameras], weights of pixels): changes by a unit."""
-    f = capture.rig.left.K[0, 0]
-    changes: dict[str, Change] = {name: _per_kelvin(capture, frame, name) for name in _EFFECTS}
-    changes[_GROWTH] = lambda side, of: _flow(of[0], *_grown(capture, side))
-    for axis, name in ((0, "x"), (1, "y")):
-        unit = (1.0 - axis, float(axis))
-        changes[f"rig {name}"] = _moved(unit, dots_alone=False)
-        changes[f"dots {name}"] = _moved(unit, dots_alone=True)
-        # What moves by a part of a pixel is blurred in the mean; a dot's blur would pass for the laser's power.
-        changes[f"blur {name}"] = _blurred(unit)
-    changes["right row"] = lambda side, of: _flow(of[0] + of[1], 0.0, float(side == "right"))
-    changes["roll"] = lambda side, of: _flow(of[0] + of[1], *_rolled(capture, side, f))
-    changes["room light"] = lambda side, of: of[1]
-    changes["offset"] = lambda side, of: np.ones_like(of[0])
-    columns = [np.concatenate([_picked(change(side, layers[side])) for side in SIDES]) for change in changes.values()]
-    light = np.concatenate([_picked(layers[side][0] + layers[side][1]) for side in SIDES])
-    weight = np.where(light < _FULL * capture.rig.max_dn, 1.0 / (_READ_DN2 + _SHOT_DN * np.maximum(light, 0.0)), 0.0)
-    return list(changes), np.stack(columns), weight
+    focal_px, columns, light = capture.rig.left.K[0, 0], dict[str, list[Matrix]](), list[Matrix]()
+    for side in SIDES:
+        (dots, room), camera = layers[side], capture.rig.camera(side)
+        both = dots + room
+        row, column = np.indices((camera.height, camera.width), dtype=float)
+        x, y = (column - camera.K[0, 2]) / camera.K[0, 0], (row - camera.K[1, 2]) / camera.K[1, 1]
+        changes = {name: _per_kelvin(capture, frame, side, layers[side], name) for name in _EFFECTS}
+        # Pixels by which dots move when sines of the pattern's angles grow by one unit: f t (1 + t^2) of the tangent t,
+        # which on far surfaces is the camera's own; what parallax adds is a shift.
+        grown = 1.0 + x * x + y * y
+        changes[_GROWTH] = _flow(dots, camera.K[0, 0] * x * grown, camera.K[1, 1] * y * grown)
+        for axis, unit in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
+            changes[f"rig {axis}"], changes[f"dots {axis}"] = _flow(both, *unit), _flow(dots, *unit)
+            # What moves by a part of a pixel is blurred in the mean; a dot's blur would pass for the laser's power.
+            changes[f"blur {axis}"] = _flow(_flow(both, *unit), *unit)
+        changes["right row"] = _flow(both, 0.0, float(side == "right"))
+        changes["roll"] = _flow(both, -focal_px * y, focal_px * x)
+        changes |= {"room light": room, "offset": np.ones_like(dots)}
+        for name, image in changes.items():
+            columns.setdefault(name, []).append(_picked(image))
+        light.append(_picked(both))
+    seen = np.concatenate(light)
+    weight = np.where(seen < _FULL * capture.rig.max_dn, 1.0 / (_READ_DN2 + _SHOT_DN * np.maximum(seen, 0.0)), 0.0)
+    return list(columns), np.stack([np.concatenate(parts) for parts in columns.values()]), weight
 
 
-def _per_kelvin(capture: Capture, frame: Frame, name: str) -> Change:
+def _per_kelvin(capture: Capture, frame: Frame, side: str, layers: Layers, name: str) -> Matrix:
     """An effect's change of both layers' sum when it is one kelvin warmer, by a unit of its parameter."""
     effect, key = builtin()[name.split(".")[0]], name.split(".")[1]
     typical = next(p.typical for p in effect.parameters if p.name == key)
-
-    def change(side: str, layers: Layers) -> Matrix:
-        nothing = np.zeros_like(layers[0])
-        view = _view(capture, replace(frame, temperature_c=REFERENCE_TEMPERATURE_C + 1.0), side)
-        before = Light.of_images([layers[0], nothing, layers[1], nothing])
-        after = acted(effect, effect.values({key: typical}), before, view)
-        return np.asarray((after.images.sum(axis=0) - before.images.sum(axis=0)) / typical)
-
-    return change
-
-
-def _view(capture: Capture, frame: Frame, side: str) -> View:
-    rig, nothing = capture.rig, np.zeros((capture.rig.left.height, capture.rig.left.width))
+    rig, nothing = capture.rig, np.zeros_like(layers[0])
     to_camera = np.eye(4) if side == "left" else rig.left_to_right
-    return View(
+    view = View(
         side, rig.camera(side).K, nothing, np.zeros((*nothing.shape, 3)), rig.projector.pattern(), rig.projector.K,
-        rig.projector.left_to_projector @ np.linalg.inv(to_camera), to_camera, frame, rig.max_dn, rig.line_time_s,
+        rig.projector.left_to_projector @ np.linalg.inv(to_camera), to_camera,
+        replace(frame, temperature_c=REFERENCE_TEMPERATURE_C + 1.0), rig.max_dn, rig.line_time_s,
         baseline_m=rig.baseline_m,
     )  # fmt: skip
-
-
-def _rays(capture: Capture, side: str) -> tuple[Matrix, Matrix]:
-    camera = capture.rig.camera(side)
-    row, column = np.indices((camera.height, camera.width), dtype=float)
-    return (column - camera.K[0, 2]) / camera.K[0, 0], (row - camera.K[1, 2]) / camera.K[1, 1]
-
-
-def _grown(capture: Capture, side: str) -> tuple[Matrix, Matrix]:
-    """Pixels by which dots move when sines of the pattern's angles grow by one unit: f t (1 + t^2) of the tangent t,
-    which on far surfaces is the camera's own; what parallax adds is a shift."""
-    x, y = _rays(capture, side)
-    K, grown = capture.rig.camera(side).K, 1.0 + x * x + y * y
-    return K[0, 0] * x * grown, K[1, 1] * y * grown
-
-
-def _rolled(capture: Capture, side: str, f: float) -> tuple[Matrix, Matrix]:
-    x, y = _rays(capture, side)
-    return -f * y, f * x
-
-
-def _moved(unit: tuple[float, float], dots_alone: bool) -> Change:
-    return lambda side, of: _flow(of[0] if dots_alone else of[0] + of[1], *unit)
-
-
-def _blurred(unit: tuple[float, float]) -> Change:
-    return lambda side, of: _flow(_flow(of[0] + of[1], *unit), *unit)
+    before = Light.of_images([layers[0], nothing, layers[1], nothing])
+    after = acted(effect, effect.values({key: typical}), before, view)
+    return np.asarray((after.images.sum(axis=0) - before.images.sum(axis=0)) / typical)
 
 
 def _flow(image: Matrix, dx: Matrix | float, dy: Matrix | float) -> Matrix:
@@ -228,10 +195,6 @@ def _smooth(capture: Capture, frame: Frame, side: str) -> Matrix:
 
 def _picked(image: Matrix) -> Matrix:
     return np.asarray(image[1:-1:_STEP_PX, 1:-1:_STEP_PX], float).ravel()
-
-
-def _pixels(capture: Capture, frame: Frame) -> Matrix:
-    return np.concatenate([_picked(_smooth(capture, frame, side)) for side in SIDES])
 
 
 def _slope(name: str, celsius: Matrix, size: Matrix) -> Slope:

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's repeat groups.
-"""
-
+"""Frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's repeats."""
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,6 +97,13 @@ def _read_capture(path: Path) -> list[Repeats]:
             f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of each static view"
         )
     return views
+
+
+def bit_depth(views: list[Repeats]) -> int:
+    """8, or as many bits as 16-bit files use."""
+    if all(view.counts.dtype == np.uint8 for view in views):
+        return 8
+    return max(8, max(int(view.counts.max()) for view in views).bit_length())
 
 
 def check_still(view: Repeats) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from activestereo.calibrate.least_squares import INTERVAL_90
 from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, Refined, refine
 from activestereo.calibrate.material_views import MaterialScene, pictures
 from activestereo.capture.capture import read_capture
@@ -27,7 +28,6 @@ _SAMPLES = (4, 16, 64)
 _FINE_SAMPLES = 32
 _FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
 _OTHER_ROUGHNESS = 0.2  # gloss has more than one minimum: sharp and weak looks like wide and strong
-_INTERVAL_90 = 1.645
 # Half an interval wider than this says that the pictures do not determine the value.
 _UNDETERMINED = {
     "roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25, "color": 0.25,
@@ -89,7 +89,11 @@ def calibrate_materials(
         capture = calibrated(capture, model)
     surfaces = surfaces_of_object(capture.scene_path, object_name)
     names = surface_names(capture.scene_path)
-    _refuse_twins(capture.scene_path, [names[number] for number in surfaces])
+    own = [names[number] for number in surfaces]
+    if twins := sorted({name for name in own if own.count(name) > 1}):
+        raise ValueError(
+            f"{capture.scene_path}: more than one surface is called '{twins[0]}': give each a name of its own"
+        )
     scene = MaterialScene(capture, device)
     seen = pictures(scene, capture, surfaces)
     fit = MaterialFit(scene, seen, surfaces, seed)
@@ -97,7 +101,10 @@ def calibrate_materials(
     nominal = fit.start()
     ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
     scenes_own = fit.with_colors(nominal, _FINE_SAMPLES)
-    starts = [ranked[0], _other(fit, ranked), scenes_own]
+    # The best candidate with another roughness than the first one's, or the second where all are alike.
+    rough = np.array([name == "roughness" for _, name in fit.parameters])
+    apart = (theta for theta in ranked[1:] if np.abs(theta - ranked[0])[rough].max() > _OTHER_ROUGHNESS)
+    starts = [ranked[0], next(apart, ranked[1]), scenes_own]
     firsts = [
         refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(tell, 0.5 + 0.1 * k, 0.6 + 0.1 * k))
         for k, theta in enumerate(starts)
@@ -121,7 +128,7 @@ def _judged(
     open_: dict[str, list[str]] = {surface: [] for surface in told}
     colors: dict[str, list[float]] = {}
     for (number, name), value, error in zip(fit.parameters, best.theta, best.sigma, strict=True):
-        half, surface = _INTERVAL_90 * float(error), names[number]
+        half, surface = INTERVAL_90 * float(error), names[number]
         kind = "color" if name in COLORS else name
         if half > _UNDETERMINED[kind]:
             open_[surface].append(name)
@@ -139,21 +146,6 @@ def _judged(
             colors.pop(surface, None)
             open_[surface] = [name for name in open_[surface] if name not in COLORS] + ["colour"]
     return found, {surface: tuple(fields) for surface, fields in open_.items()}, colors
-
-
-def _refuse_twins(scene_path: object, names: list[str]) -> None:
-    twins = sorted({name for name in names if names.count(name) > 1})
-    if twins:
-        raise ValueError(f"{scene_path}: more than one surface is called '{twins[0]}': give each a name of its own")
-
-
-def _other(fit: MaterialFit, ranked: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """The best candidate with another roughness than the first one's, or the second where all are alike."""
-    rough = np.array([name == "roughness" for _, name in fit.parameters])
-    for theta in ranked[1:]:
-        if np.abs(theta - ranked[0])[rough].max() > _OTHER_ROUGHNESS:
-            return theta
-    return ranked[1]
 
 
 def _wide(

@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.calibrate.frames import Repeats, check_still, read_repeats
+from activestereo.calibrate.frames import Repeats, bit_depth, check_still, read_repeats
 from activestereo.calibrate.noise_fit import (
     NOISE_MODELS,
     Counts,
     NoiseFit,
     dark_log_density,
-    fit_literally,
     fit_noise_model,
     log_density,
 )
@@ -54,9 +53,7 @@ class Noise:
     repeats: int
     clipped_share: float
     black_from: str
-    bit_depth: int
     transfer: tuple[TransferPoint, ...] = ()
-    literal: dict[str, float] | None = None
 
     @property
     def chosen(self) -> str:
@@ -106,11 +103,6 @@ class Noise:
             lines.append(
                 f"theta  {1.0 / noise_model.shape:.4g} = 1/k: a gauge, for the clean image is the frames' mean"
             )
-        if self.literal:
-            lines.append(
-                "the paper's literal fit (clean image = average): "
-                + ", ".join(f"{k} {v:.4g}" for k, v in self.literal.items())
-            )
         lines += [
             f"exposure x gain {p.exposure_gain:.4g} s: mean {p.mean_dn:.2f} DN, variance {p.variance_dn2:.3f} DN²"
             for p in self.transfer
@@ -123,11 +115,10 @@ class Noise:
 
 
 def calibrate_noise(
-    frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, literal: bool = False, seed: int = 0,
+    frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, seed: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> Noise:  # fmt: skip
-    """The Noise of repeats; dark: repeats without any light. literal: fit as the paper writes it, too. seed: which
-    pixels are looked at.
+    """The Noise of repeats; dark: repeats without any light. seed: chooses the pixels that are looked at.
 
     ValueError with file, number and remedy: fewer than 10 repeats, repeats that move, clipped views, dark frames that
     are not dark.
@@ -137,8 +128,7 @@ def calibrate_noise(
     darks = [] if dark is None else read_repeats(dark, least=2) if isinstance(dark, (str, Path)) else dark
     for view in views:
         check_still(view)
-    bit_depth = _bit_depth([*views, *darks])
-    max_dn = 2**bit_depth - 1
+    max_dn = 2 ** bit_depth([*views, *darks]) - 1
     rng = np.random.default_rng(seed)
     pixels = _chosen_pixels(views, max_dn, rng)
     dark_counts = _dark_counts(darks, views, rng)
@@ -162,16 +152,8 @@ def calibrate_noise(
         fit, margin, len(counts.means), int(max(len(view.counts) for view in views)),
         float(np.mean([np.mean((c == 0) | (c == max_dn)) for c in every])),
         "dark frames" if darks else "the exposures' intercept" if black is not None else "the views' darkest pixels",
-        bit_depth, transfer, fit_literally(pixels, max_dn) if literal else None,
+        transfer,
     )  # fmt: skip
-
-
-def _bit_depth(views: list[Repeats]) -> int:
-    """8, or as many bits as 16-bit files use."""
-    if all(view.counts.dtype == np.uint8 for view in views):
-        return 8
-    highest = max(int(view.counts.max()) for view in views)
-    return max(8, highest.bit_length())
 
 
 def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) -> list[np.ndarray]:

@@ -2,10 +2,8 @@
 """Two models of a pixel's temporal noise, as tables of log probabilities, and their fit to repeats by maximum a
 posteriori. s is the mean count above black, DN.
 
-    gamma   y = black + s G + N(0, sigma), G ~ Gamma(k, 1
-k)     Zhang et al. 2023: speckle's factor and a Gaussian
-    shot    y = black + K Poisson(s
-K) + N(0, sigma)             photons and read noise, EMVA 1288's linear model
+    gamma   y = black + s G + N(0, sigma), G ~ Gamma(k, 1/k)     Zhang et al. 2023: speckle's factor and a Gaussian
+    shot    y = black + K Poisson(s/K) + N(0, sigma)          photons and read noise, EMVA 1288's linear model
 
 Both are rounded and clipped: a count at an end of the range is censored, its probability is all that lies beyond. The
 paper's theta is a gauge: where the clean image is only known as the frames' mean, (clean, theta) and (c clean, theta /
@@ -16,7 +14,6 @@ unknown mean s above black, and p(pixel | noise model) = integral of p(y_1 | s) 
 as the mean's own error. Pixels of dark frames share an offset of their own in place of s, normally distributed about
 the black level: unequal pixels (DSNU) are no noise."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -24,6 +21,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
 from scipy.special import gammainc, gammaln, logsumexp, ndtr, roots_genlaguerre
+
+from activestereo.calibrate.least_squares import INTERVAL_90
 
 _LEAST_PROBABILITY = 1e-12
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(21)
@@ -62,19 +61,23 @@ class CountModel:
         below = (away > 0.0).astype(float)
         row, column = np.nonzero((away > -_REACH) & (away < _REACH + self._upper_tail()))
         below[row, column] = self.cumulative(signal[row], edges[column])
-        whole = np.hstack([np.zeros((len(signal), 1)), below, np.ones((len(signal), 1))])
-        return np.log(np.maximum(np.diff(whole, axis=1), _LEAST_PROBABILITY))
+        return _log_shares(below)
 
     def dark_log_probabilities(self, offset: np.ndarray, max_dn: int, bin_dn: int = 1) -> np.ndarray:
         """log_probabilities() without light, [offset][bin], of pixels with offsets of their own."""
         edges = np.arange(bin_dn, max_dn + 1, bin_dn) - 0.5
         below = ndtr((edges - self.black_dn - np.asarray(offset)[:, None]) / self.sigma_dn)
-        whole = np.hstack([np.zeros((len(below), 1)), below, np.ones((len(below), 1))])
-        return np.log(np.maximum(np.diff(whole, axis=1), _LEAST_PROBABILITY))
+        return _log_shares(below)
 
     def _upper_tail(self) -> float:
         """By how many deviations the upper tail reaches farther than a Gaussian's."""
         return 8.0
+
+
+def _log_shares(below: np.ndarray) -> np.ndarray:
+    """[row][bin] of P(y < edge) [row][edge]."""
+    whole = np.hstack([np.zeros((len(below), 1)), below, np.ones((len(below), 1))])
+    return np.asarray(np.log(np.maximum(np.diff(whole, axis=1), _LEAST_PROBABILITY)))
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,6 @@ _LARGEST_BINS = 512
 _PRIOR = {"gamma": (np.log(30.0), 2.5), "shot": (np.log(0.1), 2.5)}
 _SIGMA_PRIOR = (np.log(0.6), 1.5)
 _BLACK_PRIOR_DN = 30.0
-_INTERVAL_90 = 1.6449
 _STEPS = np.array([0.02, 0.04, 0.02])
 # Deviations of the dark pixels' offsets that are looked at.
 _OFFSETS = 4.0
@@ -209,10 +211,8 @@ class NoiseFit:
 
     def interval(self, name: str) -> tuple[float, float]:
         """The 90 % interval of shape, sigma_dn or black_dn."""
-        value, error = (
-            getattr(self.noise_model, name),
-            _INTERVAL_90 * self.error[("shape", "sigma_dn", "black_dn").index(name)],
-        )
+        value = getattr(self.noise_model, name)
+        error = INTERVAL_90 * self.error[("shape", "sigma_dn", "black_dn").index(name)]
         if name == "black_dn":
             return value - error, value + error
         return value * np.exp(-error), value * np.exp(error)
@@ -286,12 +286,15 @@ def fit_noise_model(
         method="L-BFGS-B",
         options={"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40},
     )
-    if not with_error:
-        return NoiseFit(model_of(found.x), np.zeros(3))
-    hessian = _hessian(cost, found.x, _STEPS[:free])
-    covariance = np.linalg.pinv(hessian, hermitian=True)
-    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return NoiseFit(model_of(found.x), np.concatenate([error, np.zeros(3 - free)]))
+    error = np.zeros(3)
+    if with_error:
+        hessian, steps = np.zeros((free, free)), np.diag(_STEPS[:free])
+        for i, a in enumerate(steps):  # by central differences
+            for j, b in enumerate(steps[: i + 1]):
+                rise = cost(found.x + a + b) - cost(found.x + a - b) - cost(found.x - a + b) + cost(found.x - a - b)
+                hessian[i, j] = hessian[j, i] = rise / (4.0 * a[i] * b[j])
+        error[:free] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(hessian, hermitian=True)), 0.0))
+    return NoiseFit(model_of(found.x), error)
 
 
 def _start(kind: type[CountModel], counts: Counts, black_dn: float | None) -> CountModel:
@@ -315,50 +318,6 @@ def _start(kind: type[CountModel], counts: Counts, black_dn: float | None) -> Co
     sigma = 0.5 if counts.dark is None else max(float(np.sqrt(max(dark_variance - 1.0 / 12.0, 0.0))), 0.1)
     shape = 1.0 / max(slope, 1e-5) if kind is GammaModel else max(slope, 1e-3)
     return kind(shape, sigma, black)
-
-
-def _hessian(cost: Callable[[np.ndarray], float], x: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Second derivatives by central differences."""
-    n, out = len(x), np.zeros((len(x), len(x)))
-    for i in range(n):
-        for j in range(i + 1):
-            a, b = np.eye(n)[i] * step[i], np.eye(n)[j] * step[j]
-            out[i, j] = out[j, i] = (cost(x + a + b) - cost(x + a - b) - cost(x - a + b) + cost(x - a - b)) / (
-                4.0 * step[i] * step[j]
-            )
-    return out
-
-
-def fit_literally(pixels: list[np.ndarray], max_dn: int) -> dict[str, float]:
-    """The paper's own reading: the clean image is the average, and k, theta, mu and sigma are free. {name: value}."""
-    average = np.concatenate([counts.mean(axis=1) for counts in pixels])
-    counts = Counts.of(pixels, [], max_dn)
-    seen = (average > 1.0) & (average < max_dn - 1.0)
-    order = np.argsort(average[seen])
-    groups = np.array_split(order, min(300, len(order)))
-    histograms, level = counts.histograms[np.flatnonzero(seen)], average[seen]
-    tallies = np.stack([np.asarray(histograms[g].sum(axis=0)).ravel() for g in groups])
-    clean = np.array([level[g].mean() for g in groups])
-
-    def cost(x: np.ndarray) -> float:
-        noise_model = GammaModel(float(np.exp(x[0])), float(np.exp(x[3])), float(x[2]))
-        table = noise_model.log_probabilities(clean * np.exp(x[0] + x[1]), max_dn, counts.bin_dn)
-        return -float((table * tallies).sum()) / tallies.sum()
-
-    start = [np.log(4.0), np.log(0.25), 0.0, np.log(0.8)]
-    found = minimize(
-        cost,
-        start,
-        method="Nelder-Mead",
-        options={
-            "xatol": 1e-3,
-            "fatol": 1e-9,
-            "maxiter": 600,
-            "initial_simplex": np.vstack([start, start + 0.3 * np.eye(4)]),
-        },
-    )
-    k, theta, mu, sigma = found.x
-    return {"k": float(np.exp(k)), "theta": float(np.exp(theta)), "mu_dn": float(mu), "sigma_dn": float(np.exp(sigma))}
 
 
 NOISE_MODELS: tuple[type[CountModel], ...] = (GammaModel, ShotModel)

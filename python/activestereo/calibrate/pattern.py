@@ -7,24 +7,23 @@ follows from what it looks like: the camera sees radiance, which falls with the 
 the camera's (power_factor in wall.py, which also finds the light between the dots).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from activestereo.calibrate.frames import LEAST_REPEATS, Repeats, check_still
+from activestereo.calibrate.least_squares import INTERVAL_90, difference
 from activestereo.calibrate.spots import Spots, find_spots
 from activestereo.calibrate.wall import (
     ProjectorView,
-    SeenWall,
     Wall,
+    background_samples,
     find_wall,
     light_between_dots,
     power_factor,
-    projected,
     wall_points,
 )
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
@@ -46,7 +45,6 @@ _OTHER_DOT_PX = 3.0
 _ALIKE_POWERS = 0.3
 _INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
 _LEAST_LINES = 100
-_INTERVAL_90 = 1.6449
 # Of the right camera: what calibrations of rectified images err by, and more. Beside the row, in baselines: 0.25 mm of
 # a D435's move a dot by a tenth of a pixel at half a metre, and matched rows take half of that.
 _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
@@ -54,11 +52,9 @@ _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 
 @dataclass(frozen=True)
 class WallView:
-    """One distance: averaged images by camera, their spots, those that the images' borders cut, the wall they lie on,
-    and the exposure."""
+    """One distance: spots by camera, those that the images' borders cut, the wall they lie on, and the exposure."""
 
     name: str
-    images: dict[str, np.ndarray]
     spots: dict[str, Spots]
     cut: dict[str, Spots]
     wall: Wall
@@ -102,14 +98,9 @@ class Pattern:
             source=f"{source}; {where}",
         )
         nominal = Rig(
-            self.rig.left,
-            self.rig.right,
-            self.rig.left_to_right,
-            self.left_to_projector,
-            self.rig.bit_depth,
-            self.rig.line_time_s,
-            source="the rig that calibrate pattern believed",
-        )
+            self.rig.left, self.rig.right, self.rig.left_to_right, self.left_to_projector, self.rig.bit_depth,
+            self.rig.line_time_s, source="the rig that calibrate pattern believed",
+        )  # fmt: skip
         return SensorModel(pattern=pattern, rig=nominal)
 
     def summary(self) -> str:
@@ -132,7 +123,7 @@ class Pattern:
                 "1.5 times as far, would tell it"
             )
         else:
-            ex, ey, ez = 1e3 * _INTERVAL_90 * self.position_error_m
+            ex, ey, ez = 1e3 * INTERVAL_90 * self.position_error_m
             lines.append(
                 f"projector at {x:.3f} ± {ex:.3f}, {y:.3f} ± {ey:.3f}, {z:.3f} ± {ez:.3f} mm of the left camera (90 %)"
             )
@@ -168,7 +159,7 @@ def calibrate_pattern(
         # The projector's place is what is measured here.
         capture = calibrated(capture, SensorModel(rig=replace(own, left_to_projector=nominal)))
         source = "the model"
-    _check_rig(capture, source)
+    _check_rig(capture.rig, source)
     groups = capture.repeats()
     if not groups:
         raise ValueError(
@@ -180,26 +171,25 @@ def calibrate_pattern(
         share = part_of(tell, 0.95 * number / len(groups), 0.95 * (number + 1) / len(groups))
         views.append(_wall_view(capture, f"{capture.path}: repeat group {group}", frames, share))
     views.sort(key=lambda view: view.wall.distance_m)
-    pattern = merged_pattern(tuple(views), capture)
+    pattern = _merged(tuple(views), capture.rig)
     tell(1.0)
     return pattern
 
 
-def _check_rig(capture: Capture, source: str) -> None:
-    """source: which file says so."""
-    rig = capture.rig
+def _check_rig(rig: CaptureRig, source: str) -> None:
+    """ValueError unless the rig is that of rectified images; source: which file says so."""
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         raise ValueError(
             f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "
             "then, and calibrate rig takes --rectified"
         )
-    turned = np.rad2deg(np.linalg.norm(Rotation.from_matrix(rig.left_to_right[:3, :3]).as_rotvec()))
+    turned = difference(np.eye(4), rig.left_to_right)[1]
     if turned > _MOST_TURNED_DEG:
         raise ValueError(
             f"{source}: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
             f"{_MOST_TURNED_DEG:g} are taken for rectified images: rectify them"
         )
-    x, y, z = _right_side(rig)
+    x, y, z = _eyes(rig)["right"][1]
     if x <= 0:
         raise ValueError(f"{source}: rig.left_to_right: x is {-x:g}, expected below 0: left and right are swapped")
     if np.hypot(y, z) > _MOST_ASIDE * x:
@@ -209,9 +199,10 @@ def _check_rig(capture: Capture, source: str) -> None:
         )
 
 
-def _right_side(rig: CaptureRig) -> np.ndarray:
-    """Its place in the left camera's frame, metres."""
-    return np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
+def _eyes(rig: CaptureRig) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
+    """(K, place in the left camera's frame, metres) of each camera."""
+    right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
+    return {"left": (rig.left.K, np.zeros(3)), "right": (rig.right.K, right_m)}
 
 
 def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], object]) -> WallView:
@@ -219,21 +210,24 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
         raise ValueError(
             f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
         )
-    images, spots, cut = {}, {}, {}
+    rig, spots, cut = capture.rig, {}, {}
     for place, side in enumerate(SIDES):
         counts = np.stack([read_gray(frame.path(side), key=f"frames[id={frame.id}].{side}") for frame in frames])
         check_still(Repeats(f"{name}, {side}", counts))
-        _check_saturation(f"{name}, {side}", counts, capture.rig.max_dn)
-        images[side] = counts.mean(axis=0)
-        found = find_spots(images[side], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
+        saturated = float(np.mean((counts == rig.max_dn).any(axis=0)))
+        if saturated > _LARGEST_SATURATED:
+            raise ValueError(
+                f"{name}, {side}: {100 * saturated:.1f} % of the pixels reach {rig.max_dn} DN: the wall saturates: "
+                "shorten the exposure or lower the laser's power"
+            )
+        part = part_of(tell, 0.5 * place, 0.5 * place + 0.5)
+        found = find_spots(counts.mean(axis=0), _variance_of_mean(counts), part)
         is_whole = found.is_whole
         if side == "right":
-            found = _as_if_not_turned(found, capture.rig)
+            found = _as_if_not_turned(found, rig)
         spots[side], cut[side] = found.of(is_whole), found.of(~is_whole)
-    wall = find_wall(
-        spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
-    )
-    return WallView(name, images, spots, cut, wall, frames[0].exposure_s)
+    wall = find_wall(spots["left"], spots["right"], rig.left.K, rig.right.K, rig.baseline_m, name)
+    return WallView(name, spots, cut, wall, frames[0].exposure_s)
 
 
 def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
@@ -241,15 +235,6 @@ def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
     u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
     return replace(right, u=u / w, v=v / w)
-
-
-def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
-    share = float(np.mean((counts == max_dn).any(axis=0)))
-    if share > _LARGEST_SATURATED:
-        raise ValueError(
-            f"{name}: {100 * share:.1f} % of the pixels reach {max_dn} DN: the wall saturates: shorten the exposure or "
-            "lower the laser's power"
-        )
 
 
 def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
@@ -260,132 +245,91 @@ def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
     return np.maximum(offset + slope * mean, ROUNDING_VARIANCE) / len(counts)
 
 
-def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
+def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     """One pattern of walls at one or several distances, nearest first."""
-    projector = capture.rig.projector
-    image = projector.pattern()
-    height, width = image.shape
-    rotation = projector.left_to_projector[:3, :3]
-    place = -rotation.T @ projector.left_to_projector[:3, 3]
-    error, pairs = None, np.empty((0, 2), dtype=int)
-    far = [view for view in views if view.wall.distance_m > _LEAST_DISTANCE_RATIO * views[0].wall.distance_m]
-    if far:
-        place, error, pairs = _meeting_point(views[0].wall, far[-1].wall, place, rotation, projector.K)
-    power_scale = 1.0
-    by_view = [_dots_of(view, capture.rig, projector.K, place, rotation) for view in (views[0], *far[-1:])]
-    dots = by_view[0]
-    if len(by_view) > 1:
-        power_scale = float(np.median(by_view[0][pairs[:, 0], 2] / by_view[1][pairs[:, 1], 2]))
-        by_view[1][:, 2] *= power_scale
-        dots = _union(by_view[0], by_view[1], pairs)
-    for number, view in enumerate((views[0], *far[-1:])):
-        cut = _cut_dots(view, capture.rig, projector.K, place, rotation) * [1.0, 1.0, power_scale if number else 1.0]
-        for dot in cut:
-            if np.hypot(*(dots[:, :2] - dot[:2]).T).min() > _OTHER_DOT_PX:
-                dots = np.vstack([dots, dot])
-    inside = (dots[:, 0] > -0.5) & (dots[:, 0] < width - 0.5) & (dots[:, 1] > -0.5) & (dots[:, 1] < height - 0.5)
-    dots = dots[inside]
+    image = rig.projector.pattern()
+    (height, width), eyes, rotation = image.shape, _eyes(rig), rig.projector.left_to_projector[:3, :3]
+    nominal_m = -rotation.T @ rig.projector.left_to_projector[:3, 3]
+    projector = ProjectorView(nominal_m, rotation, rig.projector.K, (width, height))
+    # 1. The projector's place, of the nearest and the farthest wall.
+    near, far = views[0], views[-1]
+    walls = [near, far] if far.wall.distance_m > _LEAST_DISTANCE_RATIO * near.wall.distance_m else [near]
+    error, pairs, scales = None, np.empty((0, 2), dtype=int), [1.0]
+    if len(walls) > 1:
+        projector, error, pairs = _meeting_point(near.wall, far.wall, projector)
+    # 2. The dots of both, then those that borders cut where nothing else is.
+    dots, *others = (_dots_of(view, rig, projector) for view in walls)
+    for other in others:
+        scales.append(float(np.median(dots[pairs[:, 0], 2] / other[pairs[:, 1], 2])))
+        other[:, 2] *= scales[-1]
+        dots = _union(dots, other, pairs)
+    for view, scale in zip(walls, scales, strict=True):
+        for side, spots in view.cut.items():
+            points = wall_points(view.wall.plane, *eyes[side], spots.u, spots.v)
+            for dot in _as_dots(points, eyes[side][1], spots.flux, view.wall, projector) * [1.0, 1.0, scale]:
+                if np.hypot(*(dots[:, :2] - dot[:2]).T).min() > _OTHER_DOT_PX:
+                    dots = np.vstack([dots, dot])
+    dots = dots[((dots[:, :2] > -0.5) & (dots[:, :2] < [width - 0.5, height - 0.5])).all(axis=1)]
+    # 3. The light between them.
     background = None
-    if far and far[-1].exposure_s == views[0].exposure_s:
-        stands = ProjectorView(place, rotation, projector.K, (width, height))
-        background = _background(capture.rig, ((views[0], 1.0), (far[-1], power_scale)), stands)
-    left, top, right, bottom = _field(dots)
+    if len(walls) > 1 and far.exposure_s == near.exposure_s:
+        lights = []
+        for side in SIDES:
+            parts = [
+                background_samples(view.spots[side].background, view.wall.plane, *eyes[side], scale, projector)
+                for view, scale in zip(walls, scales, strict=True)
+            ]
+            lights.append(light_between_dots(*map(np.concatenate, zip(*parts, strict=True))))
+        background = max(float(np.mean(lights)), 0.0), float(0.5 * np.ptp(lights))
+    # 4. The unit: where dots are seen, the light of the nominal pattern, dots and background together; without one a
+    # dot's mean is 1.
+    left, top = np.rint(dots[:, :2].min(axis=0)).astype(int)
+    right, bottom = np.rint(dots[:, :2].max(axis=0)).astype(int) + 1
     light = dots[:, 2].sum() + (0.0 if background is None else background[0] * (right - left) * (bottom - top))
-    # Where dots are seen: the light of the nominal pattern, dots and background together; without one a dot's mean is
-    # 1.
     unit = (float(image[top:bottom, left:right].sum()) if image.any() else float(len(dots))) / light
     dots[:, 2] *= unit
     if background is not None:
         background = (unit * background[0], unit * background[1])
+    # 5. A dot's width: the spot's without the pixel's square, seen from the projector at the wall's middle, and without
+    # what interpolation between the pattern's pixels widens it by when it is projected again.
+    middle = near.wall.points[:, 2].mean()
+    to_pattern = projector.K[0, 0] / rig.left.K[0, 0] * middle / (middle - projector.position_m[2])
+    variance = np.maximum(near.spots["left"].sigma_px ** 2 - ROUNDING_VARIANCE, 0.05) * to_pattern**2
+    sigma = float(np.sqrt(max(variance - _INTERPOLATED_PX2, 0.25 * variance)))
     left_to_projector = np.eye(4)
-    left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ place
-    sigma = _pattern_sigma(views[0], capture, place)
+    left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ projector.position_m
     return Pattern(
-        dots,
-        (width, height),
-        projector.K,
-        place,
-        error,
-        left_to_projector,
-        sigma,
-        background,
-        views,
-        len(pairs),
-        capture.rig,
-    )
+        dots, (width, height), projector.K, projector.position_m, error, left_to_projector, sigma, background, views,
+        len(pairs), rig,
+    )  # fmt: skip
 
 
-def _field(dots: np.ndarray) -> tuple[int, int, int, int]:
-    """left, top, right, bottom of the rectangle of the pattern in which dots are seen; the ends are one past."""
-    low, high = np.rint(dots[:, :2].min(axis=0)).astype(int), np.rint(dots[:, :2].max(axis=0)).astype(int) + 1
-    return int(low[0]), int(low[1]), int(high[0]), int(high[1])
-
-
-def _background(
-    rig: CaptureRig, views: tuple[tuple[WallView, float], ...], projector: ProjectorView
-) -> tuple[float, float]:
-    """light_between_dots() of both cameras; views with what brings each one's powers to the first one's."""
-    places = {"left": np.zeros(3), "right": _right_side(rig)}
-    cameras = {"left": rig.left.K, "right": rig.right.K}
-    walls = [
-        [
-            SeenWall(view.spots[side].background, view.wall.plane, places[side], cameras[side], scale)
-            for view, scale in views
-        ]
-        for side in SIDES
-    ]
-    return light_between_dots(walls, projector)
-
-
-def _dots_of(
-    view: WallView, rig: CaptureRig, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
-) -> np.ndarray:
+def _dots_of(view: WallView, rig: CaptureRig, projector: ProjectorView) -> np.ndarray:
     """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left camera's
     spots in their order, then those of the right camera that lie out of the left one's sight."""
-    right, side = view.spots["right"], _right_side(rig)
-    points = wall_points(view.wall.plane, rig.right.K, side, right.u, right.v)
-    border = view.spots["left"].border_px
-    outside = np.zeros(len(points), dtype=bool)
-    for axis, size in enumerate((rig.left.width, rig.left.height)):
-        pixel = rig.left.K[axis, axis] * points[:, axis] / points[:, 2] + rig.left.K[axis, 2]
-        outside |= (pixel <= border) | (pixel >= size - 1 - border)
-    parts = [(view.wall.points, np.zeros(3), view.spots["left"].flux), (points[outside], side, right.flux[outside])]
-    return np.vstack([_as_dots(*part, view.wall, projector_K, place, rotation) for part in parts])
-
-
-def _cut_dots(
-    view: WallView, rig: CaptureRig, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
-) -> np.ndarray:
-    """[dot][3], as _dots_of() has them, of spots that an image's border cuts: less sure, for where nothing else is."""
-    out = []
-    for side, camera, origin in (("left", rig.left, np.zeros(3)), ("right", rig.right, _right_side(rig))):
-        cut = view.cut[side]
-        points = wall_points(view.wall.plane, camera.K, origin, cut.u, cut.v)
-        out.append(_as_dots(points, origin, view.cut[side].flux, view.wall, projector_K, place, rotation))
-    return np.vstack(out)
+    left, right, (K, right_m) = view.spots["left"], view.spots["right"], _eyes(rig)["right"]
+    points = wall_points(view.wall.plane, K, right_m, right.u, right.v)
+    pixel = points[:, :2] / points[:, 2:] * np.diag(rig.left.K)[:2] + rig.left.K[:2, 2]
+    end = np.array([rig.left.width, rig.left.height]) - 1 - left.border_px
+    outside = ((pixel <= left.border_px) | (pixel >= end)).any(axis=1)
+    parts = [(view.wall.points, np.zeros(3), left.flux), (points[outside], right_m, right.flux[outside])]
+    return np.vstack([_as_dots(*part, view.wall, projector) for part in parts])
 
 
 def _as_dots(
-    points: np.ndarray,
-    side: np.ndarray,
-    flux: np.ndarray,
-    wall: Wall,
-    projector_K: np.ndarray,
-    place: np.ndarray,
-    rotation: np.ndarray,
+    points: np.ndarray, camera_m: np.ndarray, flux: np.ndarray, wall: Wall, projector: ProjectorView
 ) -> np.ndarray:
-    """[dot][3]: u, v in the pattern and power of what a camera sees on the wall."""
-    uv, beam = projected(points, place, rotation, projector_K)
-    return np.column_stack([uv, flux * power_factor(points - side, wall.plane[:3], beam)])
+    """[dot][3]: u, v in the pattern and power of spots that a camera sees on the wall."""
+    uv, beam = projector.pixels(points)
+    return np.column_stack([uv, flux * power_factor(points - camera_m, wall.plane[:3], beam)])
 
 
-def _meeting_point(
-    near: Wall, far: Wall, place: np.ndarray, rotation: np.ndarray, projector_K: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(the point that the lines through equal dots meet in, its standard deviations, pairs [n][2] of equal dots)."""
+def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[ProjectorView, np.ndarray, np.ndarray]:
+    """(the projector at the point that the lines through equal dots meet in, the point's standard deviations, pairs
+    [n][2] of equal dots)."""
     pairs = np.empty((0, 2), dtype=int)
     for reach in _SAME_DOT_PX:
-        first, second = (projected(wall.points, place, rotation, projector_K)[0] for wall in (near, far))
+        first, second = (projector.pixels(wall.points)[0] for wall in (near, far))
         distance, other = cKDTree(second).query(first)
         back = cKDTree(first).query(second)[1]
         chosen = np.flatnonzero((distance < reach) & (back[other] == np.arange(len(first))))
@@ -397,10 +341,11 @@ def _meeting_point(
             )
         a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
         place, error = _nearest_to_lines(a, b)
+        projector = replace(projector, position_m=place)
     # A wall's plane errs for all of its dots at once, which the lines' own scatter does not show.
     moved = [_nearest_to_lines(off[pairs[:, 0]], b)[0] for off in near.points_if_off]
     moved += [_nearest_to_lines(a, off[pairs[:, 1]])[0] for off in far.points_if_off]
-    return place, np.sqrt(error**2 + np.sum((np.array(moved) - place) ** 2, axis=0)), pairs
+    return projector, np.sqrt(error**2 + np.sum((np.array(moved) - place) ** 2, axis=0)), pairs
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -429,16 +374,3 @@ def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     # What the near wall shows close by is one dot there and two merged ones here, or the other way round.
     clear = alone[cKDTree(out[:, :2]).query(far[alone, :2])[0] > _SAME_DOT_PX[0]] if len(alone) else alone
     return np.vstack([out, far[clear]])
-
-
-def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float:
-    """A dot's width in the pattern: the spot's without the pixel's square, seen from the projector at the wall's
-    middle, and without what interpolation between the pattern's pixels widens it by when it is projected again."""
-    camera, projector = capture.rig.left.K, capture.rig.projector.K
-    middle = view.wall.points[:, 2].mean()
-    to_pattern = projector[0, 0] / camera[0, 0] * middle / (middle - place[2])
-    variance = np.maximum(view.spots["left"].sigma_px ** 2 - ROUNDING_VARIANCE, 0.05) * to_pattern**2
-    return float(np.sqrt(max(variance - _INTERPOLATED_PX2, 0.25 * variance)))
-
-
-__all__ = ["Pattern", "WallView", "calibrate_pattern", "merged_pattern"]

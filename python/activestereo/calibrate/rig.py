@@ -2,9 +2,8 @@
 """The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right camera, and every
 board's pose; and the picture of where corners were seen.
 
-OpenCV's calibrateCamera and stereoCalibrate (Zhang 2000) give the start; a bundle adjustment over everything gives the
-answer and its covariance: J^T J over the variance of the residuals, times 1.1 for what is not Gaussian about
-corners."""
+OpenCV's calibrateCamera (Zhang 2000) gives the start, a bundle adjustment over everything the answer and its
+deviations, times 1.1 for what is not Gaussian about corners."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,20 +17,20 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from activestereo.calibrate.boards import Board
+from activestereo.calibrate.least_squares import INTERVAL_90, deviations, difference, motion, vector
 from activestereo.capture.capture import SIDES, Camera
 from activestereo.capture.images import read_gray
 from activestereo.common.output_files import replace_file
 from activestereo.common.palette import INK, MUTED
-from activestereo.common.progress_bar import part_of
 from activestereo.model import Rig, SensorModel
 
-LEAST_BOARDS = 3
-_FEW_BOARDS = 10
+_LEAST_BOARDS, _FEW_BOARDS = 3, 10
 # A view whose corners lie so much worse than the others' is a false detection.
 _OUTLIER = 5.0
-_INTERVAL_90 = 1.6449
 _COVERAGE_CELLS = (8, 6)
 _INFLATION = 1.1
+
+Matrices = dict[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -49,45 +48,39 @@ class Calibration:
     picture's cells that corners reach, by camera."""
 
     size: tuple[int, int]
-    K: dict[str, NDArray[np.float64]]
-    distortion: dict[str, NDArray[np.float64]]
+    K: Matrices
+    distortion: Matrices
     left_to_right: NDArray[np.float64]
-    board_to_left: dict[str, NDArray[np.float64]]
-    error: dict[str, NDArray[np.float64]]
+    board_to_left: Matrices
+    error: Matrices
     rms_px: float
     coverage: dict[str, float]
     views: tuple[BoardView, ...]
     bit_depth: int
 
-    def model(self, left_to_projector: NDArray[np.float64] | None = None) -> SensorModel:
+    def model(self) -> SensorModel:
         """model.json's `rig`."""
         left, right = (Camera(*self.size, self.K[side], self.distortion[side]) for side in SIDES)
         errors = "; ".join(
-            f"{side} f ± {_INTERVAL_90 * self.error[side][0]:.2g}, c ± {_INTERVAL_90 * self.error[side][2]:.2g} px"
+            f"{side} f ± {INTERVAL_90 * self.error[side][0]:.2g}, c ± {INTERVAL_90 * self.error[side][2]:.2g} px"
             for side in SIDES
         )
         source = f"calibrate rig: {len(self.views)} boards, {self.rms_px:.3f} px RMS, 90 %: {errors}"
-        return SensorModel(rig=Rig(left, right, self.left_to_right, left_to_projector, self.bit_depth, source=source))
-
-    def interval(self, side: str, number: int) -> tuple[float, float]:
-        """The 90 % interval of a camera's fx, fy, cx or cy (number 0..3)."""
-        K, half = self.K[side], _INTERVAL_90 * self.error[side][number]
-        value = (K[0, 0], K[1, 1], K[0, 2], K[1, 2])[number]
-        return float(value - half), float(value + half)
+        return SensorModel(rig=Rig(left, right, self.left_to_right, bit_depth=self.bit_depth, source=source))
 
     def summary(self) -> str:
         """The summary that the command prints."""
         lines = [f"{len(self.views)} boards, {self.rms_px:.3f} px RMS (values with 90 % intervals)"]
         for side in SIDES:
-            K, half = self.K[side], _INTERVAL_90 * self.error[side]
+            K, half = self.K[side], INTERVAL_90 * self.error[side]
             numbers = zip(("fx", "fy", "cx", "cy"), (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), half, strict=True)
             words = ", ".join(f"{name} {value:.2f} ± {h:.2f}" for name, value, h in numbers)
             lens = ", ".join(f"{d:.4f}" for d in self.distortion[side])
             lines.append(
                 f"{side}: {words} px; lens {lens}; corners reach {100 * self.coverage[side]:.0f} % of the picture"
             )
-        t, e = 1e3 * self.left_to_right[:3, 3], 1e3 * _INTERVAL_90 * self.error["translation"]
-        angle = np.rad2deg(np.linalg.norm(cv2.Rodrigues(self.left_to_right[:3, :3])[0]))
+        t, e = 1e3 * self.left_to_right[:3, 3], 1e3 * INTERVAL_90 * self.error["translation"]
+        angle = difference(np.eye(4), self.left_to_right)[1]
         lines.append(
             f"right camera: x {t[0]:.3f} ± {e[0]:.3f}, y {t[1]:.3f} ± {e[1]:.3f}, z {t[2]:.3f} ± {e[2]:.3f} mm, turned "
             f"{angle:.3f} deg"
@@ -111,16 +104,6 @@ def calibrate_rig(
     than 3 boards found.
     """
     tell = progress or (lambda fraction: None)
-    views, size, bit_depth = find_boards(path, board, part_of(tell, 0.0, 0.7))
-    result = calibrate(views, size, has_lens, known_K, bit_depth)
-    tell(1.0)
-    return result
-
-
-def find_boards(
-    path: Path, board: Board, tell: Callable[[float], object]
-) -> tuple[list[BoardView], tuple[int, int], int]:
-    """(views that show a board, (width, height), bit depth)."""
     folders = {side: Path(path) / side for side in SIDES}
     names = {side: {file.name for file in folder.glob("*.png")} for side, folder in folders.items()}
     both = sorted(names["left"] & names["right"])
@@ -145,15 +128,17 @@ def find_boards(
                 corners[side] = found
         if corners:
             views.append(BoardView(name, corners))
-        tell((number + 1) / len(both))
+        tell(0.7 * (number + 1) / len(both))
     seen = sum(len(view.corners) == 2 for view in views)
-    if size is None or seen < LEAST_BOARDS:
+    if size is None or seen < _LEAST_BOARDS:
         raise ValueError(
-            f"{path}: {seen} of {len(both)} frame pairs show the board to both cameras, at least {LEAST_BOARDS} are "
+            f"{path}: {seen} of {len(both)} frame pairs show the board to both cameras, at least {_LEAST_BOARDS} are "
             "needed: check --board, light the board evenly with the projector off, and keep all of a chessboard in "
             "view"
         )
-    return views, size, depth
+    result = calibrate(views, size, has_lens, known_K, depth)
+    tell(1.0)
+    return result
 
 
 def calibrate(
@@ -164,165 +149,102 @@ def calibrate(
     bit_depth: int = 8,
 ) -> Calibration:
     """The Calibration of boards' corners; false detections are left out once."""
-    result = _calibrate(views, size, has_lens, known_K, bit_depth)
-    worst = {view.name: rms for view, rms in zip(result[0].views, result[1], strict=True)}
-    limit = _OUTLIER * float(np.median(list(worst.values())))
-    good = [view for view in views if worst.get(view.name, 0.0) <= limit]
-    if len(good) == len(views) or sum(len(v.corners) == 2 for v in good) < LEAST_BOARDS:
-        return result[0]
-    return _calibrate(good, size, has_lens, known_K, bit_depth)[0]
+    result, rms = _bundle(views, size, has_lens, known_K, bit_depth)
+    limit = _OUTLIER * float(np.median(list(rms.values())))
+    good = [view for view in views if rms.get(view.name, 0.0) <= limit]
+    if len(good) == len(views) or sum(len(v.corners) == 2 for v in good) < _LEAST_BOARDS:
+        return result
+    return _bundle(good, size, has_lens, known_K, bit_depth)[0]
 
 
-def _calibrate(
+def _bundle(
     views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None, bit_depth: int
-) -> tuple[Calibration, NDArray[np.float64]]:
-    start = _start(views, size, has_lens, known_K)
-    views = [view for view in views if view.name in start.boards]
-    problem = _Bundle(views, start, has_lens, known_K is not None)
-    solution = least_squares(
-        problem.residuals, problem.vector, jac_sparsity=problem.sparsity(), x_scale="jac", method="trf", max_nfev=60
-    )
-    left = problem.residuals(solution.x)
-    freedom = max(len(left) - len(solution.x), 1)
-    variance = float(left @ left) / freedom
-    jacobian = solution.jac.toarray() if hasattr(solution.jac, "toarray") else solution.jac
-    scale = np.linalg.norm(jacobian, axis=0) + 1e-12
-    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), hermitian=True) / np.outer(scale, scale)
-    deviation = _INFLATION * np.sqrt(variance * np.diag(inverse))
-    K, distortion, left_to_right, poses = problem.unpacked(solution.x)
-    error = problem.errors(deviation)
+) -> tuple[Calibration, dict[str, float]]:
+    """(the Calibration, each view's RMS, pixels). The vector of everything: each camera's fx, fy, cx, cy and lens;
+    left_to_right; a pose per board."""
+    first_K, first_lens, first_right, boards = _start(views, size, has_lens, known_K)
+    views = [view for view in views if view.name in boards]
+    own = 0 if known_K is not None else 9 if has_lens else 4
+    cameras = [np.r_[first_K[side][(0, 1, 0, 1), (0, 1, 2, 2)], first_lens[side]][:own] for side in SIDES]
+    first = np.concatenate([*cameras, vector(first_right), *(vector(boards[view.name]) for view in views)])
+
+    def unpacked(x: NDArray[np.float64]) -> tuple[Matrices, Matrices, list[NDArray[np.float64]]]:
+        """(K, lenses, left_to_right and the boards' poses)."""
+        K, lenses = dict(first_K), {side: np.zeros(5) for side in SIDES}
+        for number, side in enumerate(SIDES if own else ()):
+            fx, fy, cx, cy, *lens = x[number * own : (number + 1) * own]
+            K[side] = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+            lenses[side][: len(lens)] = lens
+        return K, lenses, [motion(part) for part in x[2 * own :].reshape(-1, 6)]
+
+    def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        K, lenses, (left_to_right, *poses) = unpacked(x)
+        to_side = {"left": np.eye(4), "right": left_to_right}
+        return np.concatenate(
+            [
+                (_drawn(points, to_side[side] @ pose, K[side], lenses[side]) - pixels).ravel()
+                for view, pose in zip(views, poses, strict=True)
+                for side, (points, pixels) in view.corners.items()
+            ]
+        )
+
+    # A residual depends on its camera, its board, and of the right camera on left_to_right.
+    rows = [2 * sum(len(pixels) for _, pixels in view.corners.values()) for view in views]
+    sparsity, row = lil_matrix((sum(rows), len(first)), dtype=int), 0
+    for number, view in enumerate(views):
+        for side, (_, pixels) in view.corners.items():
+            camera, board, end = SIDES.index(side) * own, 2 * own + 6 * (number + 1), row + 2 * len(pixels)
+            sparsity[row:end, camera : camera + own] = sparsity[row:end, board : board + 6] = 1
+            if side == "right":
+                sparsity[row:end, 2 * own : 2 * own + 6] = 1
+            row = end
+    solution = least_squares(residuals, first, jac_sparsity=sparsity, x_scale="jac", method="trf", max_nfev=60)
+    rest = residuals(solution.x)
+    error = _INFLATION * deviations(solution, rest)
+    K, lenses, (left_to_right, *poses) = unpacked(solution.x)
+    errors = {side: error[n * own : n * own + 4] if own else np.zeros(4) for n, side in enumerate(SIDES)}
     coverage = {side: _coverage([v.corners[side][1] for v in views if side in v.corners], size) for side in SIDES}
-    boards = {view.name: pose for view, pose in zip(views, poses, strict=True)}
     result = Calibration(
-        size,
-        K,
-        distortion,
-        left_to_right,
-        boards,
-        error,
-        float(np.sqrt(2.0 * np.mean(left**2))),
-        coverage,
-        tuple(views),
-        bit_depth,
-    )
-    return result, problem.rms_by_view(left)
-
-
-@dataclass(frozen=True)
-class _Start:
-    K: dict[str, NDArray[np.float64]]
-    distortion: dict[str, NDArray[np.float64]]
-    left_to_right: NDArray[np.float64]
-    boards: dict[str, NDArray[np.float64]]
+        size, K, lenses, left_to_right, {view.name: pose for view, pose in zip(views, poses, strict=True)},
+        errors | {"translation": error[2 * own + 3 : 2 * own + 6]}, float(np.sqrt(2.0 * np.mean(rest**2))), coverage,
+        tuple(views), bit_depth,
+    )  # fmt: skip
+    parts = np.split(rest, np.cumsum(rows)[:-1])
+    return result, {view.name: float(np.sqrt(2.0 * np.mean(p**2))) for view, p in zip(views, parts, strict=True)}
 
 
 def _start(
     views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None
-) -> _Start:
-    """OpenCV's calibration of each camera, and board poses in the left camera."""
-    K, distortion = {}, {}
-    poses: dict[str, dict[str, NDArray[np.float64]]] = {}
+) -> tuple[Matrices, Matrices, NDArray[np.float64], Matrices]:
+    """(K, lenses, left_to_right, board poses in the left camera) by OpenCV's calibration of each camera."""
+    K, lenses, poses = {}, {}, {}
     flags = 0 if has_lens else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     for side in SIDES:
         seen = [view for view in views if side in view.corners]
-        points = [view.corners[side][0].astype(np.float32) for view in seen]
-        pixels = [view.corners[side][1].astype(np.float32) for view in seen]
+        points, pixels = ([view.corners[side][k].astype(np.float32) for view in seen] for k in (0, 1))
         if known_K is None:
-            _, K[side], lens, rotations, translations = cv2.calibrateCamera(
-                points, pixels, size, None, None, flags=flags
-            )
-            distortion[side] = np.ravel(lens)[:5]
+            _, K[side], lens, turns, places = cv2.calibrateCamera(points, pixels, size, None, None, flags=flags)
+            lenses[side] = np.ravel(lens)[:5]
         else:
-            K[side], distortion[side] = np.array(known_K, dtype=np.float64), np.zeros(5)
-            solved = [cv2.solvePnP(p, q, K[side], distortion[side]) for p, q in zip(points, pixels, strict=True)]
-            rotations, translations = [s[1] for s in solved], [s[2] for s in solved]
-        poses[side] = {view.name: _pose(r, t) for view, r, t in zip(seen, rotations, translations, strict=True)}
+            K[side], lenses[side] = np.array(known_K, dtype=np.float64), np.zeros(5)
+            solved = [cv2.solvePnP(p, q, K[side], lenses[side])[1:] for p, q in zip(points, pixels, strict=True)]
+            turns, places = zip(*solved, strict=True)
+        poses[side] = {v.name: motion(np.concatenate([r, t])) for v, r, t in zip(seen, turns, places, strict=True)}
     between = [
-        poses["right"][name] @ np.linalg.inv(pose) for name, pose in poses["left"].items() if name in poses["right"]
+        vector(poses["right"][name] @ np.linalg.inv(pose))
+        for name, pose in poses["left"].items()
+        if name in poses["right"]
     ]
-    turn = np.median([np.ravel(cv2.Rodrigues(b[:3, :3])[0]) for b in between], axis=0)
-    left_to_right = _pose(turn, np.median([b[:3, 3] for b in between], axis=0))
-    boards = dict(poses["left"])
-    for name, pose in poses["right"].items():
-        boards.setdefault(name, np.linalg.inv(left_to_right) @ pose)
-    return _Start(K, distortion, left_to_right, boards)
+    left_to_right = motion(np.median(between, axis=0))
+    from_right = {name: np.linalg.inv(left_to_right) @ pose for name, pose in poses["right"].items()}
+    return K, lenses, left_to_right, from_right | poses["left"]
 
 
-class _Bundle:
-    """The vector of everything, and what it leaves in pixels: per camera fx, fy, cx, cy and the lens; left_to_right; a
-    pose per board."""
-
-    def __init__(self, views: list[BoardView], start: _Start, has_lens: bool, is_known: bool) -> None:
-        self._views, self._has_lens, self._start, self._is_known = views, has_lens, start, is_known
-        parts: list[NDArray[np.float64]] = []
-        for side in SIDES if not is_known else ():
-            K = start.K[side]
-            parts.append(np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]]))
-            parts += [start.distortion[side]] if has_lens else []
-        self._side = (0 if is_known else 4) + (5 if has_lens and not is_known else 0)
-        parts.append(_vector(start.left_to_right))
-        parts += [_vector(start.boards[view.name]) for view in views]
-        self.vector = np.concatenate(parts)
-
-    def unpacked(
-        self, x: NDArray[np.float64]
-    ) -> tuple[
-        dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]], NDArray[np.float64], list[NDArray[np.float64]]
-    ]:
-        K, distortion = dict(self._start.K), {side: np.zeros(5) for side in SIDES}
-        for number, side in enumerate(SIDES if self._side else ()):
-            part = x[number * self._side : (number + 1) * self._side]
-            K[side] = np.array([[part[0], 0.0, part[2]], [0.0, part[1], part[3]], [0.0, 0.0, 1.0]])
-            if self._has_lens:
-                distortion[side] = part[4:9]
-        rest = x[2 * self._side :].reshape(-1, 6)
-        return K, distortion, _pose(rest[0, :3], rest[0, 3:]), [_pose(p[:3], p[3:]) for p in rest[1:]]
-
-    def residuals(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        K, distortion, left_to_right, poses = self.unpacked(x)
-        out = []
-        for view, pose in zip(self._views, poses, strict=True):
-            for side, (points, pixels) in view.corners.items():
-                camera = pose if side == "left" else left_to_right @ pose
-                turn = cv2.Rodrigues(camera[:3, :3])[0]
-                out.append(
-                    (
-                        cv2.projectPoints(points, turn, camera[:3, 3], K[side], distortion[side])[0].reshape(-1, 2)
-                        - pixels
-                    ).ravel()
-                )
-        return np.concatenate(out)
-
-    def sparsity(self) -> lil_matrix:
-        """The sparsity of the Jacobian: 1 where a residual depends on a parameter."""
-        rows = sum(2 * len(pixels) for view in self._views for _, pixels in view.corners.values())
-        pattern, row = lil_matrix((rows, len(self.vector)), dtype=int), 0
-        for number, view in enumerate(self._views):
-            pose = 2 * self._side + 6 * (number + 1)
-            for side, (_, pixels) in view.corners.items():
-                end = row + 2 * len(pixels)
-                first = SIDES.index(side) * self._side
-                pattern[row:end, first : first + self._side] = 1
-                pattern[row:end, pose : pose + 6] = 1
-                if side == "right":
-                    pattern[row:end, 2 * self._side : 2 * self._side + 6] = 1
-                row = end
-        return pattern
-
-    def errors(self, deviation: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        sides = {
-            side: deviation[n * self._side : n * self._side + 4] if self._side else np.zeros(4)
-            for n, side in enumerate(SIDES)
-        }
-        return sides | {"translation": deviation[2 * self._side + 3 : 2 * self._side + 6]}
-
-    def rms_by_view(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        out, row = [], 0
-        for view in self._views:
-            count = sum(2 * len(pixels) for _, pixels in view.corners.values())
-            out.append(np.sqrt(2.0 * np.mean(residuals[row : row + count] ** 2)))
-            row += count
-        return np.array(out)
+def _drawn(
+    points: NDArray[np.float64], pose: NDArray[np.float64], K: NDArray[np.float64], lens: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Pixels [n][2] of points [n][3]; pose: 4x4 to the camera."""
+    return np.asarray(cv2.projectPoints(points, *np.split(vector(pose), 2), K, lens)[0].reshape(-1, 2))
 
 
 def _coverage(pixels: list[NDArray[np.float64]], size: tuple[int, int]) -> float:
@@ -331,57 +253,25 @@ def _coverage(pixels: list[NDArray[np.float64]], size: tuple[int, int]) -> float
     return len(np.unique(inside, axis=0)) / float(np.prod(_COVERAGE_CELLS))
 
 
-def _pose(turn: NDArray[np.float64], translation: NDArray[np.float64]) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(np.ravel(turn).astype(np.float64))[0], np.ravel(translation)
-    return pose
-
-
-def _vector(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.concatenate([np.ravel(cv2.Rodrigues(pose[:3, :3])[0]), pose[:3, 3]])
-
-
 def write_coverage(path: Path, result: Calibration) -> None:
-    """Writes a PNG."""
-    figure = coverage_figure(result)
-    replace_file(path, lambda file: figure.savefig(file, format="png", dpi=110))
-
-
-def coverage_figure(result: Calibration) -> Figure:
-    """A matplotlib Figure: each camera's corners, coloured by what the calibration leaves of them, pixels."""
+    """Writes a PNG: each camera's corners, coloured by what the calibration leaves of them, pixels."""
     figure = Figure(figsize=(11.0, 4.1), facecolor="white", layout="constrained")
     width, height = result.size
     shown = None
     for axes, side in zip(figure.subplots(1, 2), SIDES, strict=True):
-        places, lengths = corner_errors(result, side)
-        shown = axes.scatter(*places.T, c=lengths, s=7, cmap="viridis", vmin=0.0, vmax=max(4.0 * result.rms_px, 1e-3))
+        to_side = np.eye(4) if side == "left" else result.left_to_right
+        corners = [
+            (to_side @ result.board_to_left[v.name], *v.corners[side]) for v in result.views if side in v.corners
+        ]
+        places = np.concatenate([pixels for _, _, pixels in corners])
+        drawn = np.concatenate([_drawn(p, pose, result.K[side], result.distortion[side]) for pose, p, _ in corners])
+        shown = axes.scatter(
+            *places.T, c=np.linalg.norm(drawn - places, axis=1), s=7, cmap="viridis", vmin=0.0,
+            vmax=max(4.0 * result.rms_px, 1e-3),
+        )  # fmt: skip
         axes.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
-        axes.set_title(
-            f"{side}: {len(places)} corners reach {100 * result.coverage[side]:.0f} % of the picture",
-            size=10,
-            color=INK,
-            loc="left",
-        )
+        title = f"{side}: {len(places)} corners reach {100 * result.coverage[side]:.0f} % of the picture"
+        axes.set_title(title, size=10, color=INK, loc="left")
         axes.tick_params(labelsize=8, colors=MUTED)
     figure.colorbar(shown, ax=figure.axes, shrink=0.8).set_label("left over, px", size=9, color=MUTED)
-    return figure
-
-
-def corner_errors(result: Calibration, side: str) -> tuple[np.ndarray, np.ndarray]:
-    """(pixels [n][2] of all corners of a camera, how far off each is)."""
-    places, lengths = [], []
-    for view in result.views:
-        if side in view.corners:
-            points, pixels = view.corners[side]
-            pose = (
-                result.board_to_left[view.name]
-                if side == "left"
-                else result.left_to_right @ result.board_to_left[view.name]
-            )
-            turn = cv2.Rodrigues(pose[:3, :3])[0]
-            drawn = cv2.projectPoints(points, turn, pose[:3, 3], result.K[side], result.distortion[side])[0].reshape(
-                -1, 2
-            )
-            places.append(pixels)
-            lengths.append(np.linalg.norm(drawn - pixels, axis=1))
-    return np.concatenate(places), np.concatenate(lengths)
+    replace_file(path, lambda file: figure.savefig(file, format="png", dpi=110))

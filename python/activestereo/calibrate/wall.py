@@ -5,12 +5,11 @@ The wall is a plane in disparity, and a spot's place the best of both cameras. B
 black level and the room's light, which a wall at either of two distances has alike, and the projector's light, which
 falls with the distance's square:
 
-    counts = constant of the camera + background * (pattern pixels per camera pixel)
-(flux to power, power_factor)"""
+    counts = constant of the camera + background * (pattern pixels per camera pixel) / power_factor()
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,19 +138,6 @@ _OUTLIER = 4.0  # in median absolute deviations
 
 
 @dataclass(frozen=True)
-class SeenWall:
-    """One wall by one camera. background [height][width], DN: the image without its dots. plane: [n, d] with n . X = d
-    in the left camera's frame, metres. camera_m: the camera's origin there. K: the camera's. to_common: what brings
-    this wall's powers to the first wall's."""
-
-    background: NDArray[np.float64]
-    plane: NDArray[np.float64]
-    camera_m: NDArray[np.float64]
-    K: NDArray[np.float64]
-    to_common: float
-
-
-@dataclass(frozen=True)
 class ProjectorView:
     """The projector's place: its origin in the left camera's frame, the rotation into its own, its K, and the
     pattern's width and height in pixels."""
@@ -162,18 +148,12 @@ class ProjectorView:
     size: tuple[int, int]
 
     def pixels(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return projected(points, self.position_m, self.rotation, self.K)
-
-
-def projected(
-    points: NDArray[np.float64], position_m: NDArray[np.float64], rotation: NDArray[np.float64], K: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(u, v [n][2] in the pattern, the beams [n][3] in the projector's axes) of points [n][3] in the left camera's
-    frame."""
-    beam = (points - position_m) @ rotation.T
-    u = K[0, 0] * beam[:, 0] / beam[:, 2] + K[0, 2]
-    v = K[1, 1] * beam[:, 1] / beam[:, 2] + K[1, 2]
-    return np.column_stack([u, v]), beam
+        """(u, v [n][2] in the pattern, the beams [n][3] in the projector's axes) of points [n][3] in the left camera's
+        frame."""
+        beam = (points - self.position_m) @ self.rotation.T
+        u = self.K[0, 0] * beam[:, 0] / beam[:, 2] + self.K[0, 2]
+        v = self.K[1, 1] * beam[:, 1] / beam[:, 2] + self.K[1, 2]
+        return np.column_stack([u, v]), beam
 
 
 def power_factor(
@@ -192,18 +172,9 @@ def power_factor(
     return np.asarray(distance**2 * off_axis**3 / (off_normal * off_beam**3))
 
 
-def light_between_dots(
-    walls_by_side: Sequence[Sequence[SeenWall]], projector: ProjectorView
-) -> tuple[float, float]:
-    """(the pattern's value between its dots, in the unit of their powers per square pixel; half of what the cameras
-    differ by)."""
-    found = [_fit_side(walls, projector) for walls in walls_by_side]
-    return max(float(np.mean(found)), 0.0), float(0.5 * np.ptp(found))
-
-
-def _fit_side(walls: Sequence[SeenWall], projector: ProjectorView) -> float:
-    parts = [_samples(wall, projector) for wall in walls]
-    counts, shares = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+def light_between_dots(counts: NDArray[np.float64], shares: NDArray[np.float64]) -> float:
+    """The pattern's value between its dots, in the unit of their powers per square pixel, from one camera's
+    background_samples() of all walls."""
     columns = np.column_stack([np.ones(len(shares)), shares])
     use = np.ones(len(shares), dtype=bool)
     for _ in range(3):
@@ -213,17 +184,22 @@ def _fit_side(walls: Sequence[SeenWall], projector: ProjectorView) -> float:
     return float(solution[1])
 
 
-def _samples(wall: SeenWall, projector: ProjectorView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(counts, what a background of 1 adds to them) of pixels of a wall within the pattern."""
-    height, width = wall.background.shape
+def background_samples(
+    background: NDArray[np.float64], plane: NDArray[np.float64], K: NDArray[np.float64], camera_m: NDArray[np.float64],
+    to_common: float, projector: ProjectorView,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """(counts, what a background of 1 adds to them) of pixels of a wall within the pattern. background [height][width],
+    DN: the image without its dots. plane: [n, d] with n . X = d in the left camera's frame, metres. K, camera_m: the
+    camera's, and its origin there. to_common: what brings this wall's powers to the first wall's."""
+    height, width = background.shape
     rows, columns = (np.arange(_BORDER_PX, size - _BORDER_PX, _STRIDE_PX) for size in (height, width))
     v, u = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
-    points = wall_points(wall.plane, wall.K, wall.camera_m, u, v)
+    points = wall_points(plane, K, camera_m, u, v)
     place, beam = projector.pixels(points)
-    nexts = (wall_points(wall.plane, wall.K, wall.camera_m, *shifted) for shifted in ((u + 1, v), (u, v + 1)))
+    nexts = (wall_points(plane, K, camera_m, *shifted) for shifted in ((u + 1, v), (u, v + 1)))
     along_u, along_v = (projector.pixels(shifted)[0] - place for shifted in nexts)
     pattern_pixels = np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0])
     margin = _BORDER_PX * np.sqrt(pattern_pixels)[:, None]
     inside = np.all((place > margin) & (place < np.array(projector.size) - margin), axis=1)
-    shares = pattern_pixels / (power_factor(points - wall.camera_m, wall.plane[:3], beam) * wall.to_common)
-    return wall.background[v, u][inside], shares[inside]
+    shares = pattern_pixels / (power_factor(points - camera_m, plane[:3], beam) * to_common)
+    return background[v, u][inside], shares[inside]

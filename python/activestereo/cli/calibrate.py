@@ -47,7 +47,7 @@ each, of 3 or more one; --dark: frames with the lens covered.
 examples:
   activestereo calibrate noise wall/ --dark covered/ -o model.json
   activestereo calibrate noise EMVA1288_Data.txt -o model.json
-  activestereo calibrate noise stack.npy --paper -o model.json
+  activestereo calibrate noise stack.npy -o model.json
 """
 
 _PATTERN = """\
@@ -76,9 +76,8 @@ BOARD is one of
   charuco:9x6:0.03:0.022     ChArUco, 9x6 squares of 0.03 m, markers (5x5) of 0.022 m
   apriltag:6x4:0.04:0.01     6x4 AprilTags (36h11) of 0.04 m, 0.01 m apart
 
-With --robot the camera's place on the gripper follows, by five methods side by
-side and least squares over all poses; it goes into FILE's name with
-.hand_eye.json. The CSV names the frames as the PNG files do.
+With --robot the camera's place on the gripper follows, by least squares over all
+poses; it goes into FILE's name with .hand_eye.json. The CSV names the frames as the PNG files do.
 
 examples:
   activestereo calibrate rig boards/ --board 9x6:0.03 -o model.json
@@ -109,8 +108,6 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     noise = _part(parts, "noise", "the imager's temporal noise from repeats", _NOISE)
     noise.add_argument("frames", type=Path, metavar="FRAMES", help="repeats of static views")
     noise.add_argument("--dark", type=Path, metavar="FRAMES", help="repeats without light")
-    text = "print the paper's literal fit, too: clean image = average, theta and mu free"
-    noise.add_argument("--paper", action="store_true", help=text)
     noise.set_defaults(run=_run_noise)
     pattern = _part(parts, "pattern", "the projector's dots from frames of a flat wall", _PATTERN)
     pattern.add_argument("frames", type=Path, metavar="WALL_FRAMES", help="capture whose repeat groups look at a wall")
@@ -150,13 +147,11 @@ def _run_noise(args: argparse.Namespace) -> None:
     check_out_file(args.out)
     measured: Emva1288 | Noise
     if is_emva1288(args.frames):
-        if args.paper:
-            raise CommandError(f"{args.frames}: --paper needs ten or more repeats of views that are not even")
         with ProgressBar("reading frames") as bar:
             measured = calibrate_emva1288(args.frames, args.dark, bar)
     else:
         with ProgressBar("fitting noise") as bar:
-            measured = calibrate_noise(args.frames, args.dark, args.paper, args.seed, bar)
+            measured = calibrate_noise(args.frames, args.dark, args.seed, bar)
     replace_sections(args.out, measured.model())
     print_section(args, "imager", measured.summary())
 

@@ -15,7 +15,7 @@ from activestereo import StereoDepthSensorConfig
 from activestereo.calibrate.model_section import replace_sections
 from activestereo.calibrate.pattern import _as_if_not_turned, _meeting_point, _variance_of_mean, calibrate_pattern
 from activestereo.calibrate.spots import Spots, find_spots
-from activestereo.calibrate.wall import find_wall
+from activestereo.calibrate.wall import ProjectorView, find_wall
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
 from activestereo.model import SensorModel, read_model
@@ -244,9 +244,10 @@ def test_intervals_of_dim_walls_hold_the_truth():
             points = place + (distance_m - place[2]) * ray
             seen = [_spots_of(points - [shift, 0, 0], peak_dn * power, left_K, rng) for shift in (0.0, baseline_m)]
             walls.append(find_wall(*seen, left_K, left_K, baseline_m, "wall"))
-        found, error, pairs = _meeting_point(*walls, NOMINAL_POSITION_M, np.eye(3), dots_K)
+        nominal = ProjectorView(NOMINAL_POSITION_M, np.eye(3), dots_K, (500, 400))
+        found, error, pairs = _meeting_point(*walls, nominal)
         assert len(pairs) > 200
-        scores.append((found - place) / error)
+        scores.append((found.position_m - place) / error)
     scores = np.array(scores)
     assert np.sum(np.abs(scores) < 1.6449) >= 8
     assert 0.5 < np.sqrt(np.mean(scores**2)) < 1.5  # nor are they wide for nothing

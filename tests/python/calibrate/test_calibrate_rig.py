@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from activestereo.calibrate.boards import Board
-from activestereo.calibrate.hand_eye import difference, hand_eye, read_poses
+from activestereo.calibrate.hand_eye import hand_eye, read_poses
+from activestereo.calibrate.least_squares import difference
 from activestereo.calibrate.rig import BoardView, calibrate
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
@@ -27,17 +28,12 @@ def test_the_asked_figures_hold_on_twenty_boards(seed):
     for side in ("left", "right"):
         assert np.diag(found.K[side])[:2] == pytest.approx(np.diag(world.K[side])[:2], rel=1e-3)
         assert np.abs(found.K[side][:2, 2] - world.K[side][:2, 2]).max() < 0.6
-        for number, true in enumerate(
-            (world.K[side][0, 0], world.K[side][1, 1], world.K[side][0, 2], world.K[side][1, 2])
-        ):
-            low, high = found.interval(side, number)
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            assert abs(true - middle) < 2.5 * half  # four standard errors
+        off = (found.K[side] - world.K[side])[(0, 1, 0, 1), (0, 1, 2, 2)]
+        assert np.all(np.abs(off) < 4.1 * found.error[side])
     assert difference(found.left_to_right, world.left_to_right)[0] < 2e-4
     hand = hand_eye(world.robot(seed), [found.board_to_left[view.name] for view in world.views])
     metres, degrees = difference(hand.camera_to_gripper, world.camera_to_gripper)
     assert metres < 1e-3 and degrees < 0.1
-    assert len(hand.by_method) == 5 and hand.spread[0] < 5e-3
     assert np.abs(hand.camera_to_gripper - world.camera_to_gripper)[:3, 3].max() < 5.0 * hand.error[3:].max() + 3e-4
 
 
@@ -140,7 +136,7 @@ def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
         == 0
     )
     text = capsys.readouterr().out
-    assert "6 boards" in text and "Daniilidis" in text and "corners reach" in text
+    assert "6 boards" in text and "camera on gripper" in text and "corners reach" in text
     rig = read_model(out).rig
     assert rig.left.K[0, 0] == pytest.approx(world.K["left"][0, 0], rel=5e-3)
     assert rig.left_to_right[0, 3] == pytest.approx(-0.05, abs=5e-4)

@@ -16,6 +16,19 @@ _CORNER_NOISE_PX = 0.08
 _ROBOT_NOISE_M, _ROBOT_NOISE_RAD = 2e-4, 2e-4
 
 
+def printed(board: Board, pixels_per_m: float, margin_m: float) -> np.ndarray:
+    """The board as a picture to print, its first corner at margin_m (chessboard: plus one square) from the left top."""
+    margin = round(pixels_per_m * margin_m)
+    if board.kind != "chessboard":
+        gap = 0.0 if board.kind == "charuco" else board.second_m
+        step = board.camera_m + gap
+        size = tuple(round(pixels_per_m * (n * step - gap + 2 * margin_m)) for n in (board.columns, board.rows))
+        return board._aruco_board()[0].draw(size, marginSize=margin, borderBits=1)
+    square = round(pixels_per_m * board.camera_m)
+    row, column = np.mgrid[: square * (board.rows + 1), : square * (board.columns + 1)] // square
+    return np.pad(np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8), margin, constant_values=255)
+
+
 def matrix(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = Rotation.from_rotvec(turn).as_matrix(), place
@@ -96,7 +109,7 @@ class RigWorld:
         first_corner_m: of the board's origin from the print's left top, metres."""
         assert not np.any(self.distortion[side])
         density, fine = 8000.0, 3
-        print_ = board.drawn(density, margin_m)
+        print_ = printed(board, density, margin_m)
         pose = self.boards[name] if side == "left" else self.left_to_right @ self.boards[name]
         # Print pixels to board metres to fine pixels.
         to_board = np.array(

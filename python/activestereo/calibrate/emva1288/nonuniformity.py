@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording, Step
+from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording
 from activestereo.calibrate.emva1288.transfer import DEVIATIONS
 from activestereo.model import Quantity
 
@@ -94,13 +94,14 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
             f"{bright.place}: {100 * bright.clipped:.1f} % of the counts clip: record these frames at half of "
             "saturation"
         )
-    signal, size = bright.mean_dn - dark.mean_dn, _averaged(bright).shape
+    of_light, of_dark = bright.average, dark.average
+    assert of_light is not None and of_dark is not None
+    signal, size = bright.mean_dn - dark.mean_dn, of_light.shape
     if signal <= 0.0 or min(size) < _LEAST_SIDE:
         raise ValueError(
             f"{bright.place}: {size[1]}x{size[0]} pixels, {signal:+.2f} DN over the dark: DSNU and PRNU need frames of "
             f"{_LEAST_SIDE}x{_LEAST_SIDE} or more, and light"
         )
-    of_light, of_dark = _averaged(bright), _averaged(dark)
     noise = [step.variance_dn2 / step.frames for step in (bright, dark)]
     spread = _spread(of_dark, noise[1])
     with np.errstate(invalid="ignore"):
@@ -114,11 +115,6 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
         dsnu, prnu, split(of_dark, noise[1], "DN"), light, (lowest, highest), bright.pixels, bright.photons, signal,
         bright.exposure_s,
     )  # fmt: skip
-
-
-def _averaged(step: Step) -> Array:
-    assert step.average is not None
-    return step.average
 
 
 def _spread(image: Array, noise: float) -> Array:
@@ -158,10 +154,8 @@ def split(image: Array, noise: float, unit: str) -> Split:
         float((np.where(good, rest, 0.0).sum(axis=axis) / np.maximum(good.sum(axis=axis), 1)).var(ddof=taken))
         for axis in (0, 1)
     )
-    column, row = (
-        _deviation(of_columns, n - taken, variance / m, unit),
-        _deviation(of_rows, m - taken, variance / n, unit),
-    )
+    column = _deviation(of_columns, n - taken, variance / m, unit)
+    row = _deviation(of_rows, m - taken, variance / n, unit)
     level = float((image - drawn)[good].mean())
     half = DEVIATIONS * float(np.sqrt(variance / (m * n) + column.value**2 / n + row.value**2 / m))
     return Split(

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.frames import read_repeats
+from activestereo.calibrate.frames import bit_depth, read_repeats
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import read_text
 from activestereo.common.rounding import ROUNDING_VARIANCE
@@ -58,6 +58,10 @@ class Step:
         """Standard deviation of the variance: of a sum of squares of Gaussians. It is rounding's or more, for
         counts that all agree are not exact."""
         return max(self.variance_dn2, ROUNDING_VARIANCE) * float(np.sqrt(2.0 / (self.pixels * (self.frames - 1))))
+
+    def mean_error_dn(self) -> float:
+        """Standard deviation of the mean."""
+        return float(np.sqrt(max(self.variance_dn2, ROUNDING_VARIANCE) / (self.frames * self.pixels)))
 
 
 @dataclass(frozen=True)
@@ -158,8 +162,7 @@ def read_folders(lit: Path, dark: Path) -> Recording:
             f"{other_name}: is {other[1]}x{other[0]}, {name} is {first[1]}x{first[0]}: record all steps "
             "with one setting"
         )
-    highest = max(int(view.counts.max()) for view, _ in stacks)
-    bits = 8 if all(view.counts.dtype == np.uint8 for view, _ in stacks) else max(8, highest.bit_length())
+    bits = bit_depth([view for view, _ in stacks])
     steps = [step_of(view.counts, 2**bits - 1, 0.0, photons, view.name) for view, photons in stacks]
     return Recording(str(lit), bits, tuple(steps))
 

@@ -40,11 +40,6 @@ class WeightedFit:
         """A value's standard deviation."""
         return float(np.sqrt(max(self.covariance[place, place], 0.0)))
 
-    def nearby(self) -> list[np.ndarray]:
-        """Values one standard deviation away, one set for each independent direction."""
-        squares, directions = np.linalg.eigh(self.covariance)
-        return [self.values + step for step in (directions * np.sqrt(np.maximum(squares, 0.0))).T]
-
     def quantity(self, place: int, unit: str, source: str) -> Quantity:
         """A value with its 90 % interval."""
         value, half = float(self.values[place]), self.quantile * self.error(place)
@@ -156,10 +151,12 @@ class _Levels:
 def photon_transfer(recording: Recording) -> PhotonTransfer:
     """The figures of a recording. ValueError, with what to record, where dark frames or steps of light are missing,
     saturated, or depart from the others."""
-    lit = _lit_steps(recording)
-    dark = [step for step in recording.steps if step.is_dark]
+    lit, dark = _lit_steps(recording), [step for step in recording.steps if step.is_dark]
     levels = _levels(lit, dark)
-    top = _saturation(levels)
+    # Saturation: the last step whose variance is the largest, to what its error tells (2.4).
+    peak = int(np.argmax(levels.variance))
+    error = np.hypot(levels.variance_error, levels.variance_error[peak])
+    top = int(np.flatnonzero(levels.variance >= levels.variance[peak] - 2.0 * error)[-1])
     used = (levels.signal <= _GAIN_RANGE * levels.signal[top]) & (np.arange(len(levels.signal)) <= top)
     if used.sum() < _LEAST_STEPS:
         raise ValueError(
@@ -173,7 +170,7 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     dark_variance = fit_weighted(
         columns, np.array([d.variance_dn2 for d in dark]), np.array([d.variance_error_dn2() for d in dark])
     )
-    black = fit_weighted(columns, np.array([d.mean_dn for d in dark]), np.array([_mean_error(d) for d in dark]))
+    black = fit_weighted(columns, np.array([d.mean_dn for d in dark]), np.array([d.mean_error_dn() for d in dark]))
     # 2. The response, where photons are known.
     response = _response(recording, levels, top) if np.isfinite(levels.photons).all() else None
     # 3. The gain.
@@ -243,25 +240,8 @@ def _levels(lit: list[Step], dark: list[Step]) -> _Levels:
     signal = np.array([step.mean_dn - means[step.exposure_s] for step in lit])
     order = np.argsort(photons if np.isfinite(photons).all() else signal, kind="stable")
     lit = [lit[place] for place in order]
-    return _Levels(
-        photons[order],
-        signal[order],
-        np.array([step.variance_dn2 for step in lit]),
-        np.array([step.variance_error_dn2() for step in lit]),
-        np.array([_mean_error(step) for step in lit]),
-        np.array([step.exposure_s for step in lit]),
-    )
-
-
-def _saturation(levels: _Levels) -> int:
-    """The last step whose variance is the largest, to what its error tells (2.4)."""
-    peak = int(np.argmax(levels.variance))
-    error = np.hypot(levels.variance_error, levels.variance_error[peak])
-    return int(np.flatnonzero(levels.variance >= levels.variance[peak] - 2.0 * error)[-1])
-
-
-def _mean_error(step: Step) -> float:
-    return float(np.sqrt(max(step.variance_dn2, ROUNDING_VARIANCE) / (step.frames * step.pixels)))
+    figures = [(s.variance_dn2, s.variance_error_dn2(), s.mean_error_dn(), s.exposure_s) for s in lit]
+    return _Levels(photons[order], signal[order], *np.array(figures).T)
 
 
 def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response, WeightedFit]:
@@ -333,23 +313,21 @@ def _gain(
     fit = fitted(response[0] if response else None)
     error_of_k = fit.error(0)
     if response:
+        # The gain where the response is one standard deviation off, in each independent direction.
         curve, terms = response[0], len(response[0].coefficients)
-        moved = [
-            fitted(replace(curve, coefficients=near[:terms])).values[0] - fit.values[0] for near in response[1].nearby()
-        ]
+        squares, directions = np.linalg.eigh(response[1].covariance)
+        nearby = response[1].values + (directions * np.sqrt(np.maximum(squares, 0.0))).T
+        moved = [fitted(replace(curve, coefficients=near[:terms])).values[0] - fit.values[0] for near in nearby]
         error_of_k = float(np.hypot(error_of_k, np.linalg.norm(moved)))
     if not hidden:
         error_of_k = float(np.hypot(error_of_k, dark.error(0) / max(float(levels.signal[used].mean()), 1.0)))
     k, half = float(fit.values[0]), fit.quantile * error_of_k
     gain = Quantity(k, max(k - half, 0.0), k + half, "DN", _SOURCE)
     if not hidden:
-        return gain, _root(dark.values[0] - ROUNDING_VARIANCE, dark.quantile * dark.error(0))
+        square, half = dark.values[0] - ROUNDING_VARIANCE, dark.quantile * dark.error(0)
+        sigmas = (float(np.sqrt(max(v, 0.0))) for v in (square, square - half, square + half))
+        return gain, Quantity(*sigmas, "DN", _SOURCE)
     most = _LEAST_DARK_VARIANCE - ROUNDING_VARIANCE
     value = float(np.clip(fit.values[1], 0.0, most))
     source = f"{_SOURCE}; rounding hides it in the dark"
     return gain, Quantity(float(np.sqrt(value)), 0.0, float(np.sqrt(most)), "DN", source)
-
-
-def _root(square: float, half: float) -> Quantity:
-    value, low, high = (float(np.sqrt(max(v, 0.0))) for v in (square, square - half, square + half))
-    return Quantity(value, low, high, "DN", _SOURCE)
