@@ -23,7 +23,6 @@ from scipy.linalg import hadamard
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import lsq_linear
 
-import kuafu
 from activestereo.calibrate.material_views import MaterialScene, Picture
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.engines.scene_measurement import set_surface
@@ -75,20 +74,19 @@ class MaterialFit:
         self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
         self._materials = {n: scene.scene.get_material(n) for n in surfaces}
         colored = any(p.band == "visible" for p in pictures)
+        blank = [
+            n for n, m in self._materials.items() if m.base_color_texture is None and min(m.base_color[:3]) > 0.999
+        ]
         self.parameters = tuple(
             (n, name)
             for n in surfaces
-            for name in PARAMETERS + (COLORS if colored and _is_blank(self._materials[n]) else ())
+            for name in PARAMETERS + (COLORS if colored and n in blank else ())
         )
         self.low, self.high = np.array([_RANGES[name] for _, name in self.parameters]).reshape(-1, 2).T
         self.renders = 0
-        self._nominal = self._as_the_scene_has_it()
 
     def start(self) -> NDArray[np.float64]:
         """The scene's own values, from which the fit starts."""
-        return self._nominal.copy()
-
-    def _as_the_scene_has_it(self) -> NDArray[np.float64]:
         out = []
         for number, name in self.parameters:
             material = self._materials[number]
@@ -172,10 +170,6 @@ class MaterialFit:
             if "red" in values:
                 material.base_color = (values["red"], values["green"], values["blue"], 1.0)
             self._scene.scene.set_material(number, material)
-
-
-def _is_blank(material: kuafu.Material) -> bool:
-    return material.base_color_texture is None and min(material.base_color[:3]) > 0.999
 
 
 def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> NDArray[np.float64]:

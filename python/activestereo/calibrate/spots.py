@@ -69,7 +69,8 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
     sigma = _typical_sigma(image)
-    background = _background(image, sigma)
+    size = int(np.ceil(12.0 * sigma)) | 1
+    background = gaussian_filter(minimum_filter(gaussian_filter(image, 0.6 * sigma), size), 0.5 * size)
     response = -gaussian_laplace(image, sigma)
     noise = _response_noise(variance, sigma)
     strong = _strong_response(response)
@@ -98,14 +99,9 @@ class _Fit:
     """Spots and the image that they explain."""
 
     def __init__(
-        self,
-        image: np.ndarray,
-        background: np.ndarray,
-        variance: np.ndarray,
-        u: np.ndarray,
-        v: np.ndarray,
+        self, image: np.ndarray, background: np.ndarray, variance: np.ndarray, u: np.ndarray, v: np.ndarray,
         sigma: float,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.image, self.background, self.sigma = image, background, sigma
         self.deviation = np.sqrt(variance)
         self.weight = 1.0 / self.deviation
@@ -142,7 +138,7 @@ class _Fit:
     def run(self, steps: int) -> None:
         for _ in range(steps):
             self._step()
-            self._follow_background()
+            self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)  # its smooth part
 
     def _step(self) -> None:
         pixel, du, dv, gauss = self._patches()
@@ -155,12 +151,8 @@ class _Fit:
         weighted = diags(self.weight.ravel()) @ jacobian
         # Columns of one size: the solver needs few steps then.
         size = np.sqrt(np.asarray(weighted.multiply(weighted).sum(axis=0)).ravel()) + 1e-9
-        step = (
-            lsqr(
-                weighted @ diags(1.0 / size), (self.weight * self.residual()).ravel(), damp=0.02, iter_lim=_LSQR_STEPS
-            )[0]
-            / size
-        )
+        left = (self.weight * self.residual()).ravel()
+        step = lsqr(weighted @ diags(1.0 / size), left, damp=0.02, iter_lim=_LSQR_STEPS)[0] / size
         self.amplitude = np.maximum(self.amplitude + step[:count], 0.05)
         height, width = self.image.shape
         outside = _OUTSIDE * self.sigma
@@ -169,21 +161,14 @@ class _Fit:
         self.u, self.v = u.clip(-outside, width - 1 + outside), v.clip(-outside, height - 1 + outside)
         self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
 
-    def _follow_background(self) -> None:
-        """Adds the smooth part of the residual to the background."""
-        self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
-
-    def _amplitude_error(self) -> np.ndarray:
-        """The amplitude's error by noise alone: a Gaussian's square sums to pi sigma^2 over the pixels."""
-        at = self.deviation[self._pixel(self.u, self.v)]
-        return np.asarray(at / (np.sqrt(np.pi) * self.sigma))
-
     def drop_weak(self) -> None:
         """Spots far weaker than those around them or than the noise, and the weaker of two at one place."""
         tree = cKDTree(np.column_stack([self.u, self.v]))
         _, near = tree.query(tree.data, k=min(30, len(self.u)))
         keep = self.amplitude > _LEAST_AMPLITUDE * np.median(self.amplitude[near], axis=1)
-        keep &= self.amplitude > _SIGNIFICANT * self._amplitude_error()
+        # By noise alone; a Gaussian's square sums to pi sigma^2 over the pixels.
+        error = self.deviation[self._pixel(self.u, self.v)] / (np.sqrt(np.pi) * self.sigma)
+        keep &= self.amplitude > _SIGNIFICANT * error
         for a, b in tree.query_pairs(_ONE_SPOT * self.sigma):
             if keep[a] and keep[b]:
                 strong, weak = (a, b) if self.amplitude[a] >= self.amplitude[b] else (b, a)
@@ -207,11 +192,6 @@ def _typical_sigma(image: np.ndarray) -> float:
     order = np.argsort(-first[v, u])[: max(len(u) // 4, 1)]
     answer = [np.median(-(scale**2) * gaussian_laplace(image, scale)[v[order], u[order]]) for scale in _SCALES_PX]
     return float(_SCALES_PX[int(np.argmax(answer))])
-
-
-def _background(image: np.ndarray, sigma: float) -> np.ndarray:
-    size = int(np.ceil(12.0 * sigma)) | 1
-    return gaussian_filter(minimum_filter(gaussian_filter(image, 0.6 * sigma), size), 0.5 * size)
 
 
 def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
@@ -241,8 +221,7 @@ def _strong_response(response: np.ndarray) -> np.ndarray:
 
 def _peaks(response: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(rows, columns) of local maxima above `least`."""
-    found = (response == maximum_filter(response, 3)) & (response > least)
-    rows, columns = np.nonzero(found)
+    rows, columns = np.nonzero((response == maximum_filter(response, 3)) & (response > least))
     return rows, columns
 
 

@@ -108,10 +108,21 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 def check_field(name: str, value: Any) -> None:
     """Raises ValueError with a field's invalid value and the allowed ones."""
-    if name in _FAULT_OF and not (value is None and name in _MAY_BE_NONE):
+    fault = None
+    if value is None and name in _MAY_BE_NONE:
+        return
+    if name in _FAULT_OF:
         fault = _FAULT_OF[name](value)
-        if fault is not None:
-            raise ValueError(f"{name} {fault}")
+    elif name in _WINDOWS:
+        fault = Limits(1, _WINDOWS[name], "px", whole=True).fault(value)
+        if fault is None and not value % 2:
+            fault = f"is {value}, expected an odd number, 1 to {_WINDOWS[name]} px"
+    elif name in _CHOICES and value not in _CHOICES[name]:
+        fault = f"is {value!r} (known: {', '.join(_CHOICES[name])})"
+    elif name == "pattern_design" and not isinstance(value, PatternDesign):
+        fault = f"is {value!r}, expected a PatternDesign"
+    if fault is not None:
+        raise ValueError(f"{name} {fault}")
 
 
 def _parameter_fault(p: Parameter, value: Any) -> str | None:
@@ -133,11 +144,6 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
     if fault is None and not p.takes(value):
         return f"is {value}, expected {may_be}"
     return f"{fault.partition(',')[0]}, expected a whole number, {may_be}" if fault is not None and whole else fault
-
-
-def _window_fault(most: int, value: Any) -> str | None:
-    fault = Limits(1, most, "px", whole=True).fault(value)
-    return fault if fault is not None or value % 2 else f"is {value}, expected an odd number, 1 to {most} px"
 
 
 def _flag_fault(value: Any) -> str | None:
@@ -208,14 +214,6 @@ def _dots_fault(dots: Any) -> str | None:
     return f"[{first}] is {table[first].tolist()}, expected u and v in pixels and a power of 0 or more"
 
 
-def _choice_fault(known: Sequence[str], value: Any) -> str | None:
-    return None if value in known else f"is {value!r} (known: {', '.join(known)})"
-
-
-def _design_fault(value: Any) -> str | None:
-    return None if isinstance(value, PatternDesign) else f"is {value!r}, expected a PatternDesign"
-
-
 def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
     if isinstance(values, str) or np.shape(values) != (len(limits),):
         return f"is {values!r}, expected {len(limits)} numbers"
@@ -251,11 +249,9 @@ def _matrix_fault(value: Any) -> str | None:
 
 # For each field: the fault of a value, in words that follow the field's name.
 _FAULT_OF: dict[str, Callable[[Any], str | None]] = {
-    **{name: partial(_parameter_fault, p) for name, p in _TABLE.items()},
-    **{name: partial(_window_fault, most) for name, most in _WINDOWS.items()},
+    **{name: partial(_parameter_fault, p) for name, p in _TABLE.items() if name not in _WINDOWS},
     **{name: limits.fault for name, limits in _NUMBERS.items()},
     **{name: partial(_list_fault, limits=limits) for name, limits in _LISTS.items()},
-    **{name: partial(_choice_fault, known) for name, known in _CHOICES.items()},
     **dict.fromkeys(_LENSES, _lens_fault),
     **dict.fromkeys(_MATRICES, _matrix_fault),
     **dict.fromkeys(_POSES, _pose_fault),
@@ -264,7 +260,6 @@ _FAULT_OF: dict[str, Callable[[Any], str | None]] = {
     "ir_signal": _signal_fault,
     "depth_maps": partial(_names_fault, known=DEPTH_MAPS),
     "light_pattern": _pattern_fault,
-    "pattern_design": _design_fault,
     "light_dots": _dots_fault,
 }
 

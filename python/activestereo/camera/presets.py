@@ -106,11 +106,6 @@ FIELD_OF_VIEW = Limits(1.0, 170.0, "degrees")
 _LEAST_BLOCK_PX = 7  # side of a block of summed costs: that of a census window
 
 
-def _scaled_block(side_px: int, factor: float) -> int:
-    """Scales a block to an odd side."""
-    return min(side_px, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side_px * factor) + 1))
-
-
 def _is_equal(a: Any, b: Any) -> bool:
     if isinstance(a, Pose) and isinstance(b, Pose):
         return np.array_equal(as_matrix(a), as_matrix(b))
@@ -372,7 +367,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         out = deepcopy(self)
         out.max_disparity = max(32, round(self.max_disparity * factor))
         out.block_width, out.block_height = (
-            _scaled_block(side, factor) for side in (self.block_width, self.block_height)
+            min(side, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side * factor) + 1))
+            for side in (self.block_width, self.block_height)
         )
         out.speckle_max_size = round(out.speckle_max_size * factor**2)  # an area
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:

@@ -36,13 +36,6 @@ def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarra
     return Accuracy(name, pixels, fill, float(median), float(p90), invented_share)
 
 
-def _of_nothing(measured: np.ndarray, true: np.ndarray) -> Accuracy:
-    """The accuracy where no surface stands: there each measurement is invented."""
-    nothing = true <= 0
-    share = float((measured[nothing] > 0).mean())
-    return Accuracy(NOTHING, int(nothing.sum()), share, np.nan, np.nan, share)
-
-
 def accuracy_by_material(
     measured: np.ndarray,
     true: np.ndarray,
@@ -62,7 +55,9 @@ def accuracy_by_material(
     ]
     rows.sort(key=lambda row: -row.pixels)
     if np.count_nonzero(true <= 0) >= least_pixels:
-        rows.append(_of_nothing(measured, true))
+        nothing = true <= 0  # each measurement is invented there
+        share = float((measured[nothing] > 0).mean())
+        rows.append(Accuracy(NOTHING, int(nothing.sum()), share, np.nan, np.nan, share))
     return [*rows, accuracy("all", measured, true, in_range)]
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from activestereo.common.shown import shown
+
+_LARGEST = sys.float_info.max
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Limits:
         """The fault of a number, in words that follow its name; None if it is allowed."""
         kind = "a whole" if self.whole else "a finite"
         is_number = isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
-        if not is_number or not math.isfinite(_as_float(value)):
+        if not is_number or not -_LARGEST <= value <= _LARGEST:  # nor NaN, nor a whole number beyond a float's range
             return f"is {shown(value)}, expected {kind} number, {self}"
         if not self.low <= value <= self.high:
             return f"is {shown(value)}, expected {self}: correct the value or its unit"
@@ -53,13 +55,6 @@ class Limits:
     def __str__(self) -> str:
         low, high = (str(int(end)) if self.whole else f"{end:g}" for end in (self.low, self.high))
         return f"{low} to {high} {self.unit}".rstrip()
-
-
-def _as_float(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:  # a whole number beyond a float's range
-        return math.inf
 
 
 # Limits of sensors, lamps and views: wider than any real one, and far from float32's ends.

@@ -38,19 +38,26 @@ class PatternDesign:
 
 def make_pattern(design: PatternDesign) -> np.ndarray:
     """The pattern as uint8 [height, width]; value / 255 is the relative radiant intensity."""
-    x, y, peak = dots(design)
-    reach = int(np.ceil(4.0 * design.dot_sigma_px))
-    offsets = np.arange(-reach, reach + 1)
-    columns = np.rint(x).astype(int)[:, None] + offsets
-    rows = np.rint(y).astype(int)[:, None] + offsets
-    across = np.exp(-0.5 * ((columns - x[:, None]) / design.dot_sigma_px) ** 2)
-    down = np.exp(-0.5 * ((rows - y[:, None]) / design.dot_sigma_px) ** 2)
-    height, width = design.height + 2 * reach, design.width + 2 * reach
-    patches = peak[:, None, None] * down[:, :, None] * across[:, None, :]
-    places = (rows[:, :, None] + reach) * width + columns[:, None, :] + reach
-    image: np.ndarray = np.bincount(places.ravel(), patches.ravel(), height * width).reshape(height, width)
-    image = design.background + (1.0 - design.background) * image[reach:-reach, reach:-reach]
+    image = spots_image(*dots(design), design.dot_sigma_px, design.width, design.height)
+    image = design.background + (1.0 - design.background) * image
     return np.rint(255.0 * np.minimum(image, 1.0)).astype(np.uint8)
+
+
+def spots_image(
+    x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float, width: int, height: int
+) -> np.ndarray:
+    """The sum [height][width] of Gaussian spots, cut at four sigmas, whose middles lie in the image."""
+    reach = int(np.ceil(4.0 * sigma_px))
+    inside = (np.rint(x) >= 0) & (np.rint(x) < width) & (np.rint(y) >= 0) & (np.rint(y) < height)
+    x, y, peak = x[inside], y[inside], peak[inside]
+    offsets = np.arange(-reach, reach + 1)
+    columns, rows = (np.rint(p).astype(int)[:, None] + offsets for p in (x, y))
+    across, down = (np.exp(-0.5 * ((p - m[:, None]) / sigma_px) ** 2) for p, m in ((columns, x), (rows, y)))
+    patches = peak[:, None, None] * down[:, :, None] * across[:, None, :]
+    tall, wide = height + 2 * reach, width + 2 * reach
+    places = (rows[:, :, None] + reach) * wide + columns[:, None, :] + reach
+    image = np.bincount(places.ravel(), patches.ravel(), tall * wide).reshape(tall, wide)
+    return np.asarray(image[reach:-reach, reach:-reach])
 
 
 def dots(design: PatternDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import Capture, Projector
 from activestereo.capture.images import read_gray
+from activestereo.common.pattern import spots_image
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model.model import (
@@ -26,8 +27,6 @@ from activestereo.model.model import (
     SensorModel,
     with_surfaces,
 )
-
-_REACH_SIGMAS = 4.0
 
 
 @dataclass(frozen=True)
@@ -76,18 +75,8 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
         return read_gray(pattern.file, key="pattern.file").astype(np.float32) / 255.0
     assert pattern.size is not None and pattern.dot_sigma_px is not None
     (width, height), sigma = pattern.size, pattern.dot_sigma_px
-    reach = int(np.ceil(_REACH_SIGMAS * sigma))
     u, v, power = pattern.dots.T
-    offsets = np.arange(-reach, reach + 1)
-    columns, rows = (np.rint(x).astype(int)[:, None] + offsets for x in (u, v))
-    across, down = (np.exp(-0.5 * ((p - x[:, None]) / sigma) ** 2) for p, x in ((columns, u), (rows, v)))
-    peak = power / (2.0 * np.pi * sigma**2)
-    image = np.zeros((height + 2 * reach, width + 2 * reach))
-    centre_u, centre_v = columns[:, reach], rows[:, reach]
-    inside = (centre_u >= 0) & (centre_u < width) & (centre_v >= 0) & (centre_v < height)
-    places = rows[inside][:, :, None] + reach, columns[inside][:, None, :] + reach
-    np.add.at(image, places, (peak[:, None, None] * down[:, :, None] * across[:, None, :])[inside])
-    image = image[reach:-reach, reach:-reach] + pattern.background
+    image = spots_image(u, v, power / (2.0 * np.pi * sigma**2), sigma, width, height) + pattern.background
     return (image / max(float(image.max()), 1e-12)).astype(np.float32)
 
 

@@ -171,12 +171,8 @@ class Bodies:
 
     @property
     def semantic_id_table(self) -> NDArray[np.uint32]:
-        """A copy of semantic_ids() of all instances by number; the last one, 0, is of all numbers beyond."""
+        """A copy of the semantic_id of each instance, by its number; the last one, 0, is of all numbers beyond."""
         return self._semantic_ids.copy()
-
-    def semantic_ids(self, instances: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        """Replaces each instance in a picture by the semantic_id that add() was given; 0 where there is no body."""
-        return self._semantic_ids[np.minimum(instances, len(self._semantic_ids) - 1)]
 
     def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:
         """Moves the bodies whose pose is not what it was, and returns how many instances moved.

@@ -60,7 +60,7 @@ class GltfWriter:
         half = np.deg2rad(yaw_deg) / 2
         self._node(
             name,
-            mesh=self._mesh(name, mesh, material),
+            mesh=self.add_shape(name, mesh, material),
             translation=list(translation),
             rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
         )
@@ -72,13 +72,6 @@ class GltfWriter:
     def add_shape(self, name: str, mesh: Mesh, material: int, colors: np.ndarray | None = None) -> int:
         """A mesh that place() shows, once or often. colors: linear RGBA float32 [n, 4] of its vertices. Returns its
         index."""
-        return self._mesh(name, mesh, material, colors)
-
-    def place(self, name: str, shape: int, local_to_world: np.ndarray) -> None:
-        """A node with a 4x4 that shows a mesh of add_shape()."""
-        self._node(name, mesh=shape, matrix=_columns(local_to_world))
-
-    def _mesh(self, name: str, mesh: Mesh, material: int, colors: np.ndarray | None = None) -> int:
         attributes = {
             "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
             "NORMAL": self._accessor(mesh.normals, "VEC3"),
@@ -89,6 +82,10 @@ class GltfWriter:
         indices = self._accessor(mesh.indices.reshape(-1), "SCALAR")
         primitive = {"attributes": attributes, "indices": indices, "material": material}
         return self._append("meshes", {"name": name, "primitives": [primitive]})
+
+    def place(self, name: str, shape: int, local_to_world: np.ndarray) -> None:
+        """A node with a 4x4 that shows a mesh of add_shape()."""
+        self._node(name, mesh=shape, matrix=_columns(local_to_world))
 
     def add_point_light(
         self,
@@ -162,8 +159,12 @@ class GltfWriter:
         buffer: dict[str, Any] = {"byteLength": len(self._bytes)}
         if suffix == "gltf":
             buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(self._bytes).decode()
-        text = json.dumps({**self._json, "buffers": [buffer]}, indent=1 if suffix == "gltf" else None).encode()
-        data = text if suffix == "gltf" else _glb(text, bytes(self._bytes))
+        data = json.dumps({**self._json, "buffers": [buffer]}, indent=1 if suffix == "gltf" else None).encode()
+        if suffix == "glb":  # glTF 2.0, section 4.4
+            text, binary = data + b" " * (-len(data) % 4), bytes(self._bytes) + b"\0" * (-len(self._bytes) % 4)
+            heads = (struct.pack("<II", len(part), kind) for part, kind in ((text, 0x4E4F534A), (binary, 0x004E4942)))
+            chunks = b"".join(head + part for head, part in zip(heads, (text, binary), strict=True))
+            data = struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
         replace_file(path, lambda file: file.write(data))
 
     def _append(self, kind: str, entry: dict[str, Any]) -> int:
@@ -205,10 +206,3 @@ def _columns(matrix: np.ndarray) -> list[float]:
     """A 4x4 as glTF writes it."""
     columns: list[float] = np.asarray(matrix, dtype=float).T.reshape(-1).tolist()
     return columns
-
-
-def _glb(text: bytes, binary: bytes) -> bytes:
-    text += b" " * (-len(text) % 4)
-    binary += b"\0" * (-len(binary) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
-    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks

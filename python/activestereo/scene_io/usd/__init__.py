@@ -4,7 +4,6 @@
     convert    a stage becomes one .glb file, in metres with y up, or part of a kuafu.Scene
     stage      opens a stage; units, axes, what is seen
     shapes     meshes and their subsets as triangles
-    ears       concave faces as triangles
     surfaces   UsdPreviewSurface as glTF's materials
     lamps      distant, sphere, rectangle, disk and dome lights
 

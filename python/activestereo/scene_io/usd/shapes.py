@@ -4,12 +4,11 @@ one ear after another (Meisters, Polygons have ears, 1975)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from activestereo.scene_io import meshes
 from activestereo.scene_io.meshes import Mesh
@@ -205,36 +204,21 @@ def solid(stage: Stage, prim: Any) -> Mesh | None:
             str(stage.value(plane.GetAxisAttr(), "Z")), ([width, 0, 0], [0, length, 0])
         )
         return meshes.sheet(-(np.array(u) + v) / 2, u, v)
-    for kind, profiles in (
-        (UsdGeom.Cylinder, _cylinder_profiles),
-        (UsdGeom.Cone, _cone_profiles),
-        (UsdGeom.Capsule, _capsule_profiles),
-    ):
-        if prim.IsA(kind):
-            turned = kind(prim)
-            radius, height = (float(stage.value(a)) for a in (turned.GetRadiusAttr(), turned.GetHeightAttr()))
-            return _along(meshes.lathe(profiles(radius, height / 2)), str(stage.value(turned.GetAxisAttr(), "Z")))
-    return None
-
-
-Profile = Sequence[ArrayLike]  # what meshes.lathe turns about y
-
-
-def _cylinder_profiles(radius: float, half: float) -> Profile:
-    return [[(0, -half), (radius, -half)], [(radius, -half), (radius, half)], [(radius, half), (0, half)]]
-
-
-def _cone_profiles(radius: float, half: float) -> Profile:
-    return [[(0, -half), (radius, -half)], [(radius, -half), (0, half)]]
-
-
-def _capsule_profiles(radius: float, half: float) -> Profile:
-    line = np.vstack([meshes.arc((0, -half), radius, -90, 0), meshes.arc((0, half), radius, 0, 90)])
-    line[[0, -1], 0] = 0.0
-    return [line]
-
-
-def _along(mesh: Mesh, axis: str) -> Mesh:
-    """A solid about y turned to be about another axis."""
-    turn = {"X": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], "Z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}.get(axis, np.eye(3))
-    return Mesh.of(mesh.positions @ np.transpose(turn), mesh.normals @ np.transpose(turn), mesh.uvs, mesh.indices)
+    kind = next((kind for kind in (UsdGeom.Cylinder, UsdGeom.Cone, UsdGeom.Capsule) if prim.IsA(kind)), None)
+    if kind is None:
+        return None
+    turned = kind(prim)
+    radius, height = (float(stage.value(a)) for a in (turned.GetRadiusAttr(), turned.GetHeightAttr()))
+    bottom, top = (0, -height / 2), (0, height / 2)
+    if kind is UsdGeom.Capsule:
+        line = np.vstack([meshes.arc(bottom, radius, -90, 0), meshes.arc(top, radius, 0, 90)])
+        line[[0, -1], 0] = 0.0
+        mesh = meshes.lathe([line])
+    else:
+        low, high = (radius, bottom[1]), (radius, top[1])
+        sides = [[low, top]] if kind is UsdGeom.Cone else [[low, high], [high, top]]
+        mesh = meshes.lathe([[bottom, low], *sides])
+    # A lathe turns about y.
+    axes = {"X": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], "Z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}
+    turn = np.transpose(axes.get(str(stage.value(turned.GetAxisAttr(), "Z")), np.eye(3)))
+    return Mesh.of(mesh.positions @ turn, mesh.normals @ turn, mesh.uvs, mesh.indices)

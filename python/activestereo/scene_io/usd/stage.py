@@ -79,12 +79,9 @@ def open_stage(path: Path, time_s: float | None) -> Stage:
     except Tf.ErrorException as error:
         raise UsdError(f"{path}: is no USD file that can be read: {cause(error)}") from error
     # The earliest time takes what has no samples as it is; without time, what has nothing but samples is not there.
-    code = Usd.TimeCode.EarliestTime() if time_s is None else Usd.TimeCode(_code(stage, time_s))
-    return Stage(path, stage, code)
-
-
-def _code(stage: Any, time_s: float) -> float:
-    return float(stage.GetStartTimeCode() + time_s * stage.GetTimeCodesPerSecond())
+    if time_s is None:
+        return Stage(path, stage, Usd.TimeCode.EarliestTime())
+    return Stage(path, stage, Usd.TimeCode(stage.GetStartTimeCode() + time_s * stage.GetTimeCodesPerSecond()))
 
 
 def cause(error: Exception) -> str:

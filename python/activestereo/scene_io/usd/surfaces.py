@@ -93,19 +93,16 @@ class Surfaces:
         self._set_texture(pbr, "metallicRoughnessTexture", _packed(roughness_map, metallic_map))
         self._set_texture(fields, "emissiveTexture", emission_map)
         self._set_texture(fields, "normalTexture", read("normal", None)[1])
-        self._opacity(shader, fields, opacity, opacity_map)
-        self._extensions(shader, name, fields)
-        others = sorted(set(uv_names) - set(uv_names[:1]))
-        if others:
-            self._stage.tell(f"{name}: its textures lie by {uv_names[0]}; {' and '.join(others)} are not read")
-        return self._writer.add_material(name, **fields), uv_names[0] if uv_names else "st"
-
-    def _opacity(self, shader: Any, fields: dict[str, Any], opacity: Any, opacity_map: Picture | None) -> None:
         threshold = self._number(shader, "opacityThreshold", 0.0)
         if threshold > 0.0:
             fields.update(alphaMode="MASK", alphaCutoff=threshold)
         elif opacity_map is not None or float(opacity) < 1.0:
             fields["alphaMode"] = "BLEND"
+        self._extensions(shader, name, fields)
+        others = sorted(set(uv_names) - set(uv_names[:1]))
+        if others:
+            self._stage.tell(f"{name}: its textures lie by {uv_names[0]}; {' and '.join(others)} are not read")
+        return self._writer.add_material(name, **fields), uv_names[0] if uv_names else "st"
 
     def _extensions(self, shader: Any, name: str, fields: dict[str, Any]) -> None:
         extensions: dict[str, Any] = {"KHR_materials_ior": {"ior": self._number(shader, "ior", 1.5)}}
@@ -263,10 +260,6 @@ def _channel(picture: Picture | None, size: tuple[int, int]) -> Image.Image:
     return bands[{"g": 1, "b": 2, "a": 3}.get(picture.channel, 0)]
 
 
-def _has_alpha(image: Image.Image) -> bool:
-    return "A" in image.getbands() or "transparency" in image.info
-
-
 def _size(*pictures: Picture | None) -> tuple[int, int]:
     sizes = [Image.open(io.BytesIO(p.data)).size for p in pictures if p is not None]
     return max(s[0] for s in sizes), max(s[1] for s in sizes)
@@ -286,8 +279,10 @@ def _with_alpha(color: Picture | None, opacity: Picture | None) -> Picture | Non
     """glTF's texture: colour, and opacity in alpha. The colour's own alpha counts for nothing."""
     if color is None and opacity is None:
         return None
-    if color is not None and opacity is None and not _has_alpha(_open(color)):
-        return color
+    if color is not None and opacity is None:
+        image = _open(color)
+        if "A" not in image.getbands() and "transparency" not in image.info:
+            return color
     size = _size(color, opacity)
     rgb = Image.new("RGB", size, (255, 255, 255)) if color is None else _open(color).convert("RGB").resize(size)
     image = rgb if opacity is None else Image.merge("RGBA", [*rgb.split(), _channel(opacity, size)])
