@@ -94,34 +94,38 @@ def test_without_images_the_sentence_stands_alone():
     assert "cannot tell what is missing: the images are &lt;blank&gt;." in html and "<img" not in html
 
 
-@pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium")
-def test_it_fits_a_window_of_1280_by_720(ball_comparison, tmp_path):
-    file = write_report(ball_comparison, tmp_path, FOUND)[1]
+@pytest.fixture(scope="module")
+def shown(ball_comparison, tmp_path_factory):
+    """(the report's file, its page)"""
+    if not is_installed():
+        pytest.skip("no chromium: install Debian's package chromium")
+    file = write_report(ball_comparison, tmp_path_factory.mktemp("report"), FOUND)[1]
     with Page(file, size=(1280, 720)) as page:
-        page.wait("[...document.querySelectorAll('#verdict img')].every((i) => i.complete && i.naturalWidth > 0)")
-        box = "document.getElementById('verdict').getBoundingClientRect()"
-        assert page.value(f"{box}.top") >= 0 and page.value(f"{box}.bottom") <= 720
-        assert page.value("document.documentElement.scrollWidth") <= 1280
-        heights = page.value("[...document.querySelectorAll('#verdict img')].map((i) => i.clientHeight)")
-        assert len(heights) == 6 and min(heights) >= 180
+        yield file, page
 
 
-@pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium")
-def test_what_was_found_has_a_slider_of_its_strength(ball_comparison, tmp_path):
+def test_it_fits_a_window_of_1280_by_720(shown):
+    _, page = shown
+    page.wait("[...document.querySelectorAll('#verdict img')].every((i) => i.complete && i.naturalWidth > 0)")
+    box = "document.getElementById('verdict').getBoundingClientRect()"
+    assert page.value(f"{box}.top") >= 0 and page.value(f"{box}.bottom") <= 720
+    assert page.value("document.documentElement.scrollWidth") <= 1280
+    heights = page.value("[...document.querySelectorAll('#verdict img')].map((i) => i.clientHeight)")
+    assert len(heights) == 6 and min(heights) >= 180
+
+
+def test_what_was_found_has_a_slider_of_its_strength(shown):
     """Without the effect at its left end, as fitted in the middle, and twice as strong at its right end."""
-    file = write_report(ball_comparison, tmp_path, FOUND)[1]
-    with Page(file, size=(1280, 720)) as page:
-        assert page.value("[...document.querySelectorAll('.strip h2')].map((h) => h.textContent)") == [
-            f"What {name} does here" for name in FOUND["added"]
-        ]
-        seen = {}
-        for value in ("4", "0", "8"):
-            page.value(
-                "(() => { const s = document.querySelector('.strip input'); "
-                f"s.value = '{value}'; s.oninput(); }})()"
-            )
-            images = page.value("[...document.querySelector('.strip').querySelectorAll('img')].map((i) => i.src)")
-            seen[value] = images, page.text(".strip output")
+    file, page = shown
+    names = page.value("[...document.querySelectorAll('.strip h2')].map((h) => h.textContent)")
+    assert names == [f"What {name} does here" for name in FOUND["added"]]
+    seen = {}
+    for value in ("4", "0", "8"):
+        page.value(
+            f"(() => {{ const s = document.querySelector('.strip input'); s.value = '{value}'; s.oninput(); }})()"
+        )
+        images = page.value("[...document.querySelector('.strip').querySelectorAll('img')].map((i) => i.src)")
+        seen[value] = images, page.text(".strip output")
     assert seen["0"][0][1] == seen["0"][0][0] and len({pictures[1] for pictures, _ in seen.values()}) == 3
     fitted = FOUND["model"]["effects"][0]["parameters"]
     assert all(f"{name} {value:.4g}" in seen["4"][1] for name, value in fitted.items())

@@ -31,6 +31,14 @@ def browser(ball_comparison, tmp_path_factory):
         yield page
 
 
+@pytest.fixture(scope="module")
+def without_model(ball_comparison, tmp_path_factory):
+    """The page of a comparison alone."""
+    with Page(write_report(ball_comparison, tmp_path_factory.mktemp("alone"))[1]) as page:
+        page.wait("document.getElementById('explorer').dataset.view !== undefined")
+        yield page
+
+
 @pytest.fixture
 def page(browser):
     """On frame 0, left camera, the whole picture, the slider at the measurement."""
@@ -74,11 +82,9 @@ def test_nothing_is_loaded_and_nothing_fails(page):
     assert page.complaints() == []
 
 
-def test_the_worst_test_frame_is_shown_first(ball_comparison, tmp_path):
+def test_the_worst_test_frame_is_shown_first(ball_comparison, without_model):
     entries = [e for e in ball_comparison.scores["frames"] if e["split"] == "test"]
-    with Page(write_report(ball_comparison, tmp_path)[1]) as page:
-        page.wait("document.getElementById('explorer').dataset.view !== undefined")
-        frame = page.value("document.getElementById('explorer').dataset.view").split()[0]
+    frame = without_model.value("document.getElementById('explorer').dataset.view").split()[0]
     assert int(frame) == max(entries, key=lambda e: e["explainable_rmse_dn"])["id"]
 
 
@@ -186,13 +192,9 @@ def test_each_row_shows_its_own_residual(page, ball_comparison, images):
     assert readout(page)[-1] == pytest.approx(float(measured[v, u] - both[1][v, u]), abs=0.35)
 
 
-def test_without_anything_found_the_slider_ends_at_the_base_model(ball_comparison, tmp_path):
-    with Page(write_report(ball_comparison, tmp_path)[1]) as page:
-        page.wait("document.getElementById('explorer').dataset.view !== undefined")
-        assert page.value("document.getElementById('fade').max") == "1"
-        assert page.value("[...document.querySelectorAll('#fade-names button')].map((b) => b.textContent)") == [
-            "measured",
-            "base model",
-        ]
-        assert page.value("document.getElementById('residual-other').parentElement.hidden") is True
-        assert page.complaints() == []
+def test_without_anything_found_the_slider_ends_at_the_base_model(without_model):
+    page, names = without_model, "[...document.querySelectorAll('#fade-names button')].map((b) => b.textContent)"
+    assert page.value("document.getElementById('fade').max") == "1"
+    assert page.value(names) == ["measured", "base model"]
+    assert page.value("document.getElementById('residual-other').parentElement.hidden") is True
+    assert page.complaints() == []
