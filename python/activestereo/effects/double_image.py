@@ -4,7 +4,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 from scipy.ndimage import maximum_filter, shift
 
@@ -39,7 +38,7 @@ def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
     ] or [{}]
 
 
-def _correlated(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _correlated(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Sums of a times b moved down and right, by up to the most pixels each way, [row][column]."""
     shape = [fft.next_fast_len(n + _MOST_PX, real=True) for n in a.shape]
     whole = fft.irfft2(fft.rfft2(a, shape) * fft.rfft2(b, shape).conj(), shape)

@@ -33,7 +33,7 @@ def _lies_on(image: NDArray, other: NDArray) -> bool:
     """Whether two images differ by noise, brightness, rows and columns alone: means of blocks keep little of noise, and
     most of what moves."""
     first, second = image.astype(np.float32), other.astype(np.float32)
-    scale = np.vdot(first, second) / max(np.vdot(second, second), 1.0)
+    scale = float(np.vdot(first, second)) / max(float(np.vdot(second, second)), 1.0)
     difference = first - scale * second
     difference -= difference.mean(axis=1, keepdims=True)
     difference -= difference.mean(axis=0)

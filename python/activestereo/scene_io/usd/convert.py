@@ -6,6 +6,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,11 +32,11 @@ class Converted:
     messages: tuple[str, ...]
 
 
-def is_usd(path: str | Path) -> bool:
+def is_usd(path: str | PathLike[str]) -> bool:
     return Path(path).suffix.lower() in _SUFFIXES
 
 
-def convert(path: str | Path, glb: str | Path, time_s: float | None = None) -> Converted:
+def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = None) -> Converted:
     """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: at
     its earliest sample. Raises UsdError of one line."""
     stage = open_stage(Path(path), time_s)
@@ -53,7 +54,9 @@ def convert(path: str | Path, glb: str | Path, time_s: float | None = None) -> C
     return Converted(conversion.ambient, tuple(stage.messages))
 
 
-def load_usd(scene: kuafu.Scene, path: str | Path, time_s: float | None = None, unit_m: float = 1.0) -> Converted:
+def load_usd(
+    scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None, unit_m: float = 1.0
+) -> Converted:
     """Adds the stage at `path` to the scene. unit_m: metres of what the stage takes for a metre. Raises UsdError of one
     line, and what Scene.load raises."""
     with tempfile.TemporaryDirectory() as folder:
