@@ -90,8 +90,10 @@ class StereoDepth(gymnasium.ObservationWrapper):
         return _with_entry(observation, self._depth, self._observed(found.reshape(self._shape[:2])), dict)
 
     def _observed(self, depth_m: NDArray[np.float32]) -> NDArray[Any]:
-        """Upright metres [H, W] as the observation has them."""
-        return self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
+        """Upright metres [H, W] as the observation has them, contiguous: torch takes no negative strides."""
+        return np.ascontiguousarray(
+            self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
+        )
 
 
 def _unchanged(image: NDArray[Any]) -> NDArray[Any]:

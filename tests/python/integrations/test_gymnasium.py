@@ -135,7 +135,7 @@ def test_an_environment_without_depth_gets_bytes_that_lerobot_takes():
     assert env.observation_space.contains(seen) and list(seen["pixels"]) == ["image", "depth"]
     for image in seen["pixels"].values():
         height, width, channels = image.shape
-        assert image.dtype == np.uint8 and channels < height and channels < width
+        assert image.dtype == np.uint8 and channels < height and channels < width and image.flags.c_contiguous
     told = seen["pixels"]["depth"][..., 0]
     assert np.median(told[told > 0]) == pytest.approx(255 * DISTANCE_M / 2.0, abs=2)
     with pytest.raises(ValueError, match="give color"):
