@@ -94,7 +94,7 @@ def depth_scores(depths: Sequence[DepthFrame]) -> dict[str, dict[str, Any]]:
     for split in SPLITS:
         chosen = [d for d in depths if d.frame.split == split]
         if chosen:
-            scores[split] = _split_scores(chosen) | {"frames": [frame_scores(d) for d in chosen]}
+            scores[split] = _scores(chosen) | {"frames": [frame_scores(d) for d in chosen]}
     return scores
 
 
@@ -102,8 +102,12 @@ def frame_scores(depth: DepthFrame) -> dict[str, Any]:
     return {"id": depth.frame.id} | _against_model([depth]) | _floor([depth], [])
 
 
-def _split_scores(depths: Sequence[DepthFrame]) -> dict[str, Any]:
-    return _against_model(depths) | _floor(depths, _repeats(depths)) | {"truth": _against_truth(depths)}
+def _scores(depths: Sequence[DepthFrame]) -> dict[str, Any]:
+    against_truth = {
+        "measured": _error([(d, d.measured, d.truth) for d in depths]),
+        "model": _error([(d, d.model[0], d.truth) for d in depths]),
+    }
+    return _against_model(depths) | _floor(depths, _repeats(depths)) | {"truth": against_truth}
 
 
 def _against_model(depths: Sequence[DepthFrame]) -> dict[str, Any]:
@@ -125,13 +129,6 @@ def _floor(depths: Sequence[DepthFrame], repeats: Sequence[Any]) -> dict[str, An
         "noise_floor_median_abs_px": error["median_abs_px"],
         "noise_floor_validity_iou": _overlap(*(np.concatenate([(p[k] > 0).ravel() for p in pairs]) for k in (1, 2))),
         "noise_floor_from": "repeats" if repeats else "model",
-    }
-
-
-def _against_truth(depths: Sequence[DepthFrame]) -> Any:
-    return {
-        "measured": _error([(d, d.measured, d.truth) for d in depths]),
-        "model": _error([(d, d.model[0], d.truth) for d in depths]),
     }
 
 

@@ -53,19 +53,29 @@ class Trial:
         return cls((first, second))
 
     def difference(self, effect: Effect) -> float:
-        """The change by an effect with engine fields at typical values, on all surfaces; fields unknown to the engines
-        stay neutral."""
+        """The change by an effect with engine fields at typical values, on all surfaces; what the engines find out by
+        themselves is as it fits best."""
         if all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
             return 0.0  # simsense's signal counts in both
-        unknown = {p.name: p.neutral for p in effect.parameters if not p.in_engine}
-        values = effect.typical_values | unknown | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
-        model = Model().with_effect(effect, **values)
-        drawn = Model(tuple((replace(e, randomness=Randomness.NONE), p) for e, p in model.effects))
         # A seed also decides what a random pattern is: there both have to be of one.
         runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
-        (in_engine, by_formula), (in_engine_2, by_formula_2) = (run.changes(drawn) for run in runs)
-        unlike = float(np.mean((by_formula - in_engine) * (by_formula_2 - in_engine_2)))
-        return float(np.sqrt(max(unlike, 0.0) / np.mean(in_engine * in_engine_2)))
+        chosen = {p.name: p.neutral for p in effect.parameters if p == SURFACES or not p.in_engine}
+        values = effect.typical_values | chosen
+        engine, engine_2 = (run.in_engine(_drawn(effect, values)) for run in runs)
+
+        def off(values: dict[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            formula, formula_2 = (run.by_formula(_drawn(effect, values)) for run in runs)
+            return engine - formula, engine_2 - formula_2
+
+        left, left_2 = off(values)
+        for p in effect.parameters:
+            if not p.in_engine:
+                far = p.low if values[p.name] > 0.5 * (p.low + p.high) else p.high
+                slope, slope_2 = (a - b for a, b in zip((left, left_2), off(values | {p.name: far}), strict=True))
+                share = np.mean(slope * left_2 + slope_2 * left) / (2.0 * np.mean(slope * slope_2))
+                values[p.name] += (far - values[p.name]) * float(np.clip(share, 0.0, 1.0))
+                left, left_2 = off(values)
+        return float(np.sqrt(max(float(np.mean(left * left_2)), 0.0) / np.mean(engine * engine_2)))
 
 
 @dataclass
@@ -98,10 +108,13 @@ class _Run:
         run.base = run._by_formula(Model())
         return run
 
-    def changes(self, model: Model) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """A model's changes in the engines and by its formulas, DN [image][height][width] each."""
-        in_engine = _change(self.engine.expected(model, _NUISANCES), self.engine_base)
-        return in_engine, _change(self._by_formula(model), self.base)
+    def in_engine(self, model: Model) -> NDArray[np.float64]:
+        """A model's change in the engines, DN [image][height][width]."""
+        return _change(self.engine.expected(model, _NUISANCES), self.engine_base)
+
+    def by_formula(self, model: Model) -> NDArray[np.float64]:
+        """A model's change by its formulas, DN [image][height][width]."""
+        return _change(self._by_formula(model), self.base)
 
     def _by_formula(self, model: Model) -> dict[ImageKey, NDArray]:
         out = {}
@@ -109,6 +122,11 @@ class _Run:
             light = model.light(self.layers[key[0]][key[1]], view)
             out[key] = model.signal(light, view, _NUISANCES)
         return out
+
+
+def _drawn(effect: Effect, values: dict[str, float]) -> Model:
+    model = Model().with_effect(effect, **values)
+    return Model(tuple((replace(e, randomness=Randomness.NONE), p) for e, p in model.effects))
 
 
 def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterator[tuple[str, float]]:

@@ -81,7 +81,8 @@ def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | 
     total = sum(int(image.mask.sum()) for image in images)
     if total == 0:
         return None
-    keep = [_subset(image.mask, min(1.0, _MOST_PIXELS / total), rng) for image in images]
+    share = min(1.0, _MOST_PIXELS / total)
+    keep = [i.mask if share == 1.0 else i.mask & (rng.random(i.mask.shape) < share) for i in images]
 
     def pick(name: str) -> np.ndarray:
         return np.concatenate([getattr(i, name)[k] for i, k in zip(images, keep, strict=True)]).astype(np.float64)
@@ -94,10 +95,6 @@ def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | 
         if found.count > 1:
             bins[covariate.name] = found
     return Samples(residual, residual**2 - floor, floor, _groups(images, keep, rng), bins)
-
-
-def _subset(mask: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    return mask if share >= 1.0 else mask & (rng.random(mask.shape) < share)
 
 
 def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.ndarray:

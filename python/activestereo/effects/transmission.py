@@ -26,7 +26,7 @@ def _engine(inputs: EngineInputs, fraction: float, behind: float, surfaces: floa
     parameters=[
         Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),
         Parameter(
-            "behind", "1", neutral=0.5, low=0.0, high=1.0, typical=0.3,
+            "behind", "1", neutral=0.5, low=0.0, high=1.0, typical=0.3, in_engine=False,
             source="radiance of what lies behind over the ambient radiance",
         ),
         SURFACES,

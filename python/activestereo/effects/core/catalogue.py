@@ -5,7 +5,7 @@ from textwrap import fill
 from typing import Any
 
 from activestereo.common.text_table import columns, markdown
-from activestereo.effects.core.descriptor import Effect, Parameter, Stage
+from activestereo.effects.core.descriptor import Effect, Stage
 
 _INDENT = 4 * " "
 _WHERE = {
@@ -28,7 +28,7 @@ def table(effects: dict[str, Effect]) -> str:
     rows += [(e.id, e.stage.name.lower(), e.family, _where(e)) for e in effects.values()]
     head, *lines = columns(rows).splitlines()
     for line, e in zip(lines, effects.values(), strict=True):
-        said = ", ".join(_with_unit(p) for p in e.parameters)
+        said = ", ".join(p.name if p.unit == "1" else f"{p.name} [{p.unit}]" for p in e.parameters)
         head += f"\n{line}" + f"\n{fill(said, 80, initial_indent=_INDENT, subsequent_indent=_INDENT)}" * bool(said)
     return head
 
@@ -80,10 +80,6 @@ def _engine_table(effects: dict[str, Effect], differences: dict[str, float]) -> 
     return ["## In the engines", "", _ENGINE, "", *markdown(head, rows), ""]
 
 
-def _with_unit(parameter: Parameter) -> str:
-    return parameter.name if parameter.unit == "1" else f"{parameter.name} [{parameter.unit}]"
-
-
 def _entry(e: Effect) -> list[str]:
     random = {"none": "", "static": ", random and fixed to the sensor", "temporal": ", random in every frame"}[
         e.randomness.value
@@ -125,10 +121,9 @@ without a render are from those of the engines, where they differ. It compares t
 of a small scene at typical parameters: the root mean square of their difference, as a share of the engines' change.
 `activestereo effect check --all` computes it, and removes the noise of the renders. The large differences have known
 causes. The scene is only 160 pixels wide, and its dots and edges are finer than a pixel; blurs and shifts by a
-fraction of a pixel (motion, rotations) then depend on detail that the pixels do not show. `transmission` differs most:
-its image function has a parameter for the light that arrives from behind the surface, and the engines have no such
-field, because there it is whatever the scene has behind the surface. Indirect light of lamps exists in the engines
-only."""
+fraction of a pixel (motion, rotations) then depend on detail that the pixels do not show. A parameter that the engines
+find out by themselves, such as the light behind a clear surface, counts as it fits best. Indirect light of lamps
+exists in the engines only."""
 
 _INTRODUCTION = """\
 An *effect* is one physical reason why a real sensor differs from the base model. This page lists all {count} of them

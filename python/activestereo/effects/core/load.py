@@ -17,7 +17,10 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
     if not path.is_file():
         words = "no such effect file (Python, or a shared library; built-in effects need none)"
         raise FileNotFoundError(2, words, str(path))
-    found = _from_python(path) if path.suffix == ".py" else _from_library(path)
+    try:
+        found = _from_python(path) if path.suffix == ".py" else load_plugin(path)
+    except OSError as error:
+        raise ValueError(f"{path}: neither a Python file nor a shared library that loads: {error}") from error
     if not found:
         raise ValueError(f"{path}: holds no effect; make one with the decorator activestereo.effects.effect")
     effects: dict[str, Effect] = {}
@@ -38,13 +41,6 @@ def _from_python(path: Path) -> list[Effect]:
         line = getattr(error, "lineno", None) or _line_in(error, path)
         raise ValueError(f"{path}{f', line {line}' if line else ''}: {type(error).__name__}: {error}") from error
     return list({id(value): value for value in vars(module).values() if isinstance(value, Effect)}.values())
-
-
-def _from_library(path: Path) -> list[Effect]:
-    try:
-        return load_plugin(path)
-    except OSError as error:
-        raise ValueError(f"{path}: neither a Python file nor a shared library that loads: {error}") from error
 
 
 def _line_in(error: BaseException, path: Path) -> int | None:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects that only some of the scene's surfaces show: a glaze on one object, a clear wall."""
 
-from functools import partial
-
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter
@@ -28,7 +26,8 @@ def chosen(view: View, surfaces: float) -> np.ndarray:
     materials."""
     if surfaces == 0 or view.material is None:
         return np.ones(view.shape, dtype=bool)
-    return view.once(("surfaces", surfaces), partial(_chosen, view.material, surfaces))
+    material = view.material
+    return view.once(("surfaces", surfaces), lambda: np.isin(material, material_numbers(surfaces)))
 
 
 def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Light:
@@ -37,7 +36,3 @@ def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Li
         return changed
     here = chosen(view, surfaces)
     return Light.of_images(np.where(here, changed.images, light.images), light.supersampled)
-
-
-def _chosen(material: np.ndarray, surfaces: float) -> np.ndarray:
-    return np.isin(material, material_numbers(surfaces))
