@@ -152,9 +152,6 @@ def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32
     return encoded.reshape(linear.shape)
 
 
-def _srgb_table() -> NDArray[np.float32]:
-    linear = np.linspace(0.0, 1.0, 1 << 16) ** 2
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
-
-
-SRGB = _srgb_table()  # by the root of the linear value, from 0 to 1
+_LINEAR = np.linspace(0.0, 1.0, 1 << 16) ** 2
+# By the root of the linear value, from 0 to 1.
+SRGB = np.where(_LINEAR <= 0.0031308, 12.92 * _LINEAR, 1.055 * _LINEAR ** (1 / 2.4) - 0.055).astype(np.float32)

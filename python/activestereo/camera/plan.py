@@ -85,7 +85,13 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
     is_distorted = is_distorting(seen["left"][2]) or is_distorting(seen["right"][2])
     shutter = _shutter(config.ir_line_time_s, config.ir_readout)
     rgb_shutter = _shutter(config.rgb_line_time_s, config.rgb_readout) | {"exposure_s": config.rgb_exposure_s}
-    laser_w_sr, signal, exposure = _laser_w_sr(config), signal_parameters(config), _exposure(config)
+    lit = config.projector_intensity * (config.laser_power_mw / config.laser_power_nominal_mw)
+    laser_w_sr = {"on": (lit, lit), "off": (0.0, 0.0), "alternating": (lit, 0.0)}[config.emitter]
+    exposure = AutoExposure(
+        config.ir_exposure_mode, Setting(float(config.ir_camera_exposure), float(config.ir_camera_gain)),
+        float(config.ir_exposure_target_dn), config.ir_exposure_limits_s, config.ir_gain_limits,
+        config.ir_exposure_region,
+    )  # fmt: skip
     projector = _projector(config, pattern)
     places = {"left": config.trans_pose_l, "right": config.trans_pose_r, "projector": config.pose_rgb_irproj}
     on_rig = {name: camera_to_world(Pose() * place) for name, place in places.items()}
@@ -110,7 +116,7 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
         render=parameters(config, RENDER),
         render_seed=config.render_seed,
         engine=matching | parameters(config, RIG) | matcher_parameters(config),
-        signal=signal,
+        signal=signal_parameters(config),
         responsivity_dn=config.ir_responsivity_dn,
         speckle_of_laser=bool(config.ir_speckle_of_laser),
         exposure=exposure,
@@ -140,21 +146,19 @@ def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
     signal = config.ir_signal
     if isinstance(signal, str):
         signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so
-    signal = simsense.signal_preset("neutral") | (_sapien_noise(config) if signal is None else signal)
+    if signal is None:
+        speckle = config.ir_speckle_noise
+        signal = {"speckle_shape": 0.0, "speckle_scale": 0.0, "adc_noise_dn": 0.0}
+        if speckle != 0:
+            signal = {
+                "speckle_shape": SPECKLE_SHAPE / speckle,
+                "speckle_scale": speckle / SPECKLE_SHAPE,
+                "adc_noise_dn": THERMAL_SIGMA_DN * config.ir_thermal_noise,
+            }
+    signal = simsense.signal_preset("neutral") | signal
     signal["responsivity_e"] *= config.ir_responsivity_dn
     signal["black_level_dn"] += config.ir_black_level_dn
     return signal
-
-
-def _sapien_noise(config: StereoDepthSensorConfig) -> dict[str, float]:
-    speckle = config.ir_speckle_noise
-    if speckle == 0:
-        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "adc_noise_dn": 0.0}
-    return {
-        "speckle_shape": SPECKLE_SHAPE / speckle,
-        "speckle_scale": speckle / SPECKLE_SHAPE,
-        "adc_noise_dn": THERMAL_SIGMA_DN * config.ir_thermal_noise,
-    }
 
 
 def pattern_of(config: StereoDepthSensorConfig) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
@@ -194,20 +198,6 @@ def _projector(config: StereoDepthSensorConfig, pattern: Pattern | None) -> dict
         dots |= {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
         return fields | dots | {"k": pattern_k(config, design.width, design.height)}
     return None if pattern is None else fields | {"k": pattern_k(config, *pattern.image.shape[::-1])}
-
-
-def _laser_w_sr(config: StereoDepthSensorConfig) -> tuple[float, float]:
-    power = config.laser_power_mw / config.laser_power_nominal_mw
-    lit = config.projector_intensity * power
-    return {"on": (lit, lit), "off": (0.0, 0.0), "alternating": (lit, 0.0)}[config.emitter]
-
-
-def _exposure(config: StereoDepthSensorConfig) -> AutoExposure:
-    return AutoExposure(
-        config.ir_exposure_mode, Setting(float(config.ir_camera_exposure), float(config.ir_camera_gain)),
-        float(config.ir_exposure_target_dn), config.ir_exposure_limits_s, config.ir_gain_limits,
-        config.ir_exposure_region,
-    )  # fmt: skip
 
 
 def _shutter(line_time_s: float, readout: str) -> dict[str, Any]:
