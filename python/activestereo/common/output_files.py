@@ -117,21 +117,17 @@ def _move(aside: Path, folder: Path, last: Path) -> None:
             place = folder / path.relative_to(aside)
             before = kept / str(number) if place.exists() else None
             if before is not None:
-                _keep(place, before)
+                # A second name of the file, not a move, so that a killed process loses nothing.
+                try:
+                    os.link(place, before)
+                except OSError:  # a file system without links
+                    shutil.copy2(place, before)
             moved.append((place, before))
             os.replace(path, place)
     except BaseException:  # an interrupt, too
         for place, before in reversed(moved):
             place.unlink(missing_ok=True) if before is None else os.replace(before, place)
         raise
-
-
-def _keep(place: Path, before: Path) -> None:
-    """Makes a second name of the file and keeps the first, so a killed process loses nothing."""
-    try:
-        os.link(place, before)
-    except OSError:  # a file system without links
-        shutil.copy2(place, before)
 
 
 @contextmanager

@@ -88,20 +88,16 @@ class _Shape:
     tube: Mesh | None = None
 
 
-def _sphere(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
+def _round(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
+    """A sphere or a disk."""
     from pxr import UsdLux
 
-    radius = max(float(stage.value(UsdLux.SphereLight(prim).GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
-    radius *= float(np.cbrt(np.prod(_scales(to))))
-    return _Shape(4.0 * np.pi * radius**2, np.pi * radius**2, {"radius_m": radius})
-
-
-def _disk(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
-    from pxr import UsdLux
-
-    radius = max(float(stage.value(UsdLux.DiskLight(prim).GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
-    radius *= float(np.sqrt(np.prod(_scales(to)[:2])))
-    return _Shape(np.pi * radius**2, np.pi * radius**2, {"radius_m": radius})
+    is_disk = prim.IsA(UsdLux.DiskLight)
+    light = UsdLux.DiskLight(prim) if is_disk else UsdLux.SphereLight(prim)
+    radius = max(float(stage.value(light.GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
+    radius *= float(np.sqrt(np.prod(_scales(to)[:2])) if is_disk else np.cbrt(np.prod(_scales(to))))
+    disk = np.pi * radius**2
+    return _Shape(disk if is_disk else 4.0 * disk, disk, {"radius_m": radius})
 
 
 def _rectangle(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
@@ -127,8 +123,8 @@ def _cylinder(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
 
 
 _KINDS: dict[str, Callable[[Stage, Any, np.ndarray], _Shape]] = {
-    "SphereLight": _sphere,
-    "DiskLight": _disk,
+    "SphereLight": _round,
+    "DiskLight": _round,
     "RectLight": _rectangle,
     "CylinderLight": _cylinder,
 }
