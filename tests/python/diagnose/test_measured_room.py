@@ -16,8 +16,9 @@ from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.diagnose import diagnose
+from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
-from activestereo.diagnose.room.names import seen_of, with_take
+from activestereo.diagnose.room.names import glare_of, seen_of, with_take
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.effects import Model, builtin
 from room_worlds import BASELINE_M, BLACK_DN, CX, CY, EXPONENT, F, Room
@@ -127,6 +128,20 @@ def test_a_good_session_of_the_unit_tells_what_one_alone_leaves_open(capture_wit
     gained = [{e["effect"]: e["score_nats"] for e in r["ranking"]}["gain_mismatch"] for r in (alone, beside)]
     assert beside["added"] == ["vignetting", "gain_mismatch"] and gained[1] > 1.2 * gained[0]
     assert diagnose(good, reference=[good]).result["added"] == ["vignetting"]
+
+
+@pytest.mark.parametrize("lifted, is_glare", [((-0.15, 0.3), True), ((0.15, -0.3), False), ((-0.3, -0.15), False)])
+def test_black_levels_that_follow_the_views_light_are_glare(capture_with, lifted, is_glare):
+    """Exposures are 1, 0.85 and 1.3 of one room: a quarter of the light, scattered, lifts its views so."""
+    seen = seen_of(Measured(read_capture(capture_with(nothing))), tuple(builtin().values()))
+    light = np.mean([image.mean() for image in seen.light.seen[:2]])
+    told = {f"black_level.{v}": (0.25 * x * light, 0.1) for v, x in enumerate(lifted, 1)}
+    found = glare_of(Found(builtin()["black_level"], 7.0, told), seen)
+    assert (found is not None) == is_glare
+    if found is not None:
+        assert found.effect.id == "veiling_glare" and found.nats == 7.0
+        assert found.parameters["veiling_glare.fraction"][0] == pytest.approx(0.25, rel=0.4)
+    assert glare_of(Found(builtin()["gain_mismatch"], 7.0, told), seen) is None
 
 
 def test_what_is_no_reference_is_refused_in_a_line(capture_with):

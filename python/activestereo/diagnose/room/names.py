@@ -32,6 +32,8 @@ _CAMERA = ("black", "falloff", "right row")
 _OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level", "veiling_glare"), 0.035
 # Share of an image that is blurred in places on good sessions; a dot's own blur.
 _BLURRED_SHARE, _DOT_PX = 0.003, 1.4
+# Share of black levels' squares that the views' light leaves, above which they are no glare.
+_UNLIKE_GLARE = 0.2
 # Waves were looked for at many periods.
 LOOKED = {"flicker_banding": float(np.log(21.0))}
 
@@ -93,9 +95,14 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
             break
         best = found[0]
         members = credible({f.effect.id: f.nats for f in found if f.nats > 0.0}, _MASS)
-        named.append(Named(best, members if best not in rows else {best.effect.id: 1.0}))
+        members = members if best not in rows else {best.effect.id: 1.0}
         rows = [f for f in rows if f is not best]
         own = {c.name for c in scores.columns if c.effect is best.effect}
+        glare = glare_of(best, seen)
+        if glare is not None:
+            best, members = glare, {glare.effect.id: 0.5, best.effect.id: 0.5}
+            own |= {c.name for c in scores.columns if c.effect is best.effect}
+        named.append(Named(best, members))
         known = {name: deviation for name, deviation in known.items() if name not in own}
     return Names(tuple(named), ranking, seen)
 
@@ -165,6 +172,24 @@ def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> 
 
 def _row_offset(room: Room) -> float:
     return float(room.capture.rig.right.K[1, 2] - room.capture.rig.left.K[1, 2])
+
+
+def glare_of(found: Found, seen: Seen) -> Found | None:
+    """The veiling glare that lifts each view by a share of its light, where that is what black levels of their own do:
+    their common part is in the measured one. Else nothing."""
+    effect = next((e for e in seen.asked if e.id == "veiling_glare"), None)
+    if effect is None or found.effect.id != "black_level":
+        return None
+    light = np.array([image[seen.room.images[k].usable].mean() for k, image in enumerate(seen.light.seen)])
+    light = 0.5 * (light[::2] + light[1::2])
+    lifted, deviation = np.array(list(found.parameters.values())).T
+    more = light[1:] - light[0]
+    share = float(lifted @ more / max(more @ more, 1e-9))
+    if share <= 0.0 or ((lifted - share * more) ** 2).sum() > _UNLIKE_GLARE * (lifted**2).sum():
+        return None
+    told = {"veiling_glare.fraction": (share, float(np.linalg.norm(deviation) / max(np.linalg.norm(more), 1e-9)))}
+    said = "Even light lifts each view by a share of its own: veiling glare, or a black level that drifts alike"
+    return Found(effect, found.nats, told, finding=said)
 
 
 def _with_prior(value: float, deviation: float, reach: float) -> float:
