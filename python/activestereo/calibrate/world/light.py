@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from activestereo.calibrate.world.overlaps import Pose
 from activestereo.calibrate.world.pattern import PatternEstimate, sampled
-from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, points_of
+from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, places_of, points_of
 
 _SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
 # The room's light is smoothed over so many pixels where it changes by no more than so many times its fine deviation:
@@ -138,13 +138,10 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
 
 def seen_by(first: LightView, second: LightView, a_to_b: Pose, K: NDArray[np.float64]) -> tuple[Image, Image, Mask]:
     """(column, row) of the first's pixels in the second, and where the second sees the same place."""
-    moved = first.points @ a_to_b[:3, :3].T.astype(np.float32) + a_to_b[:3, 3].astype(np.float32)
-    z = np.maximum(moved[..., 2], 1e-3)
-    column = np.asarray(K[0, 0] * moved[..., 0] / z + K[0, 2], np.float32)
-    row = np.asarray(K[1, 1] * moved[..., 1] / z + K[1, 2], np.float32)
+    column, row, z = places_of(first.points, a_to_b, K)
     depth = cv2.remap(second.view.depth_m, column, row, cv2.INTER_LINEAR)
     known = cv2.remap(second.known.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
-    return column, row, known & (moved[..., 2] > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
+    return column, row, known & (z > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
 
 
 def solve_light(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.calibrate.world.overlaps import Pose
-from activestereo.calibrate.world.views import Mask, SceneView, near_edges, pixel_grid, points_of
+from activestereo.calibrate.world.views import Mask, SceneView, near_edges, pixel_grid, places_of, points_of
 from activestereo.capture.capture import Rig
 
 _EDGE_PX = 9
@@ -37,10 +37,7 @@ def known_masks(
 
 def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float64]) -> Mask:
     """Mask of the view's pixels that lie on the other's known surface."""
-    moved = points_of(view.depth_m, K) @ to_other[:3, :3].T.astype(np.float32) + to_other[:3, 3].astype(np.float32)
-    z = np.maximum(moved[..., 2], 1e-3)
-    column = np.asarray(K[0, 0] * moved[..., 0] / z + K[0, 2], np.float32)
-    row = np.asarray(K[1, 1] * moved[..., 1] / z + K[1, 2], np.float32)
+    column, row, z = places_of(points_of(view.depth_m, K), to_other, K)
     depth = cv2.remap(other.depth_m, column, row, cv2.INTER_LINEAR)
     inside = cv2.remap(other.surface.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
     return np.asarray(inside & (np.abs(depth - z) < _SAME_SURFACE * z))

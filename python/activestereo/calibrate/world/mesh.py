@@ -15,7 +15,7 @@ from PIL import Image as Picture
 
 from activestereo.calibrate.world.light import Textures
 from activestereo.calibrate.world.overlaps import Pose
-from activestereo.calibrate.world.views import Image, Mask, SceneView, normals_of, points_of
+from activestereo.calibrate.world.views import Image, Mask, SceneView, normals_of, places_of, points_of
 from activestereo.capture.capture import Camera
 from activestereo.scene_io.gltf_writer import CLAMP, GltfWriter
 from activestereo.scene_io.meshes import Mesh, depth_triangles
@@ -101,15 +101,11 @@ def _had(
     points = points_of(view.depth_m, K)
     had = np.zeros(view.depth_m.shape, bool)
     for other, own in zip(others, poses, strict=True):
-        to = np.linalg.inv(own) @ pose
-        moved = points @ to[:3, :3].T.astype(np.float32) + to[:3, 3].astype(np.float32)
-        z = np.maximum(moved[..., 2], 1e-3)
-        column = np.asarray(K[0, 0] * moved[..., 0] / z + K[0, 2], np.float32)
-        row = np.asarray(K[1, 1] * moved[..., 1] / z + K[1, 2], np.float32)
+        column, row, z = places_of(points, np.linalg.inv(own) @ pose, K)
         inner = cv2.erode(other.surface.astype(np.uint8), np.ones((_SEAM_PX, _SEAM_PX), np.uint8), borderValue=0)
         seen = cv2.remap(inner, column, row, cv2.INTER_NEAREST) > 0
         depth = cv2.remap(other.depth_m, column, row, cv2.INTER_LINEAR)
-        had |= seen & (moved[..., 2] > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
+        had |= seen & (z > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
     return had
 
 

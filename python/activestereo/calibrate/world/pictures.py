@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from activestereo.calibrate.world.light import LightEstimate, Textures
 from activestereo.calibrate.world.overlaps import Pose
-from activestereo.calibrate.world.views import Image, SceneView, points_of
+from activestereo.calibrate.world.views import Image, SceneView, places_of, points_of
 from activestereo.common.output_files import write_png
 
 _CHECKER_PX = 40
@@ -63,11 +63,8 @@ def _checker(
     images: Sequence[Image], views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Image:
     """Fields of the first image and of the second one as seen from the first's place."""
-    to = np.linalg.inv(poses[1]) @ poses[0]
-    moved = points_of(views[0].depth_m, K) @ to[:3, :3].T.astype(np.float32) + to[:3, 3].astype(np.float32)
-    z = np.maximum(moved[..., 2], 1e-3)
-    column, row = K[0, 0] * moved[..., 0] / z + K[0, 2], K[1, 1] * moved[..., 1] / z + K[1, 2]
-    seen = cv2.remap(images[1], column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR)
+    column, row, _ = places_of(points_of(views[0].depth_m, K), np.linalg.inv(poses[1]) @ poses[0], K)
+    seen = cv2.remap(images[1], column, row, cv2.INTER_LINEAR)
     v, u = np.mgrid[0 : seen.shape[0], 0 : seen.shape[1]] // _CHECKER_PX
     return np.where(((u + v) % 2 == 0) | (seen == 0), images[0], seen).astype(np.float32)
 

@@ -130,6 +130,15 @@ def points_of(depth_m: Image, K: NDArray[np.float64]) -> Image:
     return np.stack([x * depth_m, y * depth_m, depth_m], axis=-1).astype(np.float32)
 
 
+def places_of(points: Image, pose: NDArray[np.float64], K: NDArray[np.float64]) -> tuple[Image, Image, Image]:
+    """(column, row, depth) of points [height][width][3] in the camera to whose frame a pose leads; depth is at least
+    1 mm."""
+    moved = points @ pose[:3, :3].T.astype(np.float32) + pose[:3, 3].astype(np.float32)
+    z = np.maximum(moved[..., 2], 1e-3)
+    column, row = (np.asarray(K[i, i] * moved[..., i] / z + K[i, 2], np.float32) for i in (0, 1))
+    return column, row, z
+
+
 def normals_of(points: Image) -> Image:
     """Unit normals from each point's neighbours two pixels away; towards the camera."""
     smooth = np.dstack([blurred(np.ascontiguousarray(points[..., k]), 1.5) for k in range(3)])
