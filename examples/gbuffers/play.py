@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Things fall on a floor in a simulator, whose own renderer sees them, and an active stereo camera measures its images:
 
-    PYTHONPATH=build/python python3 examples/gbuffers/play.py newton mujoco_warp mujoco genesis --out out/gbuffers.jpg
+    PYTHONPATH=build/python python3 examples/gbuffers/play.py newton mujoco_warp mujoco genesis --out out/gbuffers.png
 """
 
 import argparse
@@ -9,14 +9,16 @@ from pathlib import Path
 
 import kuafu
 import numpy as np
-from PIL import Image, ImageDraw
 
 from activestereo import GBufferStereo, StereoDepthSensorConfig
 from activestereo.common.pose import look_at
 from activestereo.integrations.gbuffers.pinhole import centred, vertical_fov_deg
+from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.lettering import write_figure
 
 CONFIG = centred(StereoDepthSensorConfig("D435").resized(212, 120, fov=60))
 EYE, TARGET = np.array([-0.6, 0.0, 0.45]), np.array([0.05, 0.0, 0.03])
+NEAR_FAR_M = (0.4, 1.6)
 CAMERA_TO_WORLD = look_at(EYE, TARGET, np.array([0.0, 0.0, 1.0]))  # x right, y down, z forward
 BALL_M, BOX_M, FALLS_S = 0.07, (0.06, 0.09, 0.05), 0.25
 BALL_AT, BOX_AT = (0.0, 0.1, 0.3), (0.05, -0.12, 0.25)
@@ -121,31 +123,27 @@ def genesis():
     return sensor, genesis_gbuffers(camera)
 
 
-def shade(depth_m):
-    near, far = 0.4, 1.6
-    shades = np.where(depth_m > 0, 255 * np.clip((far - depth_m) / (far - near), 0, 1), 0)
-    return np.repeat(shades.astype(np.uint8)[..., None], 3, axis=-1)
-
-
 def run(name):
-    """(the left infrared image, the simulator's depth and the measured one side by side, the share that has depth)."""
+    """(the left infrared image, the simulator's depth and the measured one, the share that has depth)."""
     sensor, images = globals()[name]()
     found = sensor(**images)
     clean = np.asarray(images["depth"]).reshape(-1, *sensor.shape[1:])[0]
-    infrared = np.repeat(found["ir_left"][0][..., None], 3, axis=-1)
-    picture = Image.fromarray(np.hstack([infrared, shade(clean), shade(found["depth"][0])]))
-    ImageDraw.Draw(picture).text((4, 3), name, fill=(255, 220, 60))
-    return np.asarray(picture), float(found["valid"].mean())
+    pictures = [
+        Labelled(f"{name}: infrared, left", found["ir_left"][0] / 255.0),
+        Labelled("the simulator's depth", clean, NEAR_FAR_M),
+        Labelled("depth that the D435 measures", found["depth"][0], NEAR_FAR_M),
+    ]
+    return pictures, float(found["valid"].mean())
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("simulators", nargs="+", choices=("newton", "mujoco_warp", "mujoco", "genesis"))
-    parser.add_argument("--out", type=Path, default=Path("out/gbuffers.jpg"))
-    options, rows = parser.parse_args(), []
+    parser.add_argument("--out", type=Path, default=Path("out/gbuffers.png"))
+    options, pictures = parser.parse_args(), []
     for simulator in options.simulators:
         row, share = run(simulator)
-        rows.append(row)
+        pictures += row
         print(f"{simulator}: {100 * share:.1f} % measured")
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.vstack(rows)).save(options.out)
+    write_figure(options.out, labelled_figure(pictures, columns=3))

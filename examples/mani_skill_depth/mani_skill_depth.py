@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 try:
     import gymnasium
@@ -20,6 +19,10 @@ except ImportError as error:
     sys.exit(f"this example needs the package {error.name}: pip install mani_skill")
 
 import activestereo.integrations.mani_skill  # noqa: F401 (its camera takes ManiSkill's place)
+from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.lettering import write_figure
+
+NEAR_FAR_M = (0.3, 1.8)
 
 
 def run(out: Path, name: str, size: int, samples: int, steps: int) -> float:
@@ -36,9 +39,12 @@ def run(out: Path, name: str, size: int, samples: int, steps: int) -> float:
     rgb, depth_mm = images["rgb"][0].numpy(), images["depth"][0, ..., 0].numpy().astype(np.float64)
     truth_mm = 1000.0 * env.unwrapped._sensors["base_camera"].sensors.get_true_depth()[0]
     out.mkdir(parents=True, exist_ok=True)
-    grey = [255.0 * np.clip((1800.0 - d) / 1500.0, 0.0, 1.0) * (d > 0) for d in (depth_mm, truth_mm)]
-    picture = np.hstack([rgb, *(np.repeat(g[..., None], 3, axis=2) for g in grey)]).astype(np.uint8)
-    Image.fromarray(picture).save(out / "mani_skill_depth.png")
+    pictures = [
+        Labelled("colour", rgb / 255.0),
+        Labelled("depth that the D435 measures", depth_mm / 1000.0, NEAR_FAR_M),
+        Labelled("true depth", truth_mm / 1000.0, NEAR_FAR_M),
+    ]
+    write_figure(out / "mani_skill_depth.png", labelled_figure(pictures, columns=3))
     both = (depth_mm > 0) & (truth_mm > 0)
     good = float((np.abs(depth_mm - truth_mm) < 0.05 * truth_mm)[both].mean())
     print(f"{name}: {100 * (depth_mm > 0).mean():.0f} % measured, of these {100 * good:.0f} % within 5 % of the truth")
