@@ -76,7 +76,7 @@ void main() {
   float disparity = push.found.at[at];
   bvec2 own = correlates(wide, near);
   bool is_found = disparity != push.invalid, goes = is_found && !all(own);
-  push.bare.at[at] = uint8_t(is_found && !own.y ? 1 : 0);
+  push.bare.at[at] = uint8_t(!own.y && (is_found || near.w > 0) ? 1 : 0);
   push.disparity.at[at] = goes ? push.invalid : disparity;
   if (!goes) return;
   if ((push.maps & MAPS_CONFIDENCE) != 0u) push.confidence.at[at] = 0.0f;

@@ -12,7 +12,8 @@
 //   c_near |c_near| >= share^2 c^2 - noise^2 / n_near.
 // A constant image has no h and fails. Sums are of integers; floats hold all of them exactly.
 // What passes is a thing widened by the near window and by the square of the mean. Where 3 x 3 px fail by the near window, nothing is
-// there, and the pixels that a thing is widened by go, too: a closing (Serra, Image Analysis and Mathematical Morphology, 1982).
+// there, found or not, and the pixels that a thing is widened by go, too: a closing (Serra, Image Analysis and Mathematical Morphology,
+// 1982).
 #pragma once
 
 #include <algorithm>

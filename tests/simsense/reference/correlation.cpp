@@ -73,15 +73,15 @@ Grid<uint8_t> correlates(ConstImage left, ConstImage right, const Grid<float>& d
   Grid<uint8_t> out(width, height, 1), bare(width, height, 0);
   for (size_t y = 0; y < height; ++y)
     for (size_t x = 0; x < width; ++x) {
-      if (disparity.at(x, y) == p.invalid_disparity()) continue;
+      const bool is_found = disparity.at(x, y) != p.invalid_disparity();
       const auto [both, all, pixels] = in_floats(sums_around(x, y, side));
       const auto [near_both, near_all, near_pixels] = in_floats(sums_around(x, y, side / 2 | 1));
       const float least = p.min_correlation * p.min_correlation * static_cast<float>(side * side) * all;
       const bool is_wide = both > 0 && both * both * pixels >= least;
       const float near = near_both * std::fabs(near_both) * near_pixels + 2.25f * near_all;
       const bool is_near = near * all > 0.04f * (both * both) * near_all * near_pixels;
-      bare.at(x, y) = !is_near;
-      out.at(x, y) = is_wide && is_near;
+      bare.at(x, y) = !is_near && (is_found || near_pixels > 0);
+      out.at(x, y) = !is_found || (is_wide && is_near);
     }
   const uint32_t reach = side / 2 / 2 + std::max(3u, 3 * side / 10 | 1) / 2 + 1;
   for (size_t y = 1; y + 1 < height; ++y)

@@ -149,7 +149,7 @@ void refuse(const MatchMaps& maps, size_t at, float invalid) {
   if (maps.reason) maps.reason[at] = MatchReason::low_texture;
 }
 
-/// bare: [height][width], 1 where the near window fails.
+/// bare: [height][width], 1 where the near window fails, not where it has no disparities at all.
 void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps, uint8_t* bare) {
   const uint32_t side = p.correlation_side(), near_side = correlation_near_side(side);
   const size_t reach = side / 2;
@@ -162,11 +162,11 @@ void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t
     near.move_to(y, next);
     for (size_t x = 0; x < pair.width; ++x) {
       const size_t at = y * pair.width + x;
-      bare[at] = 0;
-      if (pair.found[at] == pair.invalid) continue;
-      const Correlates own = correlates(wide.at(x), near.at(x), p.min_correlation, side * side);
-      bare[at] = own.near ? 0 : 1;
-      if (!own.wide || !own.near) refuse(maps, at, pair.invalid);
+      const bool is_found = pair.found[at] != pair.invalid;
+      const CorrelationSums near_sums = near.at(x);
+      const Correlates own = correlates(wide.at(x), near_sums, p.min_correlation, side * side);
+      bare[at] = !own.near && (is_found || near_sums.pixels > 0) ? 1 : 0;
+      if (is_found && (!own.wide || !own.near)) refuse(maps, at, pair.invalid);
     }
   }
 }
