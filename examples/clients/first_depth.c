@@ -46,7 +46,7 @@ static void render_pair(const char* scene_file) {
     memcpy(views[side].camera.k, camera_k, sizeof camera_k);
     views[side].camera.camera_to_world[3] = side * baseline_m;
   }
-  const ks_buffer_create create = ks_buffer_create_init(sizeof pair, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(sizeof pair, KS_BUFFER_HOST_VISIBLE);
   KUAFU(kuafu_buffer_create(device, &create, &buffer));
   const ks_image_desc image = ks_image_desc_packed(KS_FORMAT_F32, 4, (uint64_t[]){2, height, width, 1});
   kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, image);

@@ -41,7 +41,7 @@ def rendered_pair(kuafu: ks.Library, scene_file: str) -> Any:
     kuafu.call("kuafu_scene_load", scene, scene_file.encode(), None, None)
     add_projector(kuafu, scene)
     pair, views = (Side * 2)(), (ks.kuafu_view_desc * 2)(*(view_of_side(kuafu, side) for side in range(2)))
-    create = kuafu.struct(ks.ks_buffer_create, size_bytes=c.sizeof(pair), flags=ks.KS_BUFFER_HOST_VISIBLE)
+    create = kuafu.struct(ks.ks_buffer_create_desc, size_bytes=c.sizeof(pair), flags=ks.KS_BUFFER_HOST_VISIBLE)
     buffer = kuafu.make("kuafu_buffer_create", device, create)
     output = kuafu.struct(ks.kuafu_output_desc, output=ks.KUAFU_OUTPUT_RADIANCE, buffer=buffer, scale=200)
     output.image = kuafu.packed_image(ks.KS_FORMAT_F32, 4, (2, HEIGHT, WIDTH, 1))

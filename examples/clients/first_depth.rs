@@ -35,7 +35,7 @@ unsafe fn rendered_pair(scene_file: &str) -> Vec<f32> {
         (view.band, view.camera.width, view.camera.height, view.camera.k) = (KUAFU_BAND_INFRARED, WIDTH as u32, HEIGHT as u32, CAMERA_K);
         view.camera.camera_to_world[3] = side as f64 * BASELINE_M;
     }
-    let mut create: ks_buffer_create = filled(kuafu_struct_init, KS_TYPE_BUFFER_CREATE);
+    let mut create: ks_buffer_create_desc = filled(kuafu_struct_init, KS_TYPE_BUFFER_CREATE_DESC);
     (create.size_bytes, create.flags) = (4 * pair.len() as u64, KS_BUFFER_HOST_VISIBLE);
     ok(kuafu_buffer_create(device, &create, &mut buffer));
     let mut output: kuafu_output_desc = filled(kuafu_struct_init, KUAFU_TYPE_OUTPUT_DESC);

@@ -191,7 +191,7 @@ KS_MEMORY_DMA_BUF = 4
 KS_BUFFER_EXPORTABLE = 0x1
 KS_BUFFER_HOST_VISIBLE = 0x2
 KS_BUFFER_DMA_BUF = 0x4
-KS_TYPE_BUFFER_CREATE = 0x03
+KS_TYPE_BUFFER_CREATE_DESC = 0x03
 KS_TYPE_BUFFER_DESC = 0x04
 KS_SELECT_AUTO = 0
 KS_SELECT_INDEX = 1
@@ -416,8 +416,8 @@ class kuafu_gbuffer_desc(c.Structure):
     ]
 
 
-class ks_buffer_create(c.Structure):
-    type_id = KS_TYPE_BUFFER_CREATE
+class ks_buffer_create_desc(c.Structure):
+    type_id = KS_TYPE_BUFFER_CREATE_DESC
     _fields_ = [
         ("header", ks_header), ("size_bytes", c.c_uint64), ("flags", c.c_uint32), ("reserved", c.c_uint32)
     ]

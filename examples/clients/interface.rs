@@ -379,7 +379,7 @@ pub struct kuafu_gbuffer_desc {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct ks_buffer_create {
+pub struct ks_buffer_create_desc {
     pub header: ks_header,
     pub size_bytes: u64,
     pub flags: u32,
@@ -763,7 +763,7 @@ pub const KS_MEMORY_DMA_BUF: u32 = 4;
 pub const KS_BUFFER_EXPORTABLE: u32 = 0x1;
 pub const KS_BUFFER_HOST_VISIBLE: u32 = 0x2;
 pub const KS_BUFFER_DMA_BUF: u32 = 0x4;
-pub const KS_TYPE_BUFFER_CREATE: u32 = 0x03;
+pub const KS_TYPE_BUFFER_CREATE_DESC: u32 = 0x03;
 pub const KS_TYPE_BUFFER_DESC: u32 = 0x04;
 pub const KS_SELECT_AUTO: u32 = 0;
 pub const KS_SELECT_INDEX: u32 = 1;
@@ -818,7 +818,7 @@ extern "C" {
     pub fn kuafu_device_release(device: *mut c_void);
     pub fn kuafu_device_copied_bytes(device: *mut c_void, out: *mut u64) -> i32;
     pub fn kuafu_device_allocated_bytes(device: *mut c_void, out: *mut u64) -> i32;
-    pub fn kuafu_buffer_create(device: *mut c_void, create: *const ks_buffer_create, out: *mut *mut c_void) -> i32;
+    pub fn kuafu_buffer_create(device: *mut c_void, create: *const ks_buffer_create_desc, out: *mut *mut c_void) -> i32;
     pub fn kuafu_buffer_import(device: *mut c_void, desc: *const ks_buffer_desc, out: *mut *mut c_void) -> i32;
     pub fn kuafu_buffer_export(buffer: *mut c_void, memory: u32, out: *mut ks_buffer_desc) -> i32;
     pub fn kuafu_buffer_map(buffer: *mut c_void, out: *mut *mut c_void) -> i32;
@@ -890,7 +890,7 @@ extern "C" {
     pub fn simsense_device_release(device: *mut c_void);
     pub fn simsense_device_copied_bytes(device: *mut c_void, out: *mut u64) -> i32;
     pub fn simsense_device_allocated_bytes(device: *mut c_void, out: *mut u64) -> i32;
-    pub fn simsense_buffer_create(device: *mut c_void, create: *const ks_buffer_create, out: *mut *mut c_void) -> i32;
+    pub fn simsense_buffer_create(device: *mut c_void, create: *const ks_buffer_create_desc, out: *mut *mut c_void) -> i32;
     pub fn simsense_buffer_import(device: *mut c_void, desc: *const ks_buffer_desc, out: *mut *mut c_void) -> i32;
     pub fn simsense_buffer_export(buffer: *mut c_void, memory: u32, out: *mut ks_buffer_desc) -> i32;
     pub fn simsense_buffer_map(buffer: *mut c_void, out: *mut *mut c_void) -> i32;

@@ -146,7 +146,7 @@ int main(void) {
   ks_device_desc choice = ks_device_desc_init();
   ks_device_info info = ks_device_info_init();
   ks_buffer_desc shared = ks_buffer_desc_init();
-  ks_buffer_create create;
+  ks_buffer_create_desc create;
   kuafu_device renderer_device = NULL;
   simsense_device depth_device = NULL;
   kuafu_buffer rendered = NULL;
@@ -161,8 +161,8 @@ int main(void) {
 
   /* A GPU's memory is shared as a file descriptor; where the device is the CPU, both libraries see the same host memory. */
   memory = info.kind == KS_DEVICE_KIND_CPU ? KS_MEMORY_HOST : KS_MEMORY_OPAQUE_FD;
-  create =
-      ks_buffer_create_init(2u * width * height * sizeof(float), memory == KS_MEMORY_HOST ? KS_BUFFER_HOST_VISIBLE : KS_BUFFER_EXPORTABLE);
+  create = ks_buffer_create_desc_init(2u * width * height * sizeof(float),
+                                      memory == KS_MEMORY_HOST ? KS_BUFFER_HOST_VISIBLE : KS_BUFFER_EXPORTABLE);
   KUAFU(kuafu_buffer_create(renderer_device, &create, &rendered));
   render_pair(renderer_device, scene, rendered);
   KUAFU(kuafu_buffer_export(rendered, memory, &shared));

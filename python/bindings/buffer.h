@@ -39,7 +39,7 @@ class Buffer {
   Buffer(std::shared_ptr<Device<Api>> device, uint64_t size_bytes, bool exportable, bool host_visible)
       : device_(std::move(device)), size_bytes_(size_bytes) {
     const uint32_t flags = (exportable ? KS_BUFFER_EXPORTABLE : 0u) | (host_visible ? KS_BUFFER_HOST_VISIBLE : 0u);
-    const ks_buffer_create create = ks_buffer_create_init(size_bytes, flags);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(size_bytes, flags);
     check_unlocked<Api>([&] { return Api::buffer_create(device_->get(), &create, handle_.put()); });
     if (host_visible) check<Api>(Api::buffer_map(get(), &address_));
   }

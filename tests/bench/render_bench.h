@@ -65,7 +65,7 @@ class Renderer {
     const uint64_t shape[4] = {views_.size(), cameras[0].height, cameras[0].width, band == KUAFU_BAND_INFRARED ? 1u : 3u};
     const uint64_t bytes = shape[0] * shape[1] * shape[2] * shape[3] * 4;
     kuafu_buffer_release(buffer_);
-    const ks_buffer_create create = ks_buffer_create_init(bytes, 0);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes, 0);
     ok(kuafu_buffer_create(device_, &create, &buffer_));
     output_ = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer_, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
     image_.resize(bytes / 4);

@@ -111,7 +111,7 @@ class EveryFunction : public testing::Test {
   /// Objects of all kinds, and their handles.
   struct Objects {
     Objects() : render(KUAFU_TRACER_EMBREE), match(open_host_device()) {
-      const ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
+      const ks_buffer_create_desc create = ks_buffer_create_desc_init(64, KS_BUFFER_HOST_VISIBLE);
       EXPECT_EQ(simsense_buffer_create(match.device, &create, &buffer), KS_OK) << simsense_last_error();
     }
     ~Objects() { simsense_buffer_release(buffer); }

@@ -19,7 +19,7 @@ class Handles : public testing::Test {
   void SetUp() override { SKIP_IF(device_ ? "" : Library::last_error()); }
   void TearDown() override { Library::device_release(device_); }
   Buffer new_buffer(uint64_t size, uint32_t flags) {
-    const ks_buffer_create create = ks_buffer_create_init(size, flags);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(size, flags);
     Buffer buffer = nullptr;
     EXPECT_EQ(Library::buffer_create(device_, &create, &buffer), KS_OK) << Library::last_error();
     return buffer;
@@ -91,7 +91,7 @@ TYPED_TEST(Handles, AnyReleaseOrderIsLegal) {
   ks_device_desc desc = ks_device_desc_init();
   typename TypeParam::Device device = nullptr;
   ASSERT_EQ(TypeParam::device_create(&desc, &device), KS_OK);
-  const ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(64, KS_BUFFER_HOST_VISIBLE);
   typename TypeParam::Buffer buffer = nullptr;
   ASSERT_EQ(TypeParam::buffer_create(device, &create, &buffer), KS_OK);
   TypeParam::device_release(device);
@@ -153,7 +153,7 @@ TYPED_TEST(Handles, NullArgumentsAreRefused) {
   typename TypeParam::Buffer buffer = nullptr;
   EXPECT_EQ(TypeParam::buffer_create(this->device_, nullptr, &buffer), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::buffer_import(this->device_, nullptr, &buffer), KS_ERROR_INVALID_ARGUMENT);
-  const ks_buffer_create create = ks_buffer_create_init(64, 0);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(64, 0);
   EXPECT_EQ(TypeParam::buffer_create(this->device_, &create, nullptr), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::buffer_create(nullptr, &create, &buffer), KS_ERROR_INVALID_ARGUMENT);
   buffer = this->new_buffer(64, KS_BUFFER_EXPORTABLE);
@@ -176,9 +176,9 @@ TYPED_TEST(Handles, StructsOfOlderAndNewerCallersAreUnderstood) {
 
   // Newer: eight bytes that this library does not know. Zero is "as before", anything else is refused.
   struct Newer {
-    ks_buffer_create known;
+    ks_buffer_create_desc known;
     uint64_t later;
-  } newer = {ks_buffer_create_init(64, 0), 0};
+  } newer = {ks_buffer_create_desc_init(64, 0), 0};
   newer.known.header.size_bytes = sizeof newer;
   typename TypeParam::Buffer buffer = nullptr;
   EXPECT_EQ(TypeParam::buffer_create(this->device_, &newer.known, &buffer), KS_OK) << TypeParam::last_error();
@@ -187,11 +187,11 @@ TYPED_TEST(Handles, StructsOfOlderAndNewerCallersAreUnderstood) {
   EXPECT_EQ(TypeParam::buffer_create(this->device_, &newer.known, &buffer), KS_ERROR_VERSION);
 
   // Garbage.
-  ks_buffer_create garbage = ks_buffer_create_init(64, 0);
+  ks_buffer_create_desc garbage = ks_buffer_create_desc_init(64, 0);
   garbage.header.type = KS_TYPE_SYNC;
   EXPECT_EQ(TypeParam::buffer_create(this->device_, &garbage, &buffer), KS_ERROR_INVALID_ARGUMENT);
   for (const uint32_t size : {0u, 4u, 0xffffffffu}) {
-    garbage = ks_buffer_create_init(64, 0);
+    garbage = ks_buffer_create_desc_init(64, 0);
     garbage.header.size_bytes = size;
     EXPECT_EQ(TypeParam::buffer_create(this->device_, &garbage, &buffer), KS_ERROR_INVALID_ARGUMENT) << size;
   }

@@ -237,7 +237,7 @@ TEST(HostMemoryOfSimsense, IsThatOfBuffersAndOfTheMatcher) {
   Memory memory;
   const simsense_device device = open_lent<Simsense>(KS_SELECT_HOST, memory.services());
   ASSERT_NE(device, nullptr) << simsense_last_error();
-  const ks_buffer_create create = ks_buffer_create_init(10000, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(10000, KS_BUFFER_HOST_VISIBLE);
   simsense_buffer buffer = nullptr;
   void* mapped = nullptr;
   ASSERT_EQ(simsense_buffer_create(device, &create, &buffer), KS_OK) << simsense_last_error();
@@ -286,7 +286,7 @@ TYPED_TEST(HostServices, ThatAreIncompleteOrGiveWrongAddressesAreRefused) {
   host.allocate = [](void*, uint64_t, uint64_t) { return reinterpret_cast<void*>(uintptr_t{8}); };
   const typename TypeParam::Device device = open_lent<TypeParam>(KS_SELECT_CPU, host);
   SKIP_IF(device ? "" : TypeParam::last_error());
-  const ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(64, KS_BUFFER_HOST_VISIBLE);
   typename TypeParam::Buffer buffer = nullptr;
   EXPECT_EQ(TypeParam::buffer_create(device, &create, &buffer), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_TRUE(says(TypeParam::last_error(), "no multiple of the 4096 bytes")) << TypeParam::last_error();

@@ -49,7 +49,7 @@ using Libraries = testing::Types<Kuafu, Simsense>;
 TYPED_TEST_SUITE(HostsDevice, Libraries);
 
 TYPED_TEST(HostsDevice, TheHostWritesIntoTheLibrarysMemory) {
-  const ks_buffer_create create = ks_buffer_create_init(4096, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(4096, KS_BUFFER_HOST_VISIBLE);
   typename TypeParam::Buffer buffer = nullptr;
   ASSERT_EQ(TypeParam::buffer_create(this->device_, &create, &buffer), KS_OK) << TypeParam::last_error();
   ks_buffer_desc desc = ks_buffer_desc_init();
@@ -94,7 +94,7 @@ TYPED_TEST(HostsDevice, TheLibraryWritesIntoTheHostsMemory) {
 
 TYPED_TEST(HostsDevice, TheQueueIsLockedForEachUse) {
   const int before = this->host_.times_locked();
-  const ks_buffer_create create = ks_buffer_create_init(4096, 0);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(4096, 0);
   typename TypeParam::Buffer buffer = nullptr;
   ASSERT_EQ(TypeParam::buffer_create(this->device_, &create, &buffer), KS_OK);
   const VulkanHost::Memory memory = this->host_.allocate(4096);

@@ -43,7 +43,7 @@ TYPED_TEST_SUITE(Rounds, Libraries);
 
 TYPED_TEST(Rounds, Buffers) {
   expect_flat("buffer", round_count(), [&] {
-    const ks_buffer_create create = ks_buffer_create_init(4096, KS_BUFFER_HOST_VISIBLE | KS_BUFFER_EXPORTABLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(4096, KS_BUFFER_HOST_VISIBLE | KS_BUFFER_EXPORTABLE);
     typename TypeParam::Buffer buffer = nullptr, refused = nullptr;
     ASSERT_EQ(TypeParam::buffer_create(this->device_, &create, &buffer), KS_OK) << TypeParam::last_error();
     ks_buffer_desc desc = ks_buffer_desc_init();

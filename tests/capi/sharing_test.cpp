@@ -18,7 +18,7 @@ class Sharing : public testing::Test {
   void SetUp() override {
     SKIP_IF(renderer_side_ ? "" : kuafu_last_error());
     ASSERT_NE(matcher_side_, nullptr) << simsense_last_error();
-    const ks_buffer_create create = ks_buffer_create_init(size_bytes, KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(size_bytes, KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE);
     ASSERT_EQ(kuafu_buffer_create(renderer_side_, &create, &source_), KS_OK) << kuafu_last_error();
   }
   void TearDown() override {
@@ -81,7 +81,7 @@ TEST(DmaBuf, IsOneMemoryOfBothLibraries) {
   SKIP_IF(shares ? "" : "the device does not share memory by dma-buf (ACTIVESTEREO_TEST_DEVICE=auto tries a GPU)");
   const simsense_device matcher_side = open_test_device<Simsense>();
   ASSERT_NE(matcher_side, nullptr) << simsense_last_error();
-  const ks_buffer_create create = ks_buffer_create_init(size_bytes, KS_BUFFER_DMA_BUF);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(size_bytes, KS_BUFFER_DMA_BUF);
   kuafu_buffer source = nullptr;
   simsense_buffer view = nullptr;
   ASSERT_EQ(kuafu_buffer_create(renderer_side, &create, &source), KS_OK) << kuafu_last_error();

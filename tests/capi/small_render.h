@@ -32,7 +32,7 @@ struct SmallRender {
     kuafu_renderer_desc renderer_desc{};
     renderer_desc.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof renderer_desc);
     renderer_desc.tracer = tracer;
-    const ks_buffer_create create = ks_buffer_create_init(side * side * 4, KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(side * side * 4, KS_BUFFER_HOST_VISIBLE);
     uint32_t id = 0;
     EXPECT_EQ(kuafu_scene_create(device, &scene), KS_OK);
     EXPECT_EQ(kuafu_scene_add_mesh(scene, &mesh, &instance.mesh), KS_OK) << kuafu_last_error();

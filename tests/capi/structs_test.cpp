@@ -26,7 +26,7 @@ TEST(Structs, ExportedInitialisersAreTheInlineOnes) {
   for (const auto init : {kuafu_struct_init, simsense_struct_init}) {
     expect_same(init, KS_TYPE_DEVICE_DESC, ks_device_desc_init());
     expect_same(init, KS_TYPE_DEVICE_INFO, ks_device_info_init());
-    expect_same(init, KS_TYPE_BUFFER_CREATE, ks_buffer_create_init(0, 0));
+    expect_same(init, KS_TYPE_BUFFER_CREATE_DESC, ks_buffer_create_desc_init(0, 0));
     expect_same(init, KS_TYPE_BUFFER_DESC, ks_buffer_desc_init());
     expect_same(init, KS_TYPE_IMAGE_DESC, ks_image_desc_init());
     expect_same(init, KS_TYPE_SYNC, ks_sync_init());
@@ -147,7 +147,7 @@ TYPED_TEST(Future, ALongerStructIsTakenWhileWhatIsNewInItIsZeroAndElseRefused) {
   EXPECT_EQ(device, nullptr);
   EXPECT_TRUE(says(TypeParam::last_error(), "does not know")) << TypeParam::last_error();
 
-  auto create = from_the_future(ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE));
+  auto create = from_the_future(ks_buffer_create_desc_init(64, KS_BUFFER_HOST_VISIBLE));
   typename TypeParam::Buffer buffer = nullptr;
   EXPECT_EQ(TypeParam::buffer_create(opened, &create.known, &buffer), KS_OK) << TypeParam::last_error();
   TypeParam::buffer_release(buffer);

@@ -103,7 +103,7 @@ TYPED_TEST(ValidationOfBuffers, HasNothingToSayOfSharing) {
   typename TypeParam::Device device = nullptr;
   SKIP_IF(TypeParam::device_create(&desc, &device) == KS_OK ? "" : TypeParam::last_error());
   for (const uint32_t memory : {KS_MEMORY_OPAQUE_FD, KS_MEMORY_HOST}) {
-    const ks_buffer_create create = ks_buffer_create_init(10000, KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(10000, KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE);
     typename TypeParam::Buffer buffer = nullptr, view = nullptr;
     ASSERT_EQ(TypeParam::buffer_create(device, &create, &buffer), KS_OK) << TypeParam::last_error();
     ks_buffer_desc shared = ks_buffer_desc_init();

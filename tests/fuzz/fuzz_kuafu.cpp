@@ -43,7 +43,7 @@ class Calls {
     scenes_.keep();
     (void)kuafu_renderer_create(device_, nullptr, renderers_.out());
     renderers_.keep();
-    const ks_buffer_create create = ks_buffer_create_init(most_side * most_side * 16, KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(most_side * most_side * 16, KS_BUFFER_HOST_VISIBLE);
     (void)kuafu_buffer_create(device_, &create, buffers_.out());
     buffers_.keep();
     static constexpr float positions[] = {-9, -9, 2, 9, -9, 2, -9, 9, 2};
@@ -91,7 +91,7 @@ class Calls {
   }
 
   void about_buffers() {
-    ks_buffer_create create = ks_buffer_create_init(bytes_.size(), bytes_.below(4));
+    ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes_.size(), bytes_.below(4));
     switch (bytes_.below(6)) {
       case 0:
         bytes_.disturb(create);

@@ -115,7 +115,7 @@ class Calls {
       case 1:
         return buffers_.retain_or_release(bytes_);
       case 2: {
-        ks_buffer_create create = ks_buffer_create_init(bytes_.size() * 64, bytes_.below(4));
+        ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes_.size() * 64, bytes_.below(4));
         if (create.size_bytes > image_bytes && create.size_bytes < uint64_t{1} << 45) create.size_bytes = image_bytes;
         (void)simsense_buffer_create(device(), or_null(create), buffers_.out());
         return buffers_.keep();

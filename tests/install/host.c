@@ -43,7 +43,7 @@ static void render(const kuafu_api* api, const char* scene_path) {
   kuafu_renderer renderer = NULL;
   kuafu_buffer buffer = NULL;
   ks_device_desc choice = ks_device_desc_init();
-  ks_buffer_create create = ks_buffer_create_init(48 * 64 * 4, KS_BUFFER_HOST_VISIBLE);
+  ks_buffer_create_desc create = ks_buffer_create_desc_init(48 * 64 * 4, KS_BUFFER_HOST_VISIBLE);
   kuafu_renderer_desc desc;
   kuafu_view_desc view = kuafu_view_desc_init();
   kuafu_render_desc render = kuafu_render_desc_init();

@@ -12,6 +12,7 @@ import pytest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = pathlib.Path(os.environ.get("ACTIVESTEREO_BUILD", ROOT / "build"))
 BASELINES = sorted(path.parent for path in (ROOT / "tests/capi/baseline").glob("*/client.c"))
+RENAMED = {"ks_buffer_create": "ks_buffer_create_desc"}  # structs: names of the source, not of what was compiled
 
 LAYOUT = """\
 #include <stddef.h>
@@ -72,7 +73,11 @@ def test_no_field_has_moved_or_gone(baseline: pathlib.Path, tmp_path: pathlib.Pa
     assert len(wanted) > 200
     then = {name: tuple(map(int, text.split())) for name, text in layout(baseline / "include", there, tmp_path).items()}
     spare = {(name.split(".")[0], at): size for name, (at, size) in then.items() if ".reserved" in name}
-    for name, text in layout(ROOT / "capi/include", wanted, tmp_path).items():
+    old_names = {new: old for old, new in RENAMED.items()}
+    today_wanted = {(RENAMED.get(struct, struct), field) for struct, field in wanted}
+    for new_name, text in layout(ROOT / "capi/include", today_wanted, tmp_path).items():
+        struct, field = new_name.split(".")
+        name = f"{old_names.get(struct, struct)}.{field}"
         (at, size), today = then[name], tuple(map(int, text.split()))
         assert today in ((at, size), (at, size + spare.get((name.split(".")[0], at + size), 0))), name
 
@@ -83,6 +88,6 @@ def test_the_table_of_functions_grew_at_its_end_alone(baseline: pathlib.Path, li
     def entries(include: pathlib.Path) -> list[str]:
         return re.findall(r"^  .*\(\*\w+\)\(.*;$", (include / library / "api.h").read_text(), flags=re.MULTILINE)
 
-    then = entries(baseline / "include")
+    then = [re.sub(r"ks_\w+", lambda old: RENAMED.get(old[0], old[0]), line) for line in entries(baseline / "include")]
     assert len(then) > 10
     assert entries(ROOT / "capi/include")[: len(then)] == then

@@ -285,7 +285,7 @@ class World {
       p.width = views[0].camera.width;
       p.channels = channels_of(output, band_channels);
       p.values.resize(size_t(p.views) * p.height * p.width * p.channels);
-      const ks_buffer_create create = ks_buffer_create_init(p.values.size() * 4, KS_BUFFER_HOST_VISIBLE);
+      const ks_buffer_create_desc create = ks_buffer_create_desc_init(p.values.size() * 4, KS_BUFFER_HOST_VISIBLE);
       ok(kuafu_buffer_create(device_, &create, &buffers.emplace_back()));
       const uint64_t shape[4] = {p.views, p.height, p.width, p.channels};
       descs.push_back(kuafu_output_desc_init(output, buffers.back(), ks_image_desc_packed(id ? KS_FORMAT_U32 : KS_FORMAT_F32, 4, shape)));

@@ -28,7 +28,7 @@ typedef struct kuafu_api {
   void (*device_release)(kuafu_device device);
   ks_status (*device_copied_bytes)(kuafu_device device, uint64_t* out);
   ks_status (*device_allocated_bytes)(kuafu_device device, uint64_t* out);
-  ks_status (*buffer_create)(kuafu_device device, const ks_buffer_create* create, kuafu_buffer* out);
+  ks_status (*buffer_create)(kuafu_device device, const ks_buffer_create_desc* create, kuafu_buffer* out);
   ks_status (*buffer_import)(kuafu_device device, const ks_buffer_desc* desc, kuafu_buffer* out);
   ks_status (*buffer_export)(kuafu_buffer buffer, uint32_t memory, ks_buffer_desc* out);
   ks_status (*buffer_map)(kuafu_buffer buffer, void** out);

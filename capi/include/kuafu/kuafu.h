@@ -82,7 +82,7 @@ KUAFU_API ks_status kuafu_device_allocated_bytes(kuafu_device device, uint64_t* 
 
 /* ---- buffer ---------------------------------------------------------------------------------------------------------------- */
 
-KUAFU_API ks_status kuafu_buffer_create(kuafu_device device, const ks_buffer_create* create, kuafu_buffer* out);
+KUAFU_API ks_status kuafu_buffer_create(kuafu_device device, const ks_buffer_create_desc* create, kuafu_buffer* out);
 KUAFU_API ks_status kuafu_buffer_import(kuafu_device device, const ks_buffer_desc* desc, kuafu_buffer* out);
 /* Describes the buffer's memory for an import by another library; memory is KS_MEMORY_*. The caller closes the file descriptor, if there is one. */
 KUAFU_API ks_status kuafu_buffer_export(kuafu_buffer buffer, uint32_t memory, ks_buffer_desc* out);

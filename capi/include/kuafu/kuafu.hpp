@@ -32,7 +32,7 @@ class Buffer : public ks::Reference<kuafu_buffer, kuafu_buffer_retain, kuafu_buf
  public:
   /* flags: KS_BUFFER_*. */
   Buffer(kuafu_device device, uint64_t size_bytes, uint32_t flags) {
-    const ks_buffer_create create = ks_buffer_create_init(size_bytes, flags);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(size_bytes, flags);
     check(kuafu_buffer_create(device, &create, &handle_));
   }
   /* Imports what another library or device exported. */

@@ -28,7 +28,7 @@ typedef struct simsense_api {
   void (*device_release)(simsense_device device);
   ks_status (*device_copied_bytes)(simsense_device device, uint64_t* out);
   ks_status (*device_allocated_bytes)(simsense_device device, uint64_t* out);
-  ks_status (*buffer_create)(simsense_device device, const ks_buffer_create* create, simsense_buffer* out);
+  ks_status (*buffer_create)(simsense_device device, const ks_buffer_create_desc* create, simsense_buffer* out);
   ks_status (*buffer_import)(simsense_device device, const ks_buffer_desc* desc, simsense_buffer* out);
   ks_status (*buffer_export)(simsense_buffer buffer, uint32_t memory, ks_buffer_desc* out);
   ks_status (*buffer_map)(simsense_buffer buffer, void** out);

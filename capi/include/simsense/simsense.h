@@ -64,7 +64,7 @@ SIMSENSE_API ks_status simsense_device_copied_bytes(simsense_device device, uint
 /* Number of bytes that the device's buffers hold now, including those of engines. */
 SIMSENSE_API ks_status simsense_device_allocated_bytes(simsense_device device, uint64_t* out);
 
-SIMSENSE_API ks_status simsense_buffer_create(simsense_device device, const ks_buffer_create* create, simsense_buffer* out);
+SIMSENSE_API ks_status simsense_buffer_create(simsense_device device, const ks_buffer_create_desc* create, simsense_buffer* out);
 SIMSENSE_API ks_status simsense_buffer_import(simsense_device device, const ks_buffer_desc* desc, simsense_buffer* out);
 SIMSENSE_API ks_status simsense_buffer_export(simsense_buffer buffer, uint32_t memory, ks_buffer_desc* out);
 SIMSENSE_API ks_status simsense_buffer_map(simsense_buffer buffer, void** out);

@@ -32,7 +32,7 @@ class Buffer : public ks::Reference<simsense_buffer, simsense_buffer_retain, sim
  public:
   /* flags: KS_BUFFER_*. */
   Buffer(simsense_device device, uint64_t size_bytes, uint32_t flags) {
-    const ks_buffer_create create = ks_buffer_create_init(size_bytes, flags);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(size_bytes, flags);
     check(simsense_buffer_create(device, &create, &handle_));
   }
   /* Imports what another library or device exported. */

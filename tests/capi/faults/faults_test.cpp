@@ -83,7 +83,7 @@ Outcome render_all(KuafuObjects& o, uint32_t tracer) {
   for (float& r : environment.radiance) r = 1.0f;
   kuafu_renderer_desc desc = kuafu_renderer_desc_init();
   desc.tracer = tracer;
-  const ks_buffer_create create = ks_buffer_create_init(side * side * sizeof(float), KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(side * side * sizeof(float), KS_BUFFER_HOST_VISIBLE);
   ks_device_desc cpu = ks_device_desc_init();
   cpu.select = KS_SELECT_CPU, cpu.worker_count = 2;
   uint32_t id = 0;
@@ -202,7 +202,7 @@ TEST(Faults, ARendererThatRanOutOfMemoryRendersAgain) {
   ASSERT_EQ(sound.status, KS_OK) << kuafu_last_error();
   const int before = layer->fired(FAULT_ALLOCATE);
   kuafu_buffer large = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(1 << 20, 0);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(1 << 20, 0);
   layer->arm(FAULT_ALLOCATE, 0);
   EXPECT_EQ(kuafu_buffer_create(objects.device, &create, &large), KS_ERROR_OUT_OF_DEVICE_MEMORY);
   layer->arm(FAULT_ALLOCATE, -1);

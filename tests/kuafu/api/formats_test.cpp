@@ -29,7 +29,7 @@ class Formats : public testing::TestWithParam<uint32_t> {
                               uint8_t mark = 0xab) {
     std::vector<uint8_t> bytes(first_byte + row_bytes * height + 16, mark);
     kuafu_buffer buffer = nullptr;
-    const ks_buffer_create create = ks_buffer_create_init(bytes.size(), KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes.size(), KS_BUFFER_HOST_VISIBLE);
     ok(kuafu_buffer_create(shared_device(), &create, &buffer));
     ok(kuafu_buffer_write(buffer, 0, bytes.data(), bytes.size()));
     const uint64_t shape[4] = {1, height, width, 1};
@@ -165,7 +165,7 @@ std::string error_of(uint32_t w, uint32_t h, uint32_t band, double relative_erro
   const uint64_t shape[4] = {1, h, w, band == KUAFU_BAND_VISIBLE ? 3u : 1u};
   ks_image_desc image = ks_image_desc_packed(KS_FORMAT_U8, 4, shape);
   image.byte_stride[1] = 1;
-  const ks_buffer_create create = ks_buffer_create_init(h + 3ull * w, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(h + 3ull * w, KS_BUFFER_HOST_VISIBLE);
   kuafu_buffer buffer = nullptr;
   ok(kuafu_buffer_create(shared_device(), &create, &buffer));
   const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, image);

@@ -157,7 +157,7 @@ TEST(LiveScene, ARenderThatRunsOutOfMemoryLeavesNothingHalfDone) {
   kuafu_render_desc desc = world.desc();
   std::vector<float> pixels(size_t(view.camera.width) * view.camera.height);
   kuafu_buffer buffer = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(pixels.size() * 4, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(pixels.size() * 4, KS_BUFFER_HOST_VISIBLE);
   const ks_status created = kuafu_buffer_create(shared_device(), &create, &buffer);
   const uint64_t shape[4] = {1, view.camera.height, view.camera.width, 1};
   const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));

@@ -17,7 +17,7 @@ class RenderApi : public testing::Test {
   void SetUp() override {
     world_.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f));
     world_.set_environment(1.0f);
-    const ks_buffer_create create = ks_buffer_create_init(bytes, KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes, KS_BUFFER_HOST_VISIBLE);
     ASSERT_EQ(kuafu_buffer_create(shared_device(), &create, &buffer_), KS_OK) << kuafu_last_error();
     view_ = view_at({0, 0, 0}, 8, 4, 20);
     const uint64_t shape[4] = {1, 4, 8, 1};
@@ -117,7 +117,7 @@ TEST_F(RenderApi, refuses_null_and_wrong_handles) {
 TEST_F(RenderApi, refuses_a_buffer_of_another_device) {
   kuafu_device other = nullptr;
   ASSERT_EQ(kuafu_device_create(nullptr, &other), KS_OK) << kuafu_last_error();
-  const ks_buffer_create create = ks_buffer_create_init(bytes, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes, KS_BUFFER_HOST_VISIBLE);
   kuafu_buffer foreign = nullptr;
   ASSERT_EQ(kuafu_buffer_create(other, &create, &foreign), KS_OK) << kuafu_last_error();
   refused("another device", [&] { output_.buffer = foreign; });
@@ -226,7 +226,7 @@ TEST_F(RenderApi, handles_may_be_released_in_any_order) {
   ok(kuafu_scene_create(device, &scene));
   ok(kuafu_renderer_create(device, nullptr, &renderer));
   kuafu_buffer own = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(bytes, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes, KS_BUFFER_HOST_VISIBLE);
   ok(kuafu_buffer_create(device, &create, &own));
   kuafu_device_release(device);
   output_.buffer = own;

@@ -362,7 +362,7 @@ ks_status render_by_oidn(World& world, const char* library, Pixels& image) {
   ok(kuafu_renderer_create(shared_device(), &desc, &renderer));
   kuafu_buffer buffer = nullptr;
   image = {1, 2 * height, 2 * width, 1, std::vector<float>(4 * width * height)};
-  const ks_buffer_create create = ks_buffer_create_init(image.values.size() * 4, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(image.values.size() * 4, KS_BUFFER_HOST_VISIBLE);
   ok(kuafu_buffer_create(shared_device(), &create, &buffer));
   const uint64_t shape[4] = {1, image.height, image.width, 1};
   const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_AMBIENT, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));

@@ -24,7 +24,7 @@ kuafu_view_desc rolling(uint32_t width, uint32_t height, double line_time_s, dou
 ks_status refusal(World& world, const kuafu_view_desc& view) {
   const uint64_t shape[4] = {1, view.camera.height, view.camera.width, 1};
   kuafu_buffer buffer = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(shape[1] * shape[2] * sizeof(float), KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(shape[1] * shape[2] * sizeof(float), KS_BUFFER_HOST_VISIBLE);
   ok(kuafu_buffer_create(shared_device(), &create, &buffer));
   const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
   kuafu_render_desc desc = world.desc();

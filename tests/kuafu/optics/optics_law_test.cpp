@@ -290,7 +290,7 @@ TEST(Optics, what_cannot_be_is_refused) {
     kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 4);
     view.optics = &optics;
     kuafu_buffer buffer = nullptr;
-    const ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(64, KS_BUFFER_HOST_VISIBLE);
     ok(kuafu_buffer_create(shared_device(), &create, &buffer));
     const uint64_t shape[4] = {1, 4, 4, 1};
     const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));

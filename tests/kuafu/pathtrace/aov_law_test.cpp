@@ -187,7 +187,7 @@ TEST(Projector, of_the_aovs_must_be_one) {
   const uint32_t point = world.add_point({0, 0, 0}, 1);
   world.desc().projector = point;
   kuafu_buffer buffer = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(8, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(8, KS_BUFFER_HOST_VISIBLE);
   ok(kuafu_buffer_create(shared_device(), &create, &buffer));
   const uint64_t shape[4] = {1, 1, 1, 2};
   const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_PROJECTOR_UV, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));

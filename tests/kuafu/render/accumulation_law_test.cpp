@@ -98,7 +98,7 @@ TEST_P(Accumulation, begins_anew_after_a_call_without_it_and_with_other_sizes) {
   const kuafu_view_desc view = view_at({0, 0, 0}, 9, 9, 9);
   world_.desc().views = &view;
   kuafu_buffer buffer = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(81 * 4, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(81 * 4, KS_BUFFER_HOST_VISIBLE);
   ok(kuafu_buffer_create(shared_device(), &create, &buffer));
   const uint64_t shape[4] = {1, 9, 9, 1};
   const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));

@@ -310,7 +310,7 @@ TEST_P(EngineBuffers, AreReadAndWrittenInPlace) {
   const Pair pair = photograph(0.7);
   const auto expected = depth_of(engine, pair);
   const auto make = [&](uint64_t bytes) {
-    const ks_buffer_create create = ks_buffer_create_init(bytes, KS_BUFFER_HOST_VISIBLE);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes, KS_BUFFER_HOST_VISIBLE);
     simsense_buffer buffer = nullptr;
     EXPECT_EQ(simsense_buffer_create(device.get(), &create, &buffer), KS_OK) << simsense_last_error();
     return Buffer(buffer);
@@ -346,7 +346,7 @@ TEST(EngineBuffersOfTheBestDevice, AreNotCopiedAndHostImagesAre) {
   const Device device = open_device(KS_SELECT_AUTO);
   if (!device) GTEST_SKIP() << "no Vulkan device here: " << simsense_last_error();
   const uint64_t pixels = width * height;
-  const ks_buffer_create create = ks_buffer_create_init(pixels * 4, 0);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(pixels * 4, 0);
   simsense_buffer handle = nullptr;
   ASSERT_EQ(simsense_buffer_create(device.get(), &create, &handle), KS_OK) << simsense_last_error();
   const Buffer buffer(handle);
@@ -383,7 +383,7 @@ TEST_P(EngineSubmission, GivesWhatComputeGivesOnceWaitedFor) {
   const EngineHandle engine = open_engine(device, rig, small_parameters());
   const Pair pair = photograph(0.7);
   const auto expected = depth_of(engine, pair);
-  const ks_buffer_create create = ks_buffer_create_init(2 * width * height + 4 * width * height, KS_BUFFER_HOST_VISIBLE);
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(2 * width * height + 4 * width * height, KS_BUFFER_HOST_VISIBLE);
   simsense_buffer handle = nullptr;
   ASSERT_EQ(simsense_buffer_create(device.get(), &create, &handle), KS_OK) << simsense_last_error();
   const Buffer buffer(handle);
