@@ -228,7 +228,7 @@ def summary_table(scores: dict[str, Any]) -> str:
     for channel, region in scores["regions"].items():
         if head := region["headline"]:
             lines.append(f"{channel}: {100 * head['share']:.0f} % of the explainable error: {head['words']}")
-    value, error = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
+    value, spread = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
     names = (("projector scale", "projector_scale"), ("ambient scale", "ambient_scale"), ("black level", "black_dn"))
-    lines.append("fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {error[k]:.2g}" for words, k in names))
+    lines.append("fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {spread[k]:.2g}" for words, k in names))
     return "\n".join(lines)
