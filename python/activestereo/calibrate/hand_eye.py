@@ -71,7 +71,9 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
             f"{_LEAST_TURN_DEG:g} deg and more about two axes"
         )
     parts = [
-        [pose[:3, part] for pose in poses] for poses in (gripper_to_base, board_to_camera) for part in (np.s_[:3], 3)
+        part
+        for poses in (gripper_to_base, board_to_camera)
+        for part in ([pose[:3, :3] for pose in poses], [pose[:3, 3] for pose in poses])
     ]
     start = np.eye(4)
     start[:3, :3], start[:3, 3:] = cv2.calibrateHandEye(*parts, method=cv2.CALIB_HAND_EYE_PARK)

@@ -279,7 +279,8 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
                 background_samples(view.spots[side].background, view.wall.plane, *eyes[side], scale, projector)
                 for view, scale in zip(walls, scales, strict=True)
             ]
-            lights.append(light_between_dots(*map(np.concatenate, zip(*parts, strict=True))))
+            counts, shares = (np.concatenate(part) for part in zip(*parts, strict=True))
+            lights.append(light_between_dots(counts, shares))
         background = max(float(np.mean(lights)), 0.0), float(0.5 * np.ptp(lights))
     # 4. The unit: where dots are seen, the light of the nominal pattern, dots and background together; without one a
     # dot's mean is 1.

@@ -88,7 +88,7 @@ def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint
 
     def laid(frames: list[Frame], which: str, camera: Camera, left_to: NDArray[np.float64]) -> NDArray[np.uint8]:
         if which == "color":
-            image = np.mean([capture.color(f) for f in frames], axis=0) / 255.0
+            image = np.mean(np.array([capture.color(f) for f in frames]), axis=0) / 255.0
         else:
             image = np.mean([capture.ir(f, which) for f in frames], axis=0)[..., None] / rig.max_dn
         picture = np.rint(255 * np.clip(_undistorted(image, camera), 0, 1)).astype(np.uint8)

@@ -33,12 +33,14 @@ def lens_fields(coefficients: Coefficients) -> dict[str, Any]:
 def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coefficients) -> Positions:
     """Distorts an ideal pinhole's image positions (x, y). Beyond the fold, at which is_drawn() turns false, the radial
     factor stays constant, so positions keep moving outwards."""
-    return simsense.distort(*np.broadcast_arrays(x, y), **lens_fields(coefficients))
+    x, y = np.broadcast_arrays(x, y)
+    return simsense.distort(x, y, **lens_fields(coefficients))
 
 
 def undistort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coefficients) -> Positions:
     """The inverse of distort(), by Newton's method."""
-    return simsense.undistort(*np.broadcast_arrays(x, y), **lens_fields(coefficients))
+    x, y = np.broadcast_arrays(x, y)
+    return simsense.undistort(x, y, **lens_fields(coefficients))
 
 
 def is_drawn(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.bool_]:

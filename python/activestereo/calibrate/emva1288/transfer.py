@@ -325,8 +325,8 @@ def _gain(
     gain = Quantity(k, max(k - half, 0.0), k + half, "DN", _SOURCE)
     if not hidden:
         square, half = dark.values[0] - ROUNDING_VARIANCE, dark.quantile * dark.error(0)
-        sigmas = (float(np.sqrt(max(v, 0.0))) for v in (square, square - half, square + half))
-        return gain, Quantity(*sigmas, "DN", _SOURCE)
+        sigma, low, high = (float(np.sqrt(max(v, 0.0))) for v in (square, square - half, square + half))
+        return gain, Quantity(sigma, low, high, "DN", _SOURCE)
     most = _LEAST_DARK_VARIANCE - ROUNDING_VARIANCE
     value = float(np.clip(fit.values[1], 0.0, most))
     source = f"{_SOURCE}; rounding hides it in the dark"

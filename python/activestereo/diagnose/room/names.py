@@ -184,10 +184,12 @@ def glare_of(found: Found, seen: Seen) -> Found | None:
     light = 0.5 * (light[::2] + light[1::2])
     lifted, deviation = np.array(list(found.parameters.values())).T
     more = light[1:] - light[0]
-    share = float(lifted @ more / max(more @ more, 1e-9))
+    share = float(np.vdot(lifted, more)) / max(float(np.vdot(more, more)), 1e-9)
     if share <= 0.0 or ((lifted - share * more) ** 2).sum() > _UNLIKE_GLARE * (lifted**2).sum():
         return None
-    told = {"veiling_glare.fraction": (share, float(np.linalg.norm(deviation) / max(np.linalg.norm(more), 1e-9)))}
+    told = {
+        "veiling_glare.fraction": (share, float(np.linalg.norm(deviation)) / max(float(np.linalg.norm(more)), 1e-9))
+    }
     said = "Even light lifts each view by a share of its own: veiling glare, or a black level that drifts alike"
     return Found(effect, found.nats, told, finding=said)
 
