@@ -64,7 +64,7 @@ def warn_of_light(share: LightShare | None) -> None:
     """Says on stderr that a projector's dots hardly stand out, and in which light."""
     if share is None or share.projector >= LEAST_SHARE or share.brightest is None:
         return
-    light = f"{share.brightest} gives {_percent(share.brightest_share)} of the infrared light at them"
+    light = f"{share.brightest} gives {_percent(share.brightest_share)} of their light"
     _say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
 
 

@@ -142,20 +142,8 @@ def _rows(
     solution = np.linalg.solve(gram + 1e-9 * np.eye(3), moment[..., None])[..., 0]
     return [
         _finding("row_offset_px", "rows of the right image lie lower by", solution[:, 0], "px", 0.0),
-        _finding(
-            "row_offset_across_px",
-            "and by so much more at the right border than at the left (roll)",
-            2 * solution[:, 1],
-            "px",
-            0.0,
-        ),
-        _finding(
-            "row_offset_down_px",
-            "and by so much more at the bottom than at the top (pitch, focal length)",
-            2 * solution[:, 2],
-            "px",
-            0.0,
-        ),
+        _finding("row_offset_across_px", "further at the right border (roll) by", 2 * solution[:, 1], "px", 0.0),
+        _finding("row_offset_down_px", "further at the bottom (pitch, focal) by", 2 * solution[:, 2], "px", 0.0),
     ]
 
 
@@ -168,37 +156,24 @@ def _scale(disparity: np.ndarray, device: np.ndarray, blocks: Any) -> list[Findi
     n, d, r = blocks.sums(np.ones(device.shape), both), blocks.sums(device, both), blocks.sums(disparity - device, both)
     dd, dr = blocks.sums(device**2, both), blocks.sums(device * (disparity - device), both)
     determinant = np.maximum(n * dd - d * d, 1e-12)
+    scale, offset = dr / np.maximum(dd, 1e-12), r / np.maximum(n, 1.0)
+    beside = (n * dr - d * r) / determinant
     return [
-        _finding(
-            "focal_baseline_error",
-            "f x baseline larger than given, if nothing else is wrong",
-            dr / np.maximum(dd, 1e-12),
-            "1",
-            0.0,
-        ),
-        _finding(
-            "disparity_offset_px",
-            "disparity larger than given, if nothing else is wrong",
-            r / np.maximum(n, 1.0),
-            "px",
-            0.0,
-        ),
-        _finding(
-            "focal_baseline_error_beside_offset",
-            "f x baseline larger than given, with an offset beside",
-            (n * dr - d * r) / determinant,
-            "1",
-            0.0,
-        ),
+        _finding("focal_baseline_error", "f x baseline larger than given, alone, by", scale, "1", 0.0),
+        _finding("disparity_offset_px", "or disparity larger than given, alone, by", offset, "px", 0.0),
+        _finding("focal_baseline_error_beside_offset", "or f x baseline, with an offset, by", beside, "1", 0.0),
         _finding("offset_beside_scale_px", "and that offset", (dd * r - d * dr) / determinant, "px", 0.0),
     ]
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
+    """A line of at most 80 columns for each finding, with its 95 % interval."""
     lines = []
     for f in findings:
         scale, unit = (100.0, "%") if f.unit == "1" and f.neutral == 0.0 else (1.0, "" if f.unit == "1" else f.unit)
         value, low, high = (scale * x for x in (f.value, f.low, f.high))
-        mark = "" if f.stands_out else "   (a perfect pair may show this, too)"
-        lines.append(f"{f.text + ':':75}{value:9.4g} {unit:3} ({low:.4g} to {high:.4g}){mark}")
+        mark = " " if f.stands_out else "*"
+        lines.append(f"{f.text + ':':42}{value:9.3g}{mark}{unit:3}({low:.3g} to {high:.3g})")
+    if not all(f.stands_out for f in findings):
+        lines.append("* a perfect pair may show this, too")
     return "\n".join(lines)

@@ -62,8 +62,8 @@ def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], 
             1e3 * blocks.sums(peaks.astype(float), everywhere) / area,
             "",
         ),
-        _finding("dot_peak_dn", "mean height of a dot over its surroundings", height, "DN"),
-        _finding("dot_rms_dn", "RMS of the left image less its blur (dots and texture)", np.sqrt(dots / count), "DN"),
+        _finding("dot_peak_dn", "mean height of a dot", height, "DN"),
+        _finding("dot_rms_dn", "RMS of dots and texture, left", np.sqrt(dots / count), "DN"),
         _finding(
             "residual_share",
             "left less right, over that RMS",
@@ -86,7 +86,7 @@ def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], 
 def statistics_text(columns: dict[str, list[Finding]]) -> str:
     """A table: one row for each figure, one column for each pair."""
     names = {f.name: f for findings in columns.values() for f in findings}
-    head = f"{'':60}" + "".join(f"{name:>26}" for name in columns)
+    head = f"{'':32}" + "".join(f"{name:>24}" for name in columns)
     return "\n".join([head, *(_row(f, columns) for f in names.values())])
 
 
@@ -98,8 +98,8 @@ def _row(shown: Finding, columns: dict[str, list[Finding]]) -> str:
         text = "-" if found is None else f"{scale * found.value:.3g} {unit}"
         if found is not None and found.high > found.low:
             text += f" ({scale * found.low:.3g}-{scale * found.high:.3g})"
-        cells.append(f"{text:>26}")
-    return f"{shown.text + ':':60}" + "".join(cells)
+        cells.append(f"{text:>24}")
+    return f"{shown.text + ':':32}" + "".join(cells)
 
 
 def _finding(name: str, text: str, draws: NDArray[np.float64], unit: str) -> Finding:
