@@ -138,6 +138,7 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=4, help="samples per pixel (default: 4)")
     parser.add_argument("--out", type=Path, default=Path("."), help="folder for subpixel.png")
     args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
     if args.recordings is not None:
         views = [View.read(args.recordings / f"index_{name}") for name in PARTS[args.part]]
         figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
