@@ -36,7 +36,7 @@ from activestereo.effects import builtin
 TURNS, EXPOSURES = ((0, 0), (14, 3), (-13, -4)), (1.0, 0.85, 1.3)
 # More of a lens's falloff than it has is a size of it, no name.
 DRAWN = sorted(set(KINDS) - {"vignetting"})
-# What the plan's texts ask for: a further view, turned or rolled, or a session of the unit when it was good.
+# The recordings that the plan's texts ask for: a further view, turned or rolled, or a session of the good unit.
 VIEWS, GOOD = {"turned by 15 degrees": (15, 0), "rolled by 90 degrees": (0, 0, 90)}, "known to be good"
 
 

@@ -25,7 +25,7 @@ inline LensValue lens_factor(const ks_lens& lens, double r2) {
   return {value, (k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]) - value * (k[5] + r2 * (2 * k[6] + r2 * 3 * k[7]))) / under};
 }
 
-/* What Brown and Conrady's p1 and p2 add to the position of a ray. */
+/* The shift of a ray's position by Brown and Conrady's p1 and p2. */
 struct LensShift {
   double x, y;
 };
@@ -65,7 +65,7 @@ inline LensFold lens_fold(const ks_lens& lens) {
   return {fisheye ? 1e8 : 100.0, std::numeric_limits<double>::infinity()};
 }
 
-/* Where a ray appears, and the derivatives by the ray, which are symmetric: d x'/dx, d x'/dy = d y'/dx, d y'/dy. */
+/* A ray's distorted position, and its derivatives by the ray, which are symmetric: d x'/dx, d x'/dy = d y'/dx, d y'/dy. */
 struct LensImage {
   double x, y, xx, xy, yy;
   /* Growing in every direction: where this holds from the axis outwards, no two rays meet in one pixel. */

@@ -153,7 +153,7 @@ def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple
         changes[_GROWTH] = _flow(dots, camera.K[0, 0] * x * grown, camera.K[1, 1] * y * grown)
         for axis, unit in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
             changes[f"rig {axis}"], changes[f"dots {axis}"] = _flow(both, *unit), _flow(dots, *unit)
-            # What moves by a part of a pixel is blurred in the mean; a dot's blur would pass for the laser's power.
+            # The mean blurs dots that move by a part of a pixel; their blur would pass for the laser's power.
             changes[f"blur {axis}"] = _flow(_flow(both, *unit), *unit)
         changes["right row"] = _flow(both, 0.0, float(side == "right"))
         changes["roll"] = _flow(both, -focal_px * y, focal_px * x)

@@ -127,7 +127,7 @@ def test_freedom_costs_by_how_finely_it_was_used():
 
 
 def test_an_effect_of_more_parameters_is_less_likely_where_one_of_them_is_enough():
-    """Where data tell of one parameter alone, the other gains nothing by itself."""
+    """A parameter that the data do not tell gains nothing by itself."""
     one = occam_nats(*explanation("stereo_pitch", [0.0035], [1e12]), design=1.0)
     both = occam_nats(*explanation("pattern_scale_drift", [0.014, 0.0], [1e12 / 16.0, 0.0]), design=1.0)
     assert one - both == pytest.approx(np.log(3.0), abs=0.01)

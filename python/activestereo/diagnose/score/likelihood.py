@@ -60,7 +60,7 @@ def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: n
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
     alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
     loss = away[unused] @ alone @ away[unused]
-    # What the data do not tell keeps the prior's volume, one over its peak: it costs nothing where it is neutral.
+    # A parameter that the data do not tell keeps the prior's volume, one over its peak: neutral, it costs nothing.
     told = inner + 2.0 * np.pi * np.diag(np.exp(2.0 * peaks[used]))
     volume = len(used) * np.log(2.0 * np.pi) - np.linalg.slogdet(told)[1]
     return float(density[kept].sum() + 0.5 * volume - 0.5 * max(loss, 0.0))
