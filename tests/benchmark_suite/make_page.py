@@ -6,9 +6,9 @@
     python3 tests/benchmark_suite/make_page.py --check    # fails where it is not what the results say
 
 results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number of
-answered test cases n, and a note on those that were not; mitsuba.json has those of another renderer's worlds, next.json
-and practice.json what run_next.py and practice.py printed, all three of the search before this one; causes.json says
-what goes wrong.
+answered test cases n, and a note on those that were not; mitsuba.json has those of another renderer's worlds and
+next.json what run_next.py printed, both of the search before this one; practice.json is of practice.py; causes.json
+says what goes wrong.
 """
 
 import json
@@ -156,19 +156,18 @@ def _practice(run):
     lines = [
         "## The practice captures",
         "",
-        "Another program rendered nine captures (424x240, 12 frames). Gap is (before - after) / (before - floor), from "
-        "the answers of the search before this one; the last columns are test errors of the diagnosis and of `compare "
-        f"--model`, which renders what was found ({run['date']}, {run['machine']}, n = {run['n']}):",
+        "Another program rendered nine captures (424x240, 12 frames). Gap is (before - after) / (before - floor) of "
+        f"test errors ({run['date']}, {run['machine']}, n = {run['n']}):",
         "",
         f"    {run['command']}",
         "",
-        "|capture|hidden|answer|gap|diagnosis, DN|engines, DN|",
+        "|capture|hidden|answer|gap|after, DN|floor, DN|",
         "|--|--|--|--|--|--|",
     ]
     for row in run["rows"]:
         gap = "" if row["gap"] is None else f"{row['gap']:.2f}"
         cells = (row["capture"], row["hidden"], row["answer"], gap)
-        lines.append(f"|{'|'.join(cells)}|{row['diagnosis_dn']:.3f}|{row['engines_dn']:.3f}|")
+        lines.append(f"|{'|'.join(cells)}|{row['diagnosis_dn']:.3f}|{row['floor_dn']:.3f}|")
     found = run["parameters"]
     values = "; ".join(
         f"{r['parameter']} {r['found']:g} ({r['low']:g} to {r['high']:g}; truth {r['truth']:g})" for r in found["rows"]

@@ -6,8 +6,8 @@
 
 CAPTURES holds practice-NN folders, each with its answer.json, which the tool does not get to see. Prints a Markdown
 table: verdict and first names, the share of the gap between base model and floor that is closed, the test error of the
-model that was found, and the time of the diagnosis (wall and processor seconds) with all renders and once more with
-renders kept on disk. What was run already is not run again. """
+model that was found, its floor, and the time of the diagnosis (wall and processor seconds) with all renders and once
+more with renders kept on disk. Diagnoses that were run already are not run again."""
 
 import argparse
 import json
@@ -21,8 +21,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 TOOL = str(ROOT / "build/bin/activestereo")
 HEAD = (
-    "| capture | hidden | verdict, found | gap closed | test error, DN | diagnosis | again |",
-    "|---|---|---|---|---|---|---|",
+    "| capture | hidden | verdict, found | gap closed | test error, DN | floor, DN | diagnosis | again |",
+    "|---|---|---|---|---|---|---|---|",
 )
 
 
@@ -60,6 +60,7 @@ def row(folder: Path, out: Path, tool: str, device: str) -> str:
         ", ".join([said["verdict"], *said["added"]]),
         "" if gap is None else f"{gap:.2f}",
         f"{diagnosed:.3f}",
+        f"{error['floor']:.3f}",
         f"{first['wall_s']:.0f} s, {first['processor_s']:.0f} s",
         f"{again['wall_s']:.0f} s, {again['processor_s']:.0f} s",
     ]
