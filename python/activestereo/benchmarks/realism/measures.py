@@ -117,7 +117,6 @@ _PLAIN = (
     "fill, %", "invented, %", "hole IoU", "edge width, px", "flying pixels, %", "dead band, px",
     "noise's correlation, px",
 )  # fmt: skip
-_BINNED = ("bias, px", "spatial noise, px", "temporal noise, px")
 BLACK = "black level, DN"
 
 

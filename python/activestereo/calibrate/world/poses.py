@@ -30,8 +30,6 @@ _MAD = 1.4826  # a normal distribution's deviation over its median distance from
 _LEAST_DISTANCE_M = 5e-5
 # Errors of depth are alike within blocks of this side: a block counts once in the intervals.
 _BLOCK_PX = 80
-# Of the samples that another view sees, those that lie on no surface of it.
-_MOST_MOVED = 0.15
 
 
 @dataclass(frozen=True)
