@@ -316,7 +316,7 @@ def _read_rig(entry: JsonObject) -> Rig:
 
 def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     frame_id = entry.integer("id")
-    entry.rename(f"frames[id={frame_id}]")
+    entry.name = f"frames[id={frame_id}]"
     depth_path = entry.file("depth", optional=True)
     if depth_path is not None:
         _check_size(entry, "depth", (rig.left.width, rig.left.height))

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar, cast
 
 import numpy as np
 
@@ -24,17 +25,45 @@ class CaptureError(ValueError):
     """A capture is unusable. The message names the file, the key and the fault."""
 
 
-class JsonObject:
-    """One object of the file, with typed reads by key. It remembers the keys that were read."""
+_Read = TypeVar("_Read", bound=Callable[..., Any])
 
-    def __init__(self, path: Path, name: str, values: dict[str, Any]) -> None:
-        self.path, self.name = path, name
-        self._values = values
+
+def _neutral(value: Callable[..., Any]) -> Callable[[_Read], _Read]:
+    """Makes a read give value(object, its arguments) in place of a wrong value, where faults are collected. Reads
+    inside of it raise, so that each value has one fault."""
+
+    def decorate(read: _Read) -> _Read:
+        @wraps(read)
+        def collecting(self: JsonObject, *arguments: Any, **options: Any) -> Any:
+            if self.faults is None or self._is_reading:
+                return read(self, *arguments, **options)
+            self._is_reading = True
+            try:
+                return read(self, *arguments, **options)
+            except CaptureError as error:
+                self.faults.append(str(error))
+                return value(self, *arguments)
+            finally:
+                self._is_reading = False
+
+        return cast(_Read, collecting)
+
+    return decorate
+
+
+class JsonObject:
+    """One object of the file, with typed reads by key. It remembers the keys that were read. name: begins its messages.
+    faults: collects the faults' texts; None: the first one is raised."""
+
+    def __init__(self, path: Path, name: str, values: dict[str, Any], faults: list[str] | None = None) -> None:
+        self.path, self.name, self.faults = path, name, faults
+        self._values, self._is_reading = values, False
         self._known: set[str] = set()
         self._children: list[JsonObject] = []
 
     @classmethod
-    def read(cls, path: str | Path) -> JsonObject:
+    def read(cls, path: str | Path, faults: list[str] | None = None) -> JsonObject:
+        """The object of a file. Raises CaptureError if it has none."""
         try:
             values = read_json_object(path)
         except OSError as error:
@@ -43,14 +72,10 @@ class JsonObject:
             ) from error
         except ValueError as error:
             raise CaptureError(str(error)) from error
-        return cls(Path(path), "", values)
+        return cls(Path(path), "", values, faults)
 
     def key(self, key: str) -> str:
         return f"{self.name}.{key}" if self.name else key
-
-    def rename(self, name: str) -> None:
-        """Gives an entry a better name for messages, once its identity is known."""
-        self.name = name
 
     def has(self, key: str) -> bool:
         """Whether the key is there and not null."""
@@ -89,8 +114,10 @@ class JsonObject:
         self.refuse(CaptureError(f"{self.path}: {self.key(key)}: {what}"))
 
     def refuse(self, error: CaptureError) -> None:
-        """Raises a fault; a subclass may record it and go on."""
-        raise error
+        """Raises a fault, or collects it."""
+        if self.faults is None:
+            raise error
+        self.faults.append(str(error))
 
     def unknown_keys(self) -> list[str]:
         """Keys in the file that nobody read, here and below, in the file's order."""
@@ -104,24 +131,25 @@ class JsonObject:
             self.fail(key, "is missing" if key not in self._values else "is null")
         return value
 
+    @_neutral(lambda self, key, *_: JsonObject(self.path, self.key(key), {}, []))
     def object(self, key: str, optional: bool = False) -> Any:
         value = self._get(key, optional)
-        if value is None:
-            return None
-        return self._child(key, self.key(key), value)
+        return None if value is None else self._child(self.key(key), value)
 
     def objects(self, key: str) -> list[JsonObject]:
-        values = self._get(key)
+        values = self._get(key, optional=True)
         if not isinstance(values, list):
-            self.fail(key, "is not a list")
-        return [self._child(key, f"{self.key(key)}[{i}]", value) for i, value in enumerate(values)]
+            self.complain(key, "is missing" if values is None else "is not a list")
+            return []
+        children = (self._child(f"{self.key(key)}[{i}]", value) for i, value in enumerate(values))
+        return [child for child in children if child is not None]
 
-    def _child(self, key: str, name: str, value: Any) -> JsonObject:
+    @_neutral(lambda *_: None)
+    def _child(self, name: str, value: Any) -> JsonObject:
         if not isinstance(value, dict):
             raise CaptureError(f"{self.path}: {name}: is not an object")
-        child = type(self)(self.path, name, value)
-        self._children.append(child)
-        return child
+        self._children.append(JsonObject(self.path, name, value, self.faults))
+        return self._children[-1]
 
     def free_form(self, key: str) -> dict[str, Any]:
         """An optional object with arbitrary keys."""
@@ -130,20 +158,24 @@ class JsonObject:
             self.fail(key, "is not an object")
         return value or {}
 
+    @_neutral(lambda *_: "")
     def text(self, key: str) -> str:
         value = self._get(key)
         if not isinstance(value, str):
             self.fail(key, f"is {value!r}, expected text")
         return value
 
+    @_neutral(lambda *_: 0.0)
     def number(self, key: str, limits: Limits = ANY, optional: bool = False) -> Any:
         value = self._get(key, optional)
         return None if value is None else float(self._within(key, value, limits))
 
+    @_neutral(lambda *_: 0)
     def integer(self, key: str, limits: Limits = NUMBER, optional: bool = False) -> Any:
         value = self._get(key, optional)
         return None if value is None else self._within(key, value, limits)
 
+    @_neutral(lambda self, key, limits, *_: np.zeros(len(limits)))
     def numbers(self, key: str, limits: Sequence[Limits], optional: bool = False) -> Any:
         """A list with a number for each of the limits, as float64."""
         values = self._get(key, optional)
@@ -156,12 +188,14 @@ class JsonObject:
             self._within(f"{key}[{i}]", value, own)
         return np.array(values, dtype=np.float64)
 
+    @_neutral(lambda *_: np.eye(3))
     def camera_matrix(self, key: str) -> np.ndarray:
         k = self.numbers(key, _CAMERA_MATRIX).reshape(3, 3)
         if min(k[0, 0], k[1, 1]) < FOCAL.low or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
             self.fail(key, f"is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
         return k
 
+    @_neutral(lambda *_: np.zeros(5))
     def lens(self, key: str) -> np.ndarray:
         """Five, eight or four coefficients, see activestereo/common/lens.py."""
         values = self._get(key)
@@ -170,6 +204,7 @@ class JsonObject:
             self.fail(key, f"has {count} entries, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens")
         return self.numbers(key, [DISTORTION] * count)
 
+    @_neutral(lambda *_: np.eye(4))
     def rigid_transform(self, key: str) -> np.ndarray:
         pose = self.numbers(key, _TRANSFORM).reshape(4, 4)
         fault = rigid_fault(pose)
@@ -184,6 +219,7 @@ class JsonObject:
             self.fail(key, fault)
         return value
 
+    @_neutral(lambda *_: None)
     def file(self, key: str, optional: bool = False) -> Any:
         """A path in the file, relative to the file's folder; the file must exist there (own_files says more)."""
         if self._get(key, optional) is None:

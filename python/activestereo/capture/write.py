@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import FORMAT, SIDES, VERSION, Camera, Capture, Frame, Uncertainty
+from activestereo.capture.capture import FORMAT, SIDES, VERSION, Capture, Frame, Uncertainty
 from activestereo.capture.images import write_gray
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import new_folder, write_bytes, write_png, write_text
@@ -57,14 +57,20 @@ def write_capture(
 
 def _capture_json(capture: Capture) -> dict[str, Any]:
     rig = capture.rig
+    cameras = {
+        name: {"width": camera.width, "height": camera.height}
+        | {"K": _flat(camera.K), "distortion": _flat(camera.distortion)}
+        for name, camera in (("left", rig.left), ("right", rig.right), ("color", rig.color))
+        if camera is not None
+    }
     root: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "name": capture.name,
         "scene": capture.scene_path.name,
         "rig": {
-            "left": _camera_json(rig.left),
-            "right": _camera_json(rig.right),
+            "left": cameras["left"],
+            "right": cameras["right"],
             "left_to_right": _flat(rig.left_to_right),
             "projector": {
                 "pattern": "pattern.png",
@@ -77,7 +83,7 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
         "depth_engine": capture.depth_engine,
     }
     if rig.color is not None:
-        root["rig"]["color"] = _camera_json(rig.color) | {"left_to_color": _flat(rig.color.left_to_color)}
+        root["rig"]["color"] = cameras["color"] | {"left_to_color": _flat(rig.color.left_to_color)}
     if rig.black_dn is not None:
         root["rig"]["black_dn"] = list(rig.black_dn)
     if capture.lights:
@@ -90,11 +96,6 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
     if capture.uncertainty != Uncertainty():
         root["uncertainty"] = asdict(capture.uncertainty)
     return root
-
-
-def _camera_json(camera: Camera) -> dict[str, Any]:
-    shared = {"K": _flat(camera.K), "distortion": _flat(camera.distortion)}
-    return {"width": camera.width, "height": camera.height, **shared}
 
 
 def _frame_json(

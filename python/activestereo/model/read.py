@@ -104,7 +104,7 @@ def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect,
             entry.fail("id", unknown("effect", name, effects))
         if name in (e.effect.id for e in found):
             entry.fail("id", f"the effect '{name}' is there twice")
-        entry.rename(f"effects[{name}]")
+        entry.name = f"effects[{name}]"
         found.append(_effect(entry, effects[name]))
     return tuple(found)
 
