@@ -140,20 +140,20 @@ def _report(args: argparse.Namespace, capture: Capture, told: Sequence[str], has
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
     """The recording where its layout is that of colour and depth alone."""
     from activestereo.capture.importers.bag import is_bag
-    from activestereo.capture.importers.bop import is_bop, read_bop
+    from activestereo.capture.importers.bop import read_bop
     from activestereo.capture.importers.color_depth_bag import has_color_depth_alone, read_color_depth_bag
-    from activestereo.capture.importers.open3d import is_open3d, read_open3d
-    from activestereo.capture.importers.tum import is_tum, read_tum
+    from activestereo.capture.importers.open3d import INTRINSICS, read_open3d
+    from activestereo.capture.importers.tum import read_tum
     from activestereo.common.progress_bar import ProgressBar
 
     if is_bag(args.recording) and has_color_depth_alone(args.recording):
         with ProgressBar(f"reading {args.recording.name}") as bar:
             return read_color_depth_bag(args.recording, temporary, args.k, args.depth_scale, bar)
-    if is_bop(args.recording):
+    if (args.recording / "scene_camera.json").is_file():
         return read_bop(args.recording, temporary / "scene.gltf", args.depth_scale)
-    if is_tum(args.recording):
+    if (args.recording / "rgb.txt").is_file() and (args.recording / "depth.txt").is_file():
         return read_tum(args.recording, args.k, args.depth_scale)
-    if is_open3d(args.recording):
+    if (args.recording / "depth").is_dir() and any((args.recording / name).is_file() for name in INTRINSICS):
         return read_open3d(args.recording, args.k, args.depth_scale)
     return None
 

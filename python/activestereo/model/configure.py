@@ -81,9 +81,7 @@ def _pattern(design: PatternDesign, pattern: Pattern) -> dict[str, Any]:
         return changes | {"light_pattern": str(pattern.file), "light_dots": None}
     width, height = pattern.size or (0, 0)
     return changes | {
-        "pattern_design": replace(
-            design, width=width, height=height, dot_sigma_px=float(pattern.dot_sigma_px or 1.0)
-        ),
+        "pattern_design": replace(design, width=width, height=height, dot_sigma_px=float(pattern.dot_sigma_px or 1.0)),
         "light_dots": np.asarray(pattern.dots, dtype=np.float32),
         "light_dot_background": pattern.background,
     }

@@ -33,46 +33,6 @@ from activestereo.common.baseline import chosen_baseline_m
 from activestereo.common.output_files import write_text
 from activestereo.common.pose import printed_motion
 
-
-@contextmanager
-def described(path: Path) -> Iterator[Path]:
-    """Makes a folder with a link to the file and its metadata.yaml; only reads the file. Raises sqlite3.Error if it is
-    no such bag."""
-    with TemporaryDirectory(prefix="activestereo.") as name:
-        folder = Path(name)
-        (folder / path.name).symlink_to(path.absolute())
-        write_text(folder / "metadata.yaml", json.dumps(_metadata(path)))  # JSON is YAML
-        yield folder
-
-
-def _metadata(path: Path) -> dict[str, object]:
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
-        count, first, last = file.execute("SELECT COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
-        counts = dict(file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id").fetchall())
-        topics = file.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
-    return {
-        "rosbag2_bagfile_information": {
-            "version": 5,
-            "storage_identifier": "sqlite3",
-            "relative_file_paths": [path.name],
-            "starting_time": {"nanoseconds_since_epoch": first or 0},
-            "duration": {"nanoseconds": (last or 0) - (first or 0)},
-            "message_count": count,
-            "compression_format": "",
-            "compression_mode": "",
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": topic, "type": kind, "serialization_format": form, "offered_qos_profiles": ""
-                    },
-                    "message_count": counts.get(number, 0),
-                }
-                for number, topic, kind, form in topics
-            ],
-        }
-    }  # fmt: skip
-
-
 _STREAMS = {
     "Aligned": re.compile(r"aligned_depth", re.I),  # to colour, or to an infrared stream
     "Infrared 1": re.compile(r"infra(?:red)?_?1", re.I),
@@ -226,6 +186,37 @@ def stream_of(topic: str) -> str | None:
 
 
 @contextmanager
+def _with_metadata(path: Path) -> Iterator[Path]:
+    """Makes a folder with a link to a .db3 file and its metadata.yaml; only reads the file. Raises sqlite3.Error if it
+    is no such bag."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
+        count, first, last = file.execute("SELECT COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
+        counts = dict(file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id").fetchall())
+        found = file.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
+    fields = ("name", "type", "serialization_format", "offered_qos_profiles")
+    metadata = {
+        "version": 5,
+        "storage_identifier": "sqlite3",
+        "relative_file_paths": [path.name],
+        "starting_time": {"nanoseconds_since_epoch": first or 0},
+        "duration": {"nanoseconds": (last or 0) - (first or 0)},
+        "message_count": count,
+        "compression_format": "",
+        "compression_mode": "",
+        "topics_with_message_count": [
+            {"topic_metadata": dict(zip(fields, (*topic, ""), strict=True)), "message_count": counts.get(number, 0)}
+            for number, *topic in found
+        ],
+    }
+    with TemporaryDirectory(prefix="activestereo.") as name:
+        folder = Path(name)
+        (folder / path.name).symlink_to(path.absolute())
+        text = json.dumps({"rosbag2_bagfile_information": metadata})  # JSON is YAML
+        write_text(folder / "metadata.yaml", text)
+        yield folder
+
+
+@contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Opens a bag for reading. Raises ValueError if it cannot be read, on opening or inside the block."""
     try:
@@ -237,7 +228,7 @@ def _opened(path: Path) -> Iterator[Any]:
         ) from error
     is_part = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()
     is_lone_db3 = path.suffix == ".db3" and path.is_file() and not is_part
-    folder = described(path) if is_lone_db3 else nullcontext(path.parent if is_part else path)
+    folder = _with_metadata(path) if is_lone_db3 else nullcontext(path.parent if is_part else path)
     try:
         with folder as source, AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             yield reader
@@ -263,20 +254,17 @@ def messages(
         total, seen = max(1, sum(c.msgcount for c in wanted)), set()
         for number, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
             if path.suffix == ".bag" and connection.msgtype.endswith("/Image"):
-                raw = _without_tail(raw)
+                # Librealsense writes further bytes behind the message: find the end of the header's frame_id, of
+                # encoding (behind height and width), and of the pixels (behind is_bigendian and step).
+                at = 12  # behind the header's number and time
+                for behind in (8, 5, 0):
+                    at += 4 + int.from_bytes(raw[at : at + 4], "little") + behind
+                raw = raw[:at]
             message = reader.deserialize(raw, connection.msgtype)
             yield connection.topic, message, 1e-6 * time_ns, (number + 1) / total
             seen.add(connection.topic)
             if is_first_enough and len(seen) == len({c.topic for c in wanted}):
                 return
-
-
-def _without_tail(raw: bytes) -> bytes:
-    """A ROS 1 image without the bytes that librealsense writes behind it."""
-    at = 12  # behind the header's number and time
-    for behind in (8, 5, 0):  # frame_id, height and width; encoding, is_bigendian and step; the pixels
-        at += 4 + int.from_bytes(raw[at : at + 4], "little") + behind
-    return raw[:at]
 
 
 # Largest number of k1, k2, p1, p2, k3, k4, k5, k6 in a lens model, by ROS's and librealsense's names.
@@ -286,18 +274,17 @@ _BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown 
 
 def _wanted(reader: Any) -> list[Any]:
     """Connections to read. A stream that exists raw and compressed is read raw."""
-    found = [c for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
+    found = []
+    for c in reader.connections:
+        kind, topic = c.msgtype.split("/")[-1], c.topic.lower()
+        is_of_stream = stream_of(c.topic) is not None
+        is_place = kind == "String" and "/tf/" in topic and is_of_stream
+        is_option = kind == "Float32" or (kind == "String" and "/tf/" not in topic)
+        is_known = is_option and any(f"{option}/value" in topic for option in ("depth_units", _STEREO_BASELINE))
+        if is_place or is_known or (kind in (*IMAGES, "CameraInfo", "Transform") and is_of_stream):
+            found.append(c)
     plain = {stream_of(c.topic) for c in found if c.msgtype.endswith("/Image")}
     return [c for c in found if not (c.msgtype.endswith("/CompressedImage") and stream_of(c.topic) in plain)]
-
-
-def _is_wanted(topic: str, kind: str) -> bool:
-    name = kind.split("/")[-1]
-    if name in ("String", "Float32"):
-        if name == "String" and "/tf/" in topic:
-            return stream_of(topic) is not None
-        return any(f"{option}/value" in topic.lower() for option in ("depth_units", _STEREO_BASELINE))
-    return name in (*IMAGES, "CameraInfo", "Transform") and stream_of(topic) is not None
 
 
 def _either(message: Any, name: str) -> Any:
@@ -305,27 +292,23 @@ def _either(message: Any, name: str) -> Any:
     return getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
 
 
-def _decoded(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
-    """Decodes a compressed image, which is a PNG file. A depth image has a header of its own before it."""
-    content = np.asarray(message.data, np.uint8).tobytes()
-    start = content.find(_PNG)
-    if start < 0:
-        raise ValueError(f"{path}: {topic}: format is '{message.format}', expected PNG: what is lossy is not read")
-    try:
-        pixels = np.asarray(Image.open(io.BytesIO(content[start:])))
-    except (OSError, SyntaxError) as error:
-        raise ValueError(f"{path}: {topic}: a compressed image is damaged: {error}") from error
-    return pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
-
-
 def pixels_of(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
+    """An image's pixels. A compressed one is a PNG file, before which a depth image has a header of its own."""
+    content = np.asarray(message.data, np.uint8).tobytes()
     if hasattr(message, "format"):
-        return _decoded(path, topic, message)
+        start = content.find(_PNG)
+        if start < 0:
+            raise ValueError(f"{path}: {topic}: format is '{message.format}', expected PNG: what is lossy is not read")
+        try:
+            pixels = np.asarray(Image.open(io.BytesIO(content[start:])))
+        except (OSError, SyntaxError) as error:
+            raise ValueError(f"{path}: {topic}: a compressed image is damaged: {error}") from error
+        return pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
     kind = _TYPES.get(message.encoding)
     if kind is None:
         raise ValueError(f"{path}: {topic}: encoding is '{message.encoding}', expected one of {', '.join(_TYPES)}")
     row = message.step // np.dtype(kind).itemsize
-    values = np.frombuffer(np.asarray(message.data, np.uint8).tobytes(), kind)
+    values = np.frombuffer(content, kind)
     if values.size != row * message.height or row < message.width:
         raise ValueError(f"{path}: {topic}: {values.size} pixels do not fill {message.width}x{message.height}")
     pixels = values.reshape(message.height, row)[:, : message.width]
@@ -333,25 +316,23 @@ def pixels_of(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
 
 
 def intrinsic_of(path: Path, topic: str, message: Any) -> Camera:
-    K = np.asarray(_either(message, "k"), float).reshape(3, 3)
-    if message.distortion_model.lower() in _FISHEYE:
-        distortion = np.asarray(_either(message, "d"), float)[:4]
+    """The camera of a CameraInfo. Raises ValueError for a lens of another kind."""
+    K, given = (np.asarray(_either(message, name), float) for name in ("k", "d"))
+    K, model = K.reshape(3, 3), message.distortion_model.lower()
+    if model in _FISHEYE:
+        distortion = given[:4]
         if len(distortion) != 4:
             raise ValueError(f"{path}: {topic}: a fisheye lens has d = {distortion.tolist()}, expected 4 numbers")
-        return _sized(path, topic, message, K, distortion)
-    coefficients = np.trim_zeros(np.asarray(_either(message, "d"), float), "b")
-    if len(coefficients) > _BROWN.get(message.distortion_model.lower(), 0):
-        raise ValueError(
-            f"{path}: {topic}: distortion_model is {message.distortion_model!r} with d = {coefficients.tolist()}; only "
-            "the five numbers of plumb_bob (Brown and Conrady), the eight of rational_polynomial and the four of "
-            "equidistant (a fisheye lens) are read: record rectified infrared images"
-        )
-    distortion = np.zeros(8 if len(coefficients) > 5 else 5)
-    distortion[: len(coefficients)] = coefficients
-    return _sized(path, topic, message, K, distortion)
-
-
-def _sized(path: Path, topic: str, message: Any, K: NDArray[np.float64], distortion: NDArray[np.float64]) -> Camera:
+    else:
+        coefficients = np.trim_zeros(given, "b")
+        if len(coefficients) > _BROWN.get(model, 0):
+            raise ValueError(
+                f"{path}: {topic}: distortion_model is {message.distortion_model!r} with d = {coefficients.tolist()}; "
+                "only the five numbers of plumb_bob (Brown and Conrady), the eight of rational_polynomial and the four "
+                "of equidistant (a fisheye lens) are read: record rectified infrared images"
+            )
+        distortion = np.zeros(8 if len(coefficients) > 5 else 5)
+        distortion[: len(coefficients)] = coefficients
     if not (K[0, 0] > 0 and K[1, 1] > 0):
         raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
     return Camera(int(message.width), int(message.height), K, distortion)

@@ -33,10 +33,6 @@ _RATE_HZ = 30.0
 _GREY = [0.5, 0.5, 0.5, 1.0]
 
 
-def is_bop(folder: Path) -> bool:
-    return (folder / "scene_camera.json").is_file()
-
-
 def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> ColorDepthRecording:
     """scene: path for the objects' glTF file, written if there are models. Raises ValueError with file, key and
     value."""
@@ -44,7 +40,7 @@ def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> Col
     cameras, poses = read_json_object(path), folder / "scene_gt.json"
     truth = read_json_object(poses) if poses.is_file() else {}
     depths, colors = image_files(folder / "depth"), image_files(folder / "rgb") or image_files(folder / "gray")
-    frames, Ks = [], []
+    frames, Ks, first = [], [], min(cameras, key=int, default="")
     for number, name in enumerate(sorted(cameras, key=int)):
         entry, stem = cameras[name], f"{int(name):06d}"
         if stem not in depths:
@@ -53,25 +49,33 @@ def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> Col
         if depth_scale is None and not entry.get("depth_scale"):
             raise ValueError(f"{path}: {name}.depth_scale: is missing: give --depth-scale")
         scale = _MM * float(entry["depth_scale"]) if depth_scale is None else depth_scale
-        pose = _camera_to_world(path, name, entry, truth, min(cameras, key=int))
+        pose: NDArray[np.float64] | None = None
+        if "cam_R_w2c" in entry:
+            pose = np.linalg.inv(_motion(path, name, entry, "w2c"))
+        elif truth.get(name) and truth.get(first):
+            here, there = (_motion(path, n, truth[n][0], "m2c") for n in (name, first))
+            pose = there @ np.linalg.inv(here)
         frames.append(ColorDepthFrame(number / _RATE_HZ, depths[stem], colors.get(stem), scale, pose))
     if not frames:
         raise ValueError(f"{path}: has no frames")
     if any(not np.allclose(K, Ks[0], atol=1e-6) for K in Ks):
         raise ValueError(f"{path}: cam_K: differs between the frames: import frames of one camera")
-    written = _write_scene(folder, truth, cameras, frames[0], scene)
-    return ColorDepthRecording(folder, "a BOP scene", Ks[0], tuple(frames), scene if written else None)
-
-
-def _camera_to_world(
-    path: Path, name: str, entry: dict[str, Any], truth: dict[str, Any], first: str
-) -> NDArray[np.float64] | None:
-    if "cam_R_w2c" in entry:
-        return np.linalg.inv(_motion(path, name, entry, "w2c"))
-    if not truth.get(name) or not truth.get(first):
-        return None
-    here, there = (_motion(path, n, truth[n][0], "m2c") for n in (name, first))
-    return np.asarray(there @ np.linalg.inv(here))
+    # The objects of the first frame that have models.
+    models = next((p / "models" for p in (folder.parent, folder.parent.parent) if (p / "models").is_dir()), None)
+    to_world, writer, has_objects = frames[0].camera_to_world, GltfWriter("activestereo import"), False
+    for number, entry in enumerate(truth.get(first, []) if models is not None and to_world is not None else ()):
+        assert models is not None and to_world is not None
+        file = models / f"obj_{int(entry['obj_id']):06d}.ply"
+        if not file.is_file():
+            continue
+        name = f"object {entry['obj_id']}" + (f" ({number})" if number else "")
+        pose = to_world @ _motion(folder / "scene_gt.json", first, entry, "m2c")
+        for part in read_parts(file):
+            writer.place(name, _add_part(writer, name, part), pose)
+        has_objects = True
+    if has_objects:
+        writer.write(scene)
+    return ColorDepthRecording(folder, "a BOP scene", Ks[0], tuple(frames), scene if has_objects else None)
 
 
 def _motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np.float64]:
@@ -80,29 +84,6 @@ def _motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np
     pose = printed_motion(entry[f"cam_R_{way}"], translation if translation is not None else (), name)
     pose[:3, 3] *= _MM
     return pose
-
-
-def _write_scene(
-    folder: Path, truth: dict[str, Any], cameras: dict[str, Any], frame: ColorDepthFrame, scene: Path
-) -> bool:
-    """Writes the objects of the first frame that have models."""
-    first = min(cameras, key=int)
-    models = next((p / "models" for p in (folder.parent, folder.parent.parent) if (p / "models").is_dir()), None)
-    if models is None or frame.camera_to_world is None:
-        return False
-    writer, count = GltfWriter("activestereo import"), 0
-    for number, entry in enumerate(truth.get(first, [])):
-        file = models / f"obj_{int(entry['obj_id']):06d}.ply"
-        if not file.is_file():
-            continue
-        name = f"object {entry['obj_id']}" + (f" ({number})" if number else "")
-        pose = frame.camera_to_world @ _motion(folder / "scene_gt.json", first, entry, "m2c")
-        for part in read_parts(file):
-            writer.place(name, _add_part(writer, name, part), pose)
-        count += 1
-    if count:
-        writer.write(scene)
-    return count > 0
 
 
 def _add_part(writer: GltfWriter, name: str, part: Part) -> int:

@@ -30,10 +30,6 @@ _LINE = re.compile(r"^\s*(\w+)\s*=\s*(.*?)\s*$", re.M)
 _MOST_ROUNDING_PX = 0.01
 
 
-def is_middlebury(text: str) -> bool:
-    return re.search(r"^\s*cam0\s*=", text, re.M) is not None
-
-
 def read_middlebury(path: Path) -> DeviceText:
     """The DeviceText of both rectified cameras. Raises ValueError with file, key and value."""
     values = dict(_LINE.findall(read_text(path)))
@@ -83,7 +79,7 @@ def read_calibration_files(
         device = read_calibration_yaml(paths, are_rectified, baseline_m, size)
     elif len(paths) > 1:
         raise ValueError(f"{paths[1]}: --calibration is given twice: only ROS' and OpenCV's YAML has two files")
-    elif is_middlebury(texts[0]):
+    elif re.search(r"^\s*cam0\s*=", texts[0], re.M):
         device = read_middlebury(paths[0])
     elif are_rectified:
         raise ValueError(f"{paths[0]}: --rectified is about ROS' and OpenCV's YAML: leave it out")

@@ -63,7 +63,21 @@ def read_calibration_yaml(
             raise ValueError(f"{chain.name}: is Kalibr's chain of all cameras: give it alone")
         if are_rectified:
             raise ValueError(f"{chain.name}: Kalibr calibrates images as they are: give no --rectified")
-        return _kalibr(path, chain)
+        lenses = []
+        for key in ("cam0", "cam1"):
+            camera = chain.entry(key)
+            if camera is None:
+                chain.fail(key, "is missing: a pair has cam0 and cam1")
+            camera.one_of(("pinhole",), "camera_model")
+            model = camera.one_of(("radtan", "equi", "none"), "distortion_model")
+            width, height = camera.numbers((2,), SIDE, "resolution")
+            fx, fy, cx, cy = camera.numbers((4,), PIXEL, "intrinsics")
+            K = _matrix(camera, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), "intrinsics")
+            lens = _NO_LENS if model == "none" else camera.lens(model == "equi", "distortion_coeffs")
+            lenses.append(Camera(int(width), int(height), K, lens))
+        motion = camera.numbers((16,), LENGTH, "T_cn_cnm1").reshape(4, 4)
+        to_second = printed_motion(motion[:3, :3], motion[:3, 3], f"{camera.name}: T_cn_cnm1", motion[3])
+        return _ordered(path, lenses, to_second)
     if any(entry.has(key) for entry in entries for key in ("P1", *(name.format(1) for name in _MATRICES))):
         whole = Entry(entries[0].name, {key: value for entry in entries for key, value in entry.values.items()})
         return _opencv(path, whole, are_rectified, size)
@@ -110,28 +124,6 @@ def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool, given_m: 
         left_to_right[:3, :3] = right.R.T @ left.R
         left_to_right[:3, 3] = right.R.T @ (-baseline_m, 0.0, 0.0)
     return DeviceText.of_pair(path, lenses, left_to_right)
-
-
-def _kalibr(path: Path, chain: Entry) -> DeviceText:
-    cameras = []
-    for key in ("cam0", "cam1"):
-        camera = chain.entry(key)
-        if camera is None:
-            chain.fail(key, "is missing: a pair has cam0 and cam1")
-        cameras.append(camera)
-    motion = cameras[1].numbers((16,), LENGTH, "T_cn_cnm1").reshape(4, 4)
-    to_second = printed_motion(motion[:3, :3], motion[:3, 3], f"{cameras[1].name}: T_cn_cnm1", motion[3])
-    return _ordered(path, [_kalibr_lens(camera) for camera in cameras], to_second)
-
-
-def _kalibr_lens(camera: Entry) -> Camera:
-    camera.one_of(("pinhole",), "camera_model")
-    model = camera.one_of(("radtan", "equi", "none"), "distortion_model")
-    width, height = camera.numbers((2,), SIDE, "resolution")
-    fx, fy, cx, cy = camera.numbers((4,), PIXEL, "intrinsics")
-    K = _matrix(camera, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), "intrinsics")
-    lens = _NO_LENS if model == "none" else camera.lens(model == "equi", "distortion_coeffs")
-    return Camera(int(width), int(height), K, lens)
 
 
 def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int] | None) -> DeviceText:

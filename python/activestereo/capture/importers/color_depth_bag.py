@@ -89,22 +89,17 @@ def read_color_depth_bag(
         at = nearest(colors, time_s, _WITHIN_S)
         frames.append(ColorDepthFrame(time_s, depth, None if at is None else colors[at], scale))
     own = lenses[depth_stream].K if K is None else K
-    color = None if depth_stream == "Aligned" else _color_camera(lenses.get("Color"), places, depth_stream)
-    assumed = []
+    color, lens, assumed = None, lenses.get("Color"), []
+    if depth_stream != "Aligned" and lens is not None:
+        # Without a transform colour stands in the depth camera's place.
+        to_depth = places.get(depth_stream, np.eye(4))
+        depth_to_color = places.get("Color", to_depth) @ np.linalg.inv(to_depth)
+        color = ColorCamera(lens.width, lens.height, lens.K, lens.distortion, depth_to_color)
     if colors and depth_stream != "Aligned" and "Color" not in places:
         assumed.append("colour is seen from depth's place: the bag has no transform of it")
     if colors and depth_stream != "Aligned" and color is None:
         assumed.append("colour lies on depth's pixels: the bag has no camera_info of it")
     return ColorDepthRecording(path, "a bag", own, tuple(frames), color=color, assumed=tuple(assumed))
-
-
-def _color_camera(lens: Camera | None, places: dict[str, NDArray[np.float64]], depth_stream: str) -> ColorCamera | None:
-    """The colour camera if the bag has its lens. Without a transform it stands in the depth camera's place."""
-    if lens is None:
-        return None
-    to_depth = places.get(depth_stream, np.eye(4))
-    depth_to_color = places.get("Color", to_depth) @ np.linalg.inv(to_depth)
-    return ColorCamera(lens.width, lens.height, lens.K, lens.distortion, depth_to_color)
 
 
 def _color_pixels(path: Path, topic: str, message: Any) -> NDArray[np.uint8]:

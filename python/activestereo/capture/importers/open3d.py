@@ -19,26 +19,27 @@ from activestereo.capture.importers.color_depth import (
 from activestereo.common.input_files import read_json_object, read_text
 from activestereo.common.pose import printed_motion
 
-_INTRINSICS = ("camera_intrinsic.json", "intrinsic.json")
+INTRINSICS = ("camera_intrinsic.json", "intrinsic.json")
 _TRAJECTORIES = ("trajectory.log", "scene/trajectory.log", "trajectory.json", "scene/trajectory.json")
 _UNIT_M = 0.001
 _RATE_HZ = 30.0
-
-
-def is_open3d(folder: Path) -> bool:
-    return any((folder / name).is_file() for name in _INTRINSICS) and (folder / "depth").is_dir()
 
 
 def read_open3d(
     folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None
 ) -> ColorDepthRecording:
     """K and depth_scale override the folder's. Raises ValueError with file, key and value."""
-    path = next(folder / name for name in _INTRINSICS if (folder / name).is_file())
+    path = next(folder / name for name in INTRINSICS if (folder / name).is_file())
     intrinsics = read_json_object(path)
     if K is None:
         if "intrinsic_matrix" not in intrinsics:
             raise ValueError(f"{path}: intrinsic_matrix: is missing: give --k FX,FY,CX,CY")
-        K = _columns(path, intrinsics)
+        key, given = "intrinsic_matrix", intrinsics["intrinsic_matrix"]
+        try:
+            values = np.array(given, dtype=np.float64).reshape(3, 3).T
+        except (TypeError, ValueError):
+            raise ValueError(f"{path}: {key}: is {given!r}, expected nine numbers, column by column") from None
+        K = camera_matrix_of(path, key, values)
     colors, depths = image_files(folder / "color"), image_files(folder / "depth")
     if not depths:
         raise ValueError(f"{folder / 'depth'}: holds no PNG files")
@@ -51,16 +52,6 @@ def read_open3d(
         for number, (name, file) in enumerate(depths.items())
     ]
     return ColorDepthRecording(folder, "an Open3D folder", K, tuple(frames))
-
-
-def _columns(path: Path, intrinsics: dict[str, Any]) -> NDArray[np.float64]:
-    try:
-        values = np.array(intrinsics["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"{path}: intrinsic_matrix: is {intrinsics['intrinsic_matrix']!r}, expected nine numbers, column by column"
-        ) from None
-    return camera_matrix_of(path, "intrinsic_matrix", values)
 
 
 def _poses(folder: Path) -> list[NDArray[np.float64]] | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.images import read_gray
 from activestereo.capture.importers.bag import is_bag, read_pairs
-from activestereo.capture.importers.realsense_folder import FrameFiles, frame_files
+from activestereo.capture.importers.realsense_folder import frame_files
 
 _MOST_OF_8_BITS = 255
 
@@ -30,7 +30,14 @@ class Pair:
 def recorded_pairs(path: Path, is_wanted: Callable[[str], bool] = lambda name: True) -> Iterator[Pair]:
     """Yields the pairs in order of time. is_wanted: decides by a pair's name; other pairs are not decoded. Raises
     ValueError, one line, with the recording and its fault, after the pairs before it."""
-    pairs = read_pairs(path, is_wanted) if is_bag(path) else _folder_pairs(frame_files(path), is_wanted)
+    if is_bag(path):
+        pairs = read_pairs(path, is_wanted)
+    else:
+        pairs = (
+            (name, read_gray(entry.files["left"], key="left"), read_gray(entry.files["right"], key="right"))
+            for number, entry in enumerate(frame_files(path))
+            if is_wanted(name := f"{number:06d}")
+        )
     first: NDArray[np.generic] | None = None
     for name, left, right in pairs:
         if left.shape != right.shape or (first is not None and left.shape != first.shape):
@@ -43,12 +50,3 @@ def recorded_pairs(path: Path, is_wanted: Callable[[str], bool] = lambda name: T
         elif first.dtype == np.uint8 and max(int(left.max()), int(right.max())) > _MOST_OF_8_BITS:
             raise ValueError(f"{path}: {name}: has counts above 255, where the pairs before have 8 bits")
         yield Pair(name, left.astype(first.dtype), right.astype(first.dtype))
-
-
-def _folder_pairs(
-    files: list[FrameFiles], is_wanted: Callable[[str], bool]
-) -> Iterator[tuple[str, NDArray[np.generic], NDArray[np.generic]]]:
-    for number, entry in enumerate(files):
-        name = f"{number:06d}"
-        if is_wanted(name):
-            yield name, read_gray(entry.files["left"], key="left"), read_gray(entry.files["right"], key="right")

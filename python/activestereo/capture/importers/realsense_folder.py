@@ -101,54 +101,40 @@ def _views(folder: Path, seen: set[Path]) -> list[Path]:
     them."""
     out = []
     for child in sorted(folder.iterdir()):
-        if child.is_dir() and child.resolve() not in seen and _has_both(child):
-            seen.add(child.resolve())
-            out += _views(child, seen)
+        if child.is_dir() and child.resolve() not in seen:
+            names = [file.relative_to(child).as_posix() for file in child.rglob("*.png")]
+            if all(any(_STREAMS[side].search(name) for name in names) for side in ("left", "right")):
+                seen.add(child.resolve())
+                out += _views(child, seen)
     return out or [folder]
 
 
-def _has_both(folder: Path) -> bool:
-    names = [file.relative_to(folder).as_posix() for file in folder.rglob("*.png")]
-    return all(any(_STREAMS[side].search(name) for name in names) for side in ("left", "right"))
-
-
 def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[FrameFiles]:
-    by_stream: dict[str, list[Path]] = {stream: [] for stream in streams}
+    by_stream: dict[str, list[tuple[float | None, Path]]] = {stream: [] for stream in streams}
     for file in sorted(folder.rglob("*.png")):
         name = file.relative_to(folder).as_posix()
         stream = next((s for s, pattern in streams.items() if pattern.search(name)), None)
         if stream is not None:
-            by_stream[stream].append(file)
+            found = _LAST_NUMBER.search(file.stem)
+            by_stream[stream].append((None if found is None else float(found[1]), file))
     for stream in ("left", "right"):
         if not by_stream[stream]:
             raise ValueError(
                 f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams"
             )
-    numbers = {stream: [_number(file) for file in files] for stream, files in by_stream.items()}
-    are_numbered = all(None not in own and len(set(own)) == len(own) for own in numbers.values())
-    return _by_number(folder, by_stream) if are_numbered else _by_name(folder, by_stream, streams)
-
-
-def _number(file: Path) -> float | None:
-    """The last number in a name."""
-    found = _LAST_NUMBER.search(file.stem)
-    return None if found is None else float(found[1])
-
-
-def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFiles]:
-    """Joins files into frames by equal numbers or near times."""
-    numbered = {stream: [(_number(file) or 0.0, file) for file in files] for stream, files in by_stream.items()}
+    # Numbers of their own in all names join files by equal numbers or near times.
+    numbers = [[number for number, _ in files] for files in by_stream.values()]
+    if any(None in own or len(set(own)) < len(own) for own in numbers):
+        return _by_name(folder, by_stream, streams)
+    numbered = {stream: [(number or 0.0, file) for number, file in files] for stream, files in by_stream.items()}
     frames = []
     for time_ms, left in sorted(numbered["left"]):
         files = {"left": left}
         for stream in ("right", "depth", "color"):
-            nearest = min(numbered[stream], key=lambda item: abs(item[0] - time_ms), default=None)
-            if (
-                nearest is not None
-                and abs(nearest[0] - time_ms) < SAME_FRAME_MS
-                and (time_ms > LEAST_TIME_MS or nearest[0] == time_ms)
-            ):
-                files[stream] = nearest[1]
+            number, file = min(numbered[stream], key=lambda item: abs(item[0] - time_ms), default=(np.inf, left))
+            is_time = time_ms > LEAST_TIME_MS
+            if number == time_ms or (is_time and abs(number - time_ms) < SAME_FRAME_MS):
+                files[stream] = file
         if "right" in files:
             frames.append(FrameFiles(time_ms, files))
     if not frames:
@@ -156,12 +142,16 @@ def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFile
     return frames
 
 
-def _by_name(folder: Path, by_stream: dict[str, list[Path]], streams: dict[str, re.Pattern[str]]) -> list[FrameFiles]:
+def _by_name(
+    folder: Path, by_stream: dict[str, list[tuple[float | None, Path]]], streams: dict[str, re.Pattern[str]]
+) -> list[FrameFiles]:
     """Joins files into frames by names that differ only in the stream's word, in natural order."""
     named: dict[str, dict[str, Path]] = {}
     for stream, files in by_stream.items():
-        for file in files:
-            name = _without_stream(file.relative_to(folder).as_posix(), stream, streams[stream])
+        for _, file in files:
+            # One frame's files share a part of their names: img_.png of img_left.png and img_depth_laser.png.
+            name = streams[stream].sub("", file.relative_to(folder).as_posix())
+            name = _BETWEEN_WORDS.sub("_", _STREAMS["depth"].sub("", name) if stream == "depth" else name)
             if stream in named.setdefault(name, {}):
                 raise ValueError(f"{file}: is named as {named[name][stream]}, expected one image of a frame and stream")
             named[name][stream] = file
@@ -173,19 +163,12 @@ def _by_name(folder: Path, by_stream: dict[str, list[Path]], streams: dict[str, 
                     "stream but for its word, such as left/desk.png and right/desk.png, or desk_left.png and "
                     "desk_right.png"
                 )
-    ordered = sorted((name for name in named if "left" in named[name]), key=_natural)
+
+    def natural(name: str) -> list[tuple[int, str]]:  # 'view 9' stands before 'view 10'
+        return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
+
+    ordered = sorted((name for name in named if "left" in named[name]), key=natural)
     return [FrameFiles(float(index), named[name]) for index, name in enumerate(ordered)]
-
-
-def _without_stream(name: str, stream: str, pattern: re.Pattern[str]) -> str:
-    """The part of a name that one frame's files share: img_.png of img_left.png and img_depth_laser.png."""
-    rest = pattern.sub("", name)
-    return _BETWEEN_WORDS.sub("_", _STREAMS["depth"].sub("", rest) if stream == "depth" else rest)
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Sorts 'view 9' before 'view 10'."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
 def import_realsense(
@@ -212,7 +195,11 @@ def import_realsense(
             "below 0: left and right are swapped"
         )
     images, depths, colors, frames, views = {}, {}, {}, [], []
-    color = _color_camera(files, device)
+    color, colored = None, next((entry.files["color"] for entry in files if "color" in entry.files), None)
+    if colored is not None and any(stream == "Color" for stream, _, _ in device.intrinsics):
+        lens = device.intrinsic("Color", *image_size(colored, "Color"))
+        to_color = device.extrinsic("Infrared 1", "Color")
+        color = ColorCamera(lens.width, lens.height, lens.K, lens.distortion, to_color)
     for number, entry in enumerate(files):
         for side in ("left", "right"):
             images[number, side] = read_gray(entry.files[side], (width, height), _NAMES[side])
@@ -230,9 +217,19 @@ def import_realsense(
                 )
         if color is not None and "color" in entry.files:
             colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
-        frame, view = _frame(number, entry, exposure_s, depth_scale, trajectory, robot)
-        frames.append(frame)
-        views.append(view)
+        time_s = 1e-3 * entry.number if entry.number > LEAST_TIME_MS else float(number) / 30.0
+        pose, place, gripper_to_base = np.eye(4), 0, None
+        if trajectory is not None:
+            pose = pose_at(*trajectory, time_s, str(entry.files["left"]))
+        elif robot is not None:
+            gripper_to_base, place = robot.at(entry.files["left"])
+            pose = gripper_to_base @ robot.camera_to_gripper
+        frames.append(Frame(
+            number, entry.files["left"], entry.files["right"], time_s, exposure_s, pose, "train",
+            projector_power=float(entry.projector_on), depth_path=entry.files.get("depth"), depth_scale=depth_scale,
+            color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
+        ))  # fmt: skip
+        views.append((entry.view, place))
         tell((number + 1) / len(files))
     if trajectory is None:
         groups = repeat_groups([images[k, "left"] for k in range(len(files))], views)
@@ -245,33 +242,3 @@ def import_realsense(
     capture = Capture(out, out.name, scene or out / "scene.gltf", rig, tuple(frames), notes)
     write_capture(out, capture, images, pattern, depths, colors, with_empty_scene=scene is None)
     return capture
-
-
-def _color_camera(files: list[FrameFiles], device: DeviceText) -> ColorCamera | None:
-    """The colour camera; None if no frame has a colour image, or the device's text lacks the camera."""
-    first = next((entry.files["color"] for entry in files if "color" in entry.files), None)
-    if first is None or not any(stream == "Color" for stream, _, _ in device.intrinsics):
-        return None
-    intrinsic = device.intrinsic("Color", *image_size(first, "Color"))
-    left_to_color = device.extrinsic("Infrared 1", "Color")
-    return ColorCamera(intrinsic.width, intrinsic.height, intrinsic.K, intrinsic.distortion, left_to_color)
-
-
-def _frame(
-    number: int, entry: FrameFiles, exposure_s: float, depth_scale: float | None,
-    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None, robot: RobotPoses | None,
-) -> tuple[Frame, tuple[int, int]]:  # fmt: skip
-    """(a frame without its repeat group, a key of its folder and the robot's place)."""
-    time = 1e-3 * entry.number if entry.number > LEAST_TIME_MS else float(number) / 30.0
-    pose, place, gripper_to_base = np.eye(4), 0, None
-    if trajectory is not None:
-        pose = pose_at(*trajectory, time, str(entry.files["left"]))
-    elif robot is not None:
-        gripper_to_base, place = robot.at(entry.files["left"])
-        pose = gripper_to_base @ robot.camera_to_gripper
-    frame = Frame(
-        number, entry.files["left"], entry.files["right"], time, exposure_s, pose, "train",
-        projector_power=float(entry.projector_on), depth_path=entry.files.get("depth"), depth_scale=depth_scale,
-        color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
-    )  # fmt: skip
-    return frame, (entry.view, place)

@@ -18,10 +18,6 @@ _UNIT_M = 1.0 / 5000.0
 _WITHIN_S = 0.02
 
 
-def is_tum(folder: Path) -> bool:
-    return (folder / "rgb.txt").is_file() and (folder / "depth.txt").is_file()
-
-
 def read_tum(folder: Path, K: NDArray[np.float64] | None, depth_scale: float | None = None) -> ColorDepthRecording:
     """K: the layout has none of its own. Raises ValueError with file, line and value."""
     if K is None:
