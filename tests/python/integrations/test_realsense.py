@@ -103,9 +103,7 @@ def test_frames_end_and_drop_by_seed():
         pipeline = rs.pipeline()
         pipeline.device().camera.take_picture = lambda time_s, with_color: None
         pipeline.device().camera.depth = lambda: np.zeros((4, 4), np.uint16)
-        pipeline.device().camera.exposure_us = lambda: 1
-        pipeline.device().camera.gain_steps = lambda: 16
-        pipeline.device().camera.is_lit = lambda: True
+        pipeline.device().camera.light = dict
         config = rs.config()
         config.enable_stream(rs.stream.depth)
         pipeline.start(config)

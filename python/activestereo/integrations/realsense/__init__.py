@@ -34,11 +34,13 @@ from activestereo.integrations.realsense.frames import (
     disparity_frame,
     extrinsics,
     frame,
+    frame_queue,
     intrinsics,
     rs2_deproject_pixel_to_point,
     rs2_project_point_to_pixel,
     rs2_transform_point_to_point,
     stream_profile,
+    syncer,
     video_frame,
     video_stream_profile,
 )
@@ -49,7 +51,6 @@ from activestereo.integrations.realsense.pipeline import (
     depth_sensor,
     device,
     device_list,
-    frame_queue,
     pipeline,
     pipeline_profile,
     pipeline_wrapper,
@@ -62,7 +63,6 @@ from activestereo.integrations.realsense.software_device import (
     software_device,
     software_sensor,
     software_video_frame,
-    syncer,
     video_stream,
 )
 

@@ -6,9 +6,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +20,22 @@ from activestereo.camera.advanced_mode.settings import visual_preset
 from activestereo.camera.plan import matcher_parameters as matcher_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import Pose, body_pose, camera_to_camera
-from activestereo.integrations.realsense.enums import option, rs400_visual_preset, stream
-from activestereo.integrations.realsense.frames import intrinsics
+from activestereo.integrations.realsense.enums import (
+    distortion,
+    format,
+    frame_metadata_value,
+    option,
+    rs400_visual_preset,
+    stream,
+)
+from activestereo.integrations.realsense.frames import StreamRequest, intrinsics, video_stream_profile
 from activestereo.integrations.realsense.options import option_range
 from activestereo.scene_io.example_scene import write_table_top
 from activestereo.sensor.mounts import as_mount
 from activestereo.sensor.sensor import StereoDepthSensor
 
-SCENE_VARIABLE, SENSOR_VARIABLE = "ACTIVESTEREO_SCENE", "ACTIVESTEREO_SENSOR"
 _GAIN_STEPS = 16  # of librealsense's gain per unit of ours
+_LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
 # From the middle of the exposure to the arrival, measured on D400s.
 LATENCY_MS: dict[stream, float] = {stream.depth: 9.0, stream.infrared: 9.0, stream.color: 66.0}
 
@@ -51,11 +59,6 @@ class World:
     seed: int = 0
     device: str | int | kuafu.Device = "auto"
     samples_per_pixel: int = 16
-
-    @classmethod
-    def of_environment(cls) -> World:
-        """The scene and the camera in ACTIVESTEREO_SCENE and ACTIVESTEREO_SENSOR."""
-        return cls(os.environ.get(SCENE_VARIABLE), os.environ.get(SENSOR_VARIABLE, "D435"))
 
 
 def sensor_ranges(config: StereoDepthSensorConfig) -> dict[option, option_range]:
@@ -82,10 +85,13 @@ class SimulatedCamera:
         self.world = world
         self.base = StereoDepthSensorConfig(world.sensor)
         self.base.samples_per_pixel = world.samples_per_pixel
+        self.baseline_m = self.base.focal_baseline_px_m / float(self.base.ir_intrinsic[0, 0])
         self.settings = AdvancedSettings({})
         self.values = {which: r.default for which, r in sensor_ranges(self.base).items()}
-        self.depth_size: tuple[int, int] = (self.base.ir_resolution[0], self.base.ir_resolution[1])
-        self.color_size: tuple[int, int] = (self.base.rgb_resolution[0], self.base.rgb_resolution[1])
+        width, height = self.base.ir_resolution
+        self.depth_size = width, height
+        width, height = self.base.rgb_resolution
+        self.color_size = width, height
         self._scene: kuafu.Scene | None = None
         self._sensor: StereoDepthSensor | None = None
         self._config: StereoDepthSensorConfig | None = None  # time of the next picture
@@ -109,15 +115,6 @@ class SimulatedCamera:
             self.values[option.depth_units] = table.unit_m
         self.settings, self._config = settings, None
 
-    @property
-    def unit_m(self) -> float:
-        """Metres of one count of depth: the option's or the advanced mode's, whichever was set later."""
-        return self.values[option.depth_units]
-
-    @property
-    def baseline_m(self) -> float:
-        return self.base.focal_baseline_px_m / float(self.base.ir_intrinsic[0, 0])
-
     def config(self) -> StereoDepthSensorConfig:
         """The sensor's configuration under the present options."""
         if self._config is None:
@@ -125,49 +122,38 @@ class SimulatedCamera:
             config, colored = _cut(self.base, "ir", self.depth_size), _cut(self.base, "rgb", self.color_size)
             for name in ("rgb_resolution", "rgb_intrinsic", "rgb_line_time_s", "rgb_optics"):
                 setattr(config, name, getattr(colored, name))
-            self._set_light(config)
+            values = self.values
+            if not values[option.enable_auto_exposure]:
+                config.ir_exposure_mode = "fixed"
+                config.ir_camera_exposure = 1e-6 * values[option.exposure]
+                config.ir_camera_gain = values[option.gain] / _GAIN_STEPS
+            config.laser_power_mw = values[option.laser_power]
+            if not values[option.emitter_enabled]:
+                config.emitter = "off"
+            elif values[option.emitter_on_off]:
+                config.emitter = "alternating"
             set_here = matcher_parameters(self.settings, matcher_of(config)) | camera_fields(self.settings)
             for name, value in set_here.items():
                 setattr(config, name, value)
             self._config = config
         return self._config
 
-    def _set_light(self, config: StereoDepthSensorConfig) -> None:
-        values = self.values
-        if not values[option.enable_auto_exposure]:
-            config.ir_exposure_mode = "fixed"
-            config.ir_camera_exposure = 1e-6 * values[option.exposure]
-            config.ir_camera_gain = values[option.gain] / _GAIN_STEPS
-        config.laser_power_mw = values[option.laser_power]
-        if not values[option.emitter_enabled]:
-            config.emitter = "off"
-        elif values[option.emitter_on_off]:
-            config.emitter = "alternating"
-
-    # ---- where things are ----
-
-    def infrared(self) -> intrinsics:
-        c = self.config()
-        return intrinsics.from_matrix(self.depth_size, c.ir_intrinsic, c.ir_distortion)
-
-    def color(self) -> intrinsics:
-        c = self.config()
-        return intrinsics.from_matrix(self.color_size, c.rgb_intrinsic, c.rgb_distortion)
-
-    def lens(self, s: stream, size: tuple[int, int]) -> intrinsics:
-        """A stream's intrinsics in a mode of this size."""
-        name = "rgb" if s == stream.color else "ir"
-        c = _cut(self.base, name, size)
-        return intrinsics.from_matrix(size, getattr(c, f"{name}_intrinsic"), getattr(c, f"{name}_distortion"))
-
-    def left_to(self, s: stream, index: int) -> NDArray[np.float64]:
-        """4x4 from the left infrared camera to a stream's camera."""
-        c = self.config()
-        if s == stream.color:
-            return np.asarray(camera_to_camera(c.trans_pose_l, Pose()))
-        if s == stream.infrared and index == 2:
-            return np.asarray(camera_to_camera(c.trans_pose_l, c.trans_pose_r))
-        return np.eye(4)
+    def profile(self, request: StreamRequest) -> video_stream_profile:
+        """The stream of a request; without a size it has the present one's."""
+        name, size = ("rgb", self.color_size) if request.stream == stream.color else ("ir", self.depth_size)
+        size = (request.width, request.height) if request.width and request.height else size
+        c, left_to_stream = _cut(self.base, name, size), np.eye(4)
+        K, lens = getattr(c, f"{name}_intrinsic"), [float(n) for n in getattr(c, f"{name}_distortion")[:5]]
+        if request.stream == stream.color:
+            left_to_stream = np.asarray(camera_to_camera(c.trans_pose_l, Pose()))
+        elif request.stream == stream.infrared and request.index == 2:
+            left_to_stream = np.asarray(camera_to_camera(c.trans_pose_l, c.trans_pose_r))
+        return video_stream_profile(
+            replace(request, width=size[0], height=size[1]),
+            intrinsics(*size, K[0, 2], K[1, 2], K[0, 0], K[1, 1], distortion.brown_conrady, lens),
+            left_to_stream,
+            self.baseline_m,
+        )
 
     # ---- pictures ----
 
@@ -185,29 +171,35 @@ class SimulatedCamera:
         with np.errstate(divide="ignore"):
             z = np.where(disparity > 0, self.config().focal_baseline_px_m / disparity, 0.0)
         z = np.where((z >= table.min_depth_m) & (z < table.max_depth_m), z, 0.0)
-        counts = np.rint(z / self.unit_m)
+        counts = np.rint(z / self.values[option.depth_units])
         return np.where(counts <= np.iinfo(np.uint16).max, counts, 0).astype(np.uint16)
 
-    def infrared_pair(self) -> list[NDArray[np.uint8]]:
-        """[left, right], as the imagers count."""
-        images = self._ready().get_ir_measured()
-        return [np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8) for image in images]
+    def pixels(self, profile: video_stream_profile) -> NDArray[Any]:
+        """The last picture's image of a stream, as the imagers count."""
+        if profile.stream_type() == stream.depth:
+            return self.depth()
+        if profile.stream_type() == stream.infrared:
+            image = self._ready().get_ir_measured()[profile.stream_index() - 1]
+            return np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8)
+        rgba, form = self._ready().get_rgba8(), profile.format()
+        if form == format.y8:
+            return np.rint(rgba[..., :3] @ _LUMA).astype(np.uint8)
+        order = [0, 1, 2] if form in (format.rgb8, format.rgba8) else [2, 1, 0]
+        if form not in (format.rgba8, format.bgra8):
+            return np.ascontiguousarray(rgba[..., order])
+        return np.dstack([rgba[..., order], np.full(rgba.shape[:2], 255, np.uint8)])
 
-    def rgb(self) -> NDArray[np.uint8]:
-        """[height, width, 3]."""
-        return np.ascontiguousarray(self._ready().get_rgba8()[..., :3])
-
-    def exposure_us(self) -> int:
-        return round(1e6 * self._ready().get_config().ir_camera_exposure)
-
-    def gain_steps(self) -> int:
-        """The option's gain steps: 16 is a gain of 1."""
-        return round(_GAIN_STEPS * self._ready().get_config().ir_camera_gain)
-
-    def is_lit(self) -> bool:
-        """Whether the projector shone in the last picture."""
+    def light(self) -> dict[frame_metadata_value, int]:
+        """The infrared cameras' exposure in microseconds and gain, and the laser, in the last picture."""
         sensor = self._ready()
-        return sensor.plan.laser_w_sr[sensor.frame_index % 2] > 0
+        used, is_lit = sensor.get_config(), sensor.plan.laser_w_sr[sensor.frame_index % 2] > 0
+        return {
+            frame_metadata_value.actual_exposure: round(1e6 * used.ir_camera_exposure),
+            frame_metadata_value.gain_level: round(_GAIN_STEPS * used.ir_camera_gain),
+            frame_metadata_value.frame_laser_power: round(self.config().laser_power_mw),
+            frame_metadata_value.frame_laser_power_mode: int(is_lit),
+            frame_metadata_value.auto_exposure: int(self.values[option.enable_auto_exposure]),
+        }
 
     def close(self) -> None:
         if self._sensor is not None:
@@ -219,23 +211,20 @@ class SimulatedCamera:
         config = self.config()
         if self._sensor is None or self._made_for is not config:
             self.close()
-            self._scene = scene = self._scene or _scene(self.world)
+            if self._scene is None and self.world.scene is not None:
+                self._scene = as_mount(self.world.scene, self.world.device).scene
+            elif self._scene is None:
+                with TemporaryDirectory(prefix="activestereo.") as folder:
+                    path = Path(folder) / "table_top.gltf"
+                    write_table_top(path)
+                    self._scene = as_mount(path, self.world.device).scene
+            scene = self._scene
             pose = self.world.pose
             if pose is None:
                 pose = body_pose(scene.camera(0).camera_to_world) if scene.summary.camera_count else Pose()
             self._sensor = StereoDepthSensor(config, scene, pose, self.world.device)
             self._made_for = config
         return self._sensor
-
-
-def _scene(world: World) -> kuafu.Scene:
-    """The world's scene, loaded."""
-    if world.scene is not None:
-        return as_mount(world.scene, world.device).scene
-    with TemporaryDirectory(prefix="activestereo.") as folder:
-        path = Path(folder) / "table_top.gltf"
-        write_table_top(path)
-        return as_mount(path, world.device).scene
 
 
 def _cut(base: StereoDepthSensorConfig, camera: str, size: tuple[int, int]) -> StereoDepthSensorConfig:

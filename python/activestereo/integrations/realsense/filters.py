@@ -4,6 +4,7 @@ and colours. Each takes a depth frame, or a frameset whose depth it processes.""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 from typing import Any
 
@@ -17,7 +18,6 @@ from activestereo.integrations.realsense.frames import (
     deprojected,
     frame,
     projected,
-    rs2_fov,
     video_frame,
     video_stream_profile,
 )
@@ -25,12 +25,19 @@ from activestereo.integrations.realsense.options import Options, option_range
 
 
 class filter(Options):
-    """One filter. process() returns its input, filtered."""
+    """One filter. process() returns its input, filtered. arguments: the options that a filter is made with, by name in
+    librealsense's order, and their defaults."""
 
     ranges: dict[option, option_range] = {}
+    arguments: dict[str, tuple[option, float]] = {}
 
-    def __init__(self) -> None:
+    def __init__(self, *values: float, **named: float) -> None:
         super().__init__(self.ranges)
+        given = dict(zip(self.arguments, values, strict=False)) | named
+        if len(values) > len(self.arguments) or not set(given) <= set(self.arguments):
+            raise TypeError(f"{type(self).__name__}() takes {', '.join(self.arguments) or 'nothing'}")
+        for name, (which, default) in self.arguments.items():
+            self.set_option(which, given.get(name, default))
 
     def process(self, given: frame) -> frame:
         """A frame, or a frameset with its depth filtered."""
@@ -48,9 +55,7 @@ class decimation_filter(filter):
 
     ranges = {option.filter_magnitude: option_range(1, 8, 1, 2)}
 
-    def __init__(self, magnitude: float = 2) -> None:
-        super().__init__()
-        self.set_option(option.filter_magnitude, magnitude)
+    arguments = {"magnitude": (option.filter_magnitude, 2)}
 
     def _filtered(self, depth: frame) -> frame:
         side = int(self.get_option(option.filter_magnitude))
@@ -69,8 +74,10 @@ class decimation_filter(filter):
         out = reduced.astype(pixels.dtype)
         out = np.pad(out, ((0, -height % 4), (0, -width % 4)))  # both sides are multiples of 4
         height, width = out.shape
-        lens = depth.profile.intrinsics.divided(side)
-        lens.width, lens.height = width, height
+        own = depth.profile.intrinsics
+        lens = replace(
+            own, width=width, height=height, ppx=own.ppx / side, ppy=own.ppy / side, fx=own.fx / side, fy=own.fy / side
+        )
         return depth.changed(out, depth.profile.seen(lens))
 
 
@@ -79,10 +86,7 @@ class threshold_filter(filter):
 
     ranges = {option.min_distance: option_range(0, 16, 0.1, 0.1), option.max_distance: option_range(0, 16, 0.1, 4)}
 
-    def __init__(self, min_dist: float = 0.15, max_dist: float = 4.0) -> None:
-        super().__init__()
-        self.set_option(option.min_distance, min_dist)
-        self.set_option(option.max_distance, max_dist)
+    arguments = {"min_dist": (option.min_distance, 0.15), "max_dist": (option.max_distance, 4.0)}
 
     def _filtered(self, depth: frame) -> frame:
         pixels = np.asarray(depth.get_data())
@@ -131,15 +135,12 @@ class spatial_filter(filter):
         option.holes_fill: option_range(0, 5, 1, 0),
     }
 
-    def __init__(
-        self, smooth_alpha: float = 0.5, smooth_delta: float = 20, magnitude: float = 2, hole_fill: float = 0
-    ) -> None:
-        super().__init__()
-        for which, value in (
-            (option.filter_smooth_alpha, smooth_alpha), (option.filter_smooth_delta, smooth_delta),
-            (option.filter_magnitude, magnitude), (option.holes_fill, hole_fill),
-        ):  # fmt: skip
-            self.set_option(which, value)
+    arguments = {
+        "smooth_alpha": (option.filter_smooth_alpha, 0.5),
+        "smooth_delta": (option.filter_smooth_delta, 20),
+        "magnitude": (option.filter_magnitude, 2),
+        "hole_fill": (option.holes_fill, 0),
+    }
 
     def _filtered(self, depth: frame) -> frame:
         pixels = np.asarray(depth.get_data())
@@ -193,11 +194,14 @@ class temporal_filter(filter):
         option.holes_fill: option_range(0, 8, 1, 3),
     }
 
-    def __init__(self, smooth_alpha: float = 0.4, smooth_delta: float = 20, persistence_control: int = 3) -> None:
-        super().__init__()
-        self.set_option(option.filter_smooth_alpha, smooth_alpha)
-        self.set_option(option.filter_smooth_delta, smooth_delta)
-        self.set_option(option.holes_fill, persistence_control)
+    arguments = {
+        "smooth_alpha": (option.filter_smooth_alpha, 0.4),
+        "smooth_delta": (option.filter_smooth_delta, 20),
+        "persistence_control": (option.holes_fill, 3),
+    }
+
+    def __init__(self, *values: float, **named: float) -> None:
+        super().__init__(*values, **named)
         self._last: NDArray[np.float32] | None = None
         self._seen: list[NDArray[np.bool_]] = []
 
@@ -210,7 +214,12 @@ class temporal_filter(filter):
         alpha, delta = self.get_option(option.filter_smooth_alpha), self.get_option(option.filter_smooth_delta)
         is_steady = (values > 0) & (self._last > 0) & (np.abs(values - self._last) < delta)
         out = np.where(is_steady, alpha * values + (1.0 - alpha) * self._last, values)
-        fills = (values == 0) & (self._last > 0) & self._persists(values.shape)
+        mode = int(self.get_option(option.holes_fill))
+        persists = np.full(values.shape, mode == _ALWAYS)
+        if mode in _PERSISTENCE:
+            least, count = _PERSISTENCE[mode]
+            persists = np.sum(self._seen[-count:], axis=0) >= least
+        fills = (values == 0) & (self._last > 0) & persists
         out = np.where(fills, self._last, out).astype(np.float32)
         self._seen = [*self._seen[-7:], values > 0]
         if np.issubdtype(pixels.dtype, np.integer):
@@ -218,22 +227,13 @@ class temporal_filter(filter):
         self._last = np.where(out > 0, out, self._last)
         return depth.changed(out.astype(pixels.dtype))
 
-    def _persists(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        mode = int(self.get_option(option.holes_fill))
-        if mode in (0, _ALWAYS):
-            return np.full(shape, mode == _ALWAYS)
-        least, of = _PERSISTENCE[mode]
-        return np.sum(self._seen[-of:], axis=0) >= least
-
 
 class hole_filling_filter(filter):
     """Each hole takes a neighbour: 0 the one on its left, 1 the farthest and 2 the nearest of those around it."""
 
     ranges = {option.holes_fill: option_range(0, 2, 1, 1)}
 
-    def __init__(self, mode: int = 1) -> None:
-        super().__init__()
-        self.set_option(option.holes_fill, mode)
+    arguments = {"mode": (option.holes_fill, 1)}
 
     def _filtered(self, depth: frame) -> frame:
         pixels = np.asarray(depth.get_data())
@@ -272,19 +272,15 @@ class align:
         return composite_frame([aligned if one is depth else one for one in frames])
 
 
-def _points(depth: frame, corner_px: float = 0.0) -> NDArray[np.float64]:
-    """[3, n] points of the measured pixels in the depth camera, metres."""
+def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
+    """[2, n] pixels of the target that a corner of each measured pixel falls into."""
     counts = np.asarray(depth.get_data())
     v, u = np.nonzero(counts)
     rays = deprojected(depth.profile.intrinsics, u + corner_px, v + corner_px)
     z = depth.unit_m * counts[v, u]
-    return np.stack([rays[0] * z, rays[1] * z, z])
-
-
-def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
-    """[2, n] pixels of the target that a corner of each measured pixel falls into."""
+    points = np.stack([rays[0] * z, rays[1] * z, z])
     depth_to_target = target.left_to_stream @ np.linalg.inv(depth.profile.left_to_stream)
-    moved = depth_to_target[:3, :3] @ _points(depth, corner_px) + depth_to_target[:3, 3:]
+    moved = depth_to_target[:3, :3] @ points + depth_to_target[:3, 3:]
     at = projected(target.intrinsics, moved)
     return np.rint(at + _CORNER_PX).astype(np.int64)
 
@@ -295,9 +291,12 @@ def _depth_in_color(depth: frame, target: video_stream_profile) -> frame:
     values."""
     lens, counts = target.intrinsics, np.asarray(depth.get_data())
     first = _pixels(depth, target, -_CORNER_PX)
-    own = depth.profile.intrinsics
-    own_fov, fov = rs2_fov(own), rs2_fov(lens)
-    is_coarser = own.width / own_fov[0] < lens.width / fov[0] or own.height / own_fov[1] < lens.height / fov[1]
+    densities = []  # pixels per radian of the field of view, horizontal and vertical
+    for seen in (depth.profile.intrinsics, lens):
+        for middle, size, focal_px in ((seen.ppx, seen.width, seen.fx), (seen.ppy, seen.height, seen.fy)):
+            fov = np.arctan2(middle + 0.5, focal_px) + np.arctan2(size - middle - 0.5, focal_px)
+            densities.append(size / fov)
+    is_coarser = densities[0] < densities[2] or densities[1] < densities[3]
     last = _pixels(depth, target, _CORNER_PX) if is_coarser else first
     values, spans = counts[counts > 0], np.minimum(last - first, _WIDEST_PX)
     far = np.iinfo(np.uint16).max
@@ -353,20 +352,17 @@ class points(frame):
     def export_to_ply(self, path: str | PathLike[str], texture: frame | None) -> None:
         """The measured points, coloured by the texture."""
         measured = self._vertices[:, 2] > 0
-        colors = None if texture is None else _colors(self._texels[measured], texture)
+        colors = None
+        if texture is not None:
+            pixels = np.asarray(texture.get_data())
+            size = np.array(pixels.shape[1::-1])
+            u, v = np.clip((self._texels[measured] * size).astype(np.int64), 0, size - 1).T
+            colors = pixels[v, u].astype(np.float32) / 255.0
+            if colors.ndim == 1:
+                colors = np.repeat(colors[:, None], 3, axis=1)
+            is_bgr = texture.profile.format() in (format.bgr8, format.bgra8)
+            colors = np.ascontiguousarray(colors[:, 2::-1] if is_bgr else colors[:, :3])
         write_ply(str(path), self._vertices[measured], colors)
-
-
-def _colors(texels: NDArray[np.float32], texture: frame) -> NDArray[np.float32]:
-    pixels = np.asarray(texture.get_data())
-    height, width = pixels.shape[:2]
-    u = np.clip((texels[:, 0] * width).astype(np.int64), 0, width - 1)
-    v = np.clip((texels[:, 1] * height).astype(np.int64), 0, height - 1)
-    found = pixels[v, u].astype(np.float32) / 255.0
-    if found.ndim == 1:
-        return np.repeat(found[:, None], 3, axis=1)
-    is_bgr = texture.profile.format() in (format.bgr8, format.bgra8)
-    return np.ascontiguousarray(found[:, 2::-1] if is_bgr else found[:, :3])
 
 
 class pointcloud:
@@ -385,22 +381,20 @@ class pointcloud:
         x, y = deprojected(lens, u.astype(np.float64), v.astype(np.float64))
         z = counts * depth.unit_m
         vertices = np.stack([x * z, y * z, z], axis=-1).reshape(-1, 3).astype(np.float32)
-        return points(depth, vertices, None if self._mapped is None else self._texels(depth.profile, vertices))
+        texels = None
+        if self._mapped is not None:
+            to = self._mapped.profile
+            matrix = to.left_to_stream @ np.linalg.inv(depth.profile.left_to_stream)
+            moved = matrix[:3, :3] @ vertices.T.astype(np.float64) + matrix[:3, 3:]
+            is_seen = (vertices[:, 2] > 0) & (moved[2] > 0)
+            pixel = projected(to.intrinsics, moved[:, is_seen])
+            texels = np.zeros((len(vertices), 2), np.float32)
+            texels[is_seen] = np.stack([pixel[0] / to.width(), pixel[1] / to.height()], axis=1)
+        return points(depth, vertices, texels)
 
     def process(self, frames: frame) -> points:
         """The points of a frameset's depth, or of a depth frame."""
         return self.calculate(frames.first(stream.depth) if isinstance(frames, composite_frame) else frames)
-
-    def _texels(self, profile: video_stream_profile, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
-        assert self._mapped is not None
-        to = self._mapped.profile
-        matrix = to.left_to_stream @ np.linalg.inv(profile.left_to_stream)
-        moved = matrix[:3, :3] @ vertices.T.astype(np.float64) + matrix[:3, 3:]
-        out = np.zeros((len(vertices), 2), np.float32)
-        seen = (vertices[:, 2] > 0) & (moved[2] > 0)
-        pixel = projected(to.intrinsics, moved[:, seen])
-        out[seen] = np.stack([pixel[0] / to.width(), pixel[1] / to.height()], axis=1)
-        return out
 
 
 class save_to_ply(filter):
@@ -443,12 +437,7 @@ class colorizer(filter):
         option.max_distance: option_range(0, 16, 0.1, 6),
     }
 
-    def __init__(self, color_scheme: float = 0) -> None:
-        super().__init__()
-        self.set_option(option.color_scheme, color_scheme)
-
-    def colorize(self, depth: frame) -> frame:
-        return self._filtered(depth)
+    arguments = {"color_scheme": (option.color_scheme, 0)}
 
     def process(self, given: frame) -> frame:
         """The coloured depth; of a frameset, the frameset with it at its end."""
@@ -472,3 +461,5 @@ class colorizer(filter):
         out = np.where(measured[..., None], np.rint(255.0 * rgb), 0).astype(np.uint8)
         profile = depth.profile.seen(depth.profile.intrinsics, format.rgb8)
         return video_frame(out, profile, depth.frame_number, depth.timestamp, depth.metadata, depth.unit_m)
+
+    colorize = _filtered

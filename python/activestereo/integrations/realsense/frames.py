@@ -4,15 +4,17 @@ their stream profiles. get_data() returns a NumPy array, which scripts' np.asany
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.common.lens import distort, undistort
-from activestereo.integrations.realsense.enums import distortion, format, frame_metadata_value, stream
+from activestereo.integrations.realsense.enums import distortion, frame_metadata_value, stream
 from activestereo.integrations.realsense.enums import format as pixel_format
 
 
@@ -27,19 +29,6 @@ class intrinsics:
     model: distortion = distortion.none
     coeffs: list[float] = field(default_factory=lambda: [0.0] * 5)
 
-    @classmethod
-    def from_matrix(cls, size: tuple[int, int], K: NDArray[np.float64], lens: Sequence[float]) -> intrinsics:
-        """From an image's (width, height), its 3x3 K and Brown and Conrady's five numbers."""
-        model = distortion.brown_conrady
-        return cls(*size, K[0, 2], K[1, 2], K[0, 0], K[1, 1], model, [float(c) for c in lens[:5]])
-
-    def divided(self, factor: int) -> intrinsics:
-        """The intrinsics of an image reduced by this factor."""
-        return intrinsics(
-            self.width // factor, self.height // factor, self.ppx / factor, self.ppy / factor,
-            self.fx / factor, self.fy / factor, self.model, list(self.coeffs),
-        )  # fmt: skip
-
 
 @dataclass
 class extrinsics:
@@ -47,10 +36,6 @@ class extrinsics:
 
     rotation: list[float] = field(default_factory=lambda: np.eye(3).ravel().tolist())
     translation: list[float] = field(default_factory=lambda: [0.0] * 3)
-
-    @classmethod
-    def from_transform(cls, a_to_b: NDArray[np.float64]) -> extrinsics:
-        return cls(a_to_b[:3, :3].T.ravel().tolist(), a_to_b[:3, 3].tolist())
 
     def matrix(self) -> NDArray[np.float64]:
         """4x4."""
@@ -89,13 +74,13 @@ def rs2_transform_point_to_point(extrin: extrinsics, from_point: Sequence[float]
     return [float(c) for c in matrix[:3, :3] @ np.asarray(from_point, np.float64) + matrix[:3, 3]]
 
 
-def rs2_fov(intrin: intrinsics) -> list[float]:
-    """Horizontal and vertical field of view, degrees."""
-    sides = ((intrin.ppx, intrin.width, intrin.fx), (intrin.ppy, intrin.height, intrin.fy))
-    return [float(np.degrees(np.arctan2(c + 0.5, f) + np.arctan2(n - c - 0.5, f))) for c, n, f in sides]
-
-
 _NAMES = {stream.depth: "Depth", stream.color: "Color", stream.infrared: "Infrared"}
+
+
+def getter(path: str) -> Any:
+    """A method that returns an attribute of its object. pyrealsense2 has such methods in place of attributes."""
+    read = attrgetter(path)
+    return lambda self: read(self)
 
 
 @dataclass(frozen=True)
@@ -120,8 +105,9 @@ class video_stream_profile:
     ) -> None:  # fmt: skip
         if isinstance(request, video_stream_profile):  # rs.video_stream_profile(profile), as scripts cast
             given: video_stream_profile = request
-            lens, left_to_stream, request = given.get_intrinsics(), given.left_to_stream, given.request
-            baseline_m = given.baseline_m
+            request, lens, left_to_stream, baseline_m = (
+                given.request, given.intrinsics, given.left_to_stream, given.baseline_m,
+            )  # fmt: skip
         if lens is None:
             raise TypeError("a stream profile needs intrinsics")
         self.request: StreamRequest = request
@@ -129,33 +115,15 @@ class video_stream_profile:
         self.left_to_stream: NDArray[np.float64] = np.eye(4) if left_to_stream is None else left_to_stream
         self.baseline_m: float | None = baseline_m
 
-    def stream_type(self) -> stream:
-        return self.request.stream
-
-    def stream_index(self) -> int:
-        return self.request.index
+    stream_type, stream_index = getter("request.stream"), getter("request.index")
+    format, fps = getter("request.format"), getter("request.fps")
+    width, height, get_intrinsics = getter("intrinsics.width"), getter("intrinsics.height"), getter("intrinsics")
 
     def stream_name(self) -> str:
-        name = _NAMES[self.request.stream]
-        return f"{name} {self.request.index}" if self.request.index else name
-
-    def format(self) -> pixel_format:
-        return self.request.format
-
-    def fps(self) -> int:
-        return self.request.fps
+        return _NAMES[self.request.stream] + (f" {self.request.index}" if self.request.index else "")
 
     def unique_id(self) -> int:
         return 10 * self.request.stream + self.request.index
-
-    def width(self) -> int:
-        return self.intrinsics.width
-
-    def height(self) -> int:
-        return self.intrinsics.height
-
-    def get_intrinsics(self) -> intrinsics:
-        return self.intrinsics
 
     def as_video_stream_profile(self) -> video_stream_profile:
         return self
@@ -163,20 +131,15 @@ class video_stream_profile:
     def is_video_stream_profile(self) -> bool:
         return True
 
-    is_default = is_video_stream_profile
-
     def get_extrinsics_to(self, to: video_stream_profile) -> extrinsics:
-        return extrinsics.from_transform(to.left_to_stream @ np.linalg.inv(self.left_to_stream))
+        transform = to.left_to_stream @ np.linalg.inv(self.left_to_stream)
+        return extrinsics(transform[:3, :3].T.ravel().tolist(), transform[:3, 3].tolist())
 
     def seen(self, lens: intrinsics, form: pixel_format | None = None) -> video_stream_profile:
         """The same stream through other intrinsics, or in another format."""
-        r = self.request
-        request = StreamRequest(r.stream, r.index, lens.width, lens.height, r.format if form is None else form, r.fps)
+        form = self.request.format if form is None else form
+        request = replace(self.request, width=lens.width, height=lens.height, format=form)
         return video_stream_profile(request, lens, self.left_to_stream, self.baseline_m)
-
-    def __repr__(self) -> str:
-        r = self.request
-        return f"<video_stream_profile: {self.stream_name()} {r.width}x{r.height} @ {r.fps}fps {r.format.name}>"
 
 
 stream_profile = video_stream_profile
@@ -189,30 +152,19 @@ class frame:
         self, pixels: NDArray[Any], profile: video_stream_profile, number: int, timestamp: float,
         metadata: Mapping[frame_metadata_value, int] | None = None, unit_m: float = 0.001,
     ) -> None:  # fmt: skip
-        self._pixels, self.profile, self.frame_number, self.timestamp = pixels, profile, number, timestamp
+        self.data, self.profile, self.frame_number, self.timestamp = pixels, profile, number, timestamp
         self.metadata, self.unit_m = dict(metadata or {}), unit_m
+
+    get_data, get_profile = getter("data"), getter("profile")
+    get_frame_number, get_timestamp = getter("frame_number"), getter("timestamp")
 
     def changed(self, pixels: NDArray[Any], profile: video_stream_profile | None = None) -> frame:
         """A frame of the same moment with other pixels."""
         profile = self.profile if profile is None else profile
         kind = depth_frame if profile.stream_type() == stream.depth else video_frame
-        if profile.format() == format.disparity32:
+        if profile.format() == pixel_format.disparity32:
             kind = disparity_frame
         return kind(pixels, profile, self.frame_number, self.timestamp, self.metadata, self.unit_m)
-
-    def get_data(self) -> NDArray[Any]:
-        return self._pixels
-
-    data = property(get_data)
-
-    def get_frame_number(self) -> int:
-        return self.frame_number
-
-    def get_timestamp(self) -> float:
-        return self.timestamp
-
-    def get_profile(self) -> video_stream_profile:
-        return self.profile
 
     def supports_frame_metadata(self, which: frame_metadata_value) -> bool:
         return which in self.metadata
@@ -225,49 +177,23 @@ class frame:
     def keep(self) -> None:
         """Ignored: a frame lives as long as its references."""
 
-    def is_video_frame(self) -> bool:
-        return isinstance(self, video_frame)
-
-    def is_depth_frame(self) -> bool:
-        return isinstance(self, depth_frame)
-
-    def is_frameset(self) -> bool:
-        return False
-
-    def as_frame(self) -> frame:
-        return self
-
-    def as_video_frame(self) -> frame:
-        return self
-
-    def as_depth_frame(self) -> frame:
-        return self
-
-    def __bool__(self) -> bool:
-        return True
-
 
 class video_frame(frame):
-    def get_width(self) -> int:
-        return int(self._pixels.shape[1])
+    def __init__(self, *args: Any, **named: Any) -> None:
+        super().__init__(*args, **named)
+        self.height, self.width = (int(n) for n in self.data.shape[:2])
 
-    def get_height(self) -> int:
-        return int(self._pixels.shape[0])
-
-    width = property(get_width)
-    height = property(get_height)
+    get_width, get_height = getter("width"), getter("height")
 
 
 class depth_frame(video_frame):
-    def get_units(self) -> float:
-        """Metres per count."""
-        return self.unit_m
+    get_units = getter("unit_m")  # metres per count
 
     def get_distance(self, x: int, y: int) -> float:
         """Metres, 0 = not measured."""
-        if not (0 <= x < self.get_width() and 0 <= y < self.get_height()):
-            raise RuntimeError(f"pixel {x}, {y} is outside of {self.get_width()}x{self.get_height()}")
-        return float(self._pixels[y, x]) * self.unit_m
+        if not (0 <= x < self.width and 0 <= y < self.height):
+            raise RuntimeError(f"pixel {x}, {y} is outside of {self.width}x{self.height}")
+        return float(self.data[y, x]) * self.unit_m
 
 
 class disparity_frame(depth_frame):
@@ -283,14 +209,18 @@ class composite_frame(frame):
 
     def __init__(self, frames: Sequence[frame]) -> None:
         first = frames[0]
-        super().__init__(first.get_data(), first.profile, first.frame_number, first.timestamp, first.metadata)
+        super().__init__(first.data, first.profile, first.frame_number, first.timestamp, first.metadata)
         self._frames = list(frames)
 
-    def first_or_default(self, s: stream, f: format = format.any) -> frame | None:
-        kinds = ((one, one.profile.stream_type(), one.profile.format()) for one in self._frames)
-        return next((one for one, kind, form in kinds if kind == s and f in (format.any, form)), None)
+    def first_or_default(self, s: stream, f: pixel_format = pixel_format.any, index: int = 0) -> frame | None:
+        """The stream's first frame, in this format and with this index if they are given."""
+        for one in self._frames:
+            r = one.profile.request
+            if r.stream == s and f in (pixel_format.any, r.format) and index in (0, r.index):
+                return one
+        return None
 
-    def first(self, s: stream, f: format = format.any) -> frame:
+    def first(self, s: stream, f: pixel_format = pixel_format.any) -> frame:
         found = self.first_or_default(s, f)
         if found is None:
             raise RuntimeError(f"frame of the requested stream {s.name} not found in the frameset")
@@ -304,23 +234,66 @@ class composite_frame(frame):
 
     def get_infrared_frame(self, index: int = 0) -> frame | None:
         """The infrared frame of an index; index 0 gives the first one."""
-        infrared = (one for one in self._frames if one.profile.stream_type() == stream.infrared)
-        return next((one for one in infrared if index in (0, one.profile.stream_index())), None)
-
-    def size(self) -> int:
-        return len(self._frames)
-
-    def is_frameset(self) -> bool:
-        return True
-
-    def as_frameset(self) -> composite_frame:
-        return self
+        return self.first_or_default(stream.infrared, index=index)
 
     def __len__(self) -> int:
         return len(self._frames)
+
+    size = __len__
 
     def __iter__(self) -> Iterator[frame]:
         return iter(self._frames)
 
     def __getitem__(self, index: int) -> frame:
         return self._frames[index]
+
+
+# Scripts ask frames for their kind, and cast them.
+for _name, _kind in {"video_frame": video_frame, "depth_frame": depth_frame, "frameset": composite_frame}.items():
+    setattr(frame, f"is_{_name}", lambda self, kind=_kind: isinstance(self, kind))
+for _name in ("frame", "video_frame", "depth_frame", "frameset"):
+    setattr(frame, f"as_{_name}", lambda self: self)
+
+
+class frame_queue:
+    """The newest frames. source: the pipeline that was started with the queue; each call takes a picture of it."""
+
+    def __init__(self, capacity: int = 1, keep_frames: bool = False) -> None:
+        self._ready: deque[frame] = deque(maxlen=max(1, capacity))
+        self.source: Any = None
+
+    def put(self, one: frame) -> None:
+        self._ready.append(one)
+
+    def wait_for_frame(self, timeout_ms: int = 5000) -> Any:
+        """The oldest frame. Raises RuntimeError at once if there is none, since none arrives later."""
+        if self.source is not None:
+            return self.source.wait_for_frames(timeout_ms)
+        if not self._ready:
+            raise RuntimeError(f"Frame did not arrive in time! (none was sent that is whole; {timeout_ms} ms)")
+        return self._ready.popleft()
+
+
+_MOST_WAITING = 16  # framesets that lack a stream
+
+
+class syncer(frame_queue):
+    """Framesets of frames of one number; a set is whole when each of `streams` has sent one."""
+
+    def __init__(self, queue_size: int = 16) -> None:
+        super().__init__(queue_size)
+        self.streams: set[int] = set()
+        self._waiting: dict[int, list[frame]] = {}
+
+    wait_for_frames = frame_queue.wait_for_frame
+
+    def poll_for_frames(self) -> Any:
+        return self._ready.popleft() if self._ready else None
+
+    def put(self, one: frame) -> None:
+        together = self._waiting.setdefault(one.frame_number, [])
+        together.append(one)
+        if {each.profile.unique_id() for each in together} >= self.streams:
+            super().put(composite_frame(self._waiting.pop(one.frame_number)))
+        elif len(self._waiting) > _MOST_WAITING:
+            self._waiting.pop(min(self._waiting))

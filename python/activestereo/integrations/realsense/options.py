@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from types import SimpleNamespace
 
-from activestereo.camera.advanced_mode import AdvancedSettings
-from activestereo.camera.advanced_mode.settings import Key, keys, parse_settings
+from activestereo.camera.advanced_mode.settings import Key, keys
 from activestereo.integrations.realsense.enums import option
 
 
@@ -87,28 +85,3 @@ def controls() -> dict[str, dict[str, Key]]:
         if name:
             groups.setdefault(group, {})[name] = key
     return groups
-
-
-class ControlGroup(SimpleNamespace):
-    """A group's numbers by pyrealsense2's names."""
-
-
-def group_of(settings: AdvancedSettings, name: str, mode: int = 0) -> ControlGroup:
-    """The group's numbers; mode 1 and 2, as librealsense's: the least and the largest ones."""
-    found = {}
-    for field, key in controls()[name].items():
-        values = (settings.number(key.name),) if mode == 0 else key.range
-        numbers = sorted(round(key.control_offset + key.control_scale * value, 6) for value in values)
-        found[field] = numbers[max(mode - 1, 0)]
-    return ControlGroup(**found)
-
-
-def with_group(settings: AdvancedSettings, name: str, group: ControlGroup) -> AdvancedSettings:
-    """The settings with a group's numbers; those that are the camera's default stay as they were. Raises ValueError for
-    a number out of its range."""
-    new = {
-        key.name: (float(getattr(group, field)) - key.control_offset) / key.control_scale + 0.0  # no -0
-        for field, key in controls()[name].items()
-    }
-    changed = {key: value for key, value in new.items() if abs(value - settings.number(key)) > 1e-6}
-    return parse_settings({**settings.values, **changed}, name) if changed else settings

@@ -5,13 +5,12 @@ a config asks for, one simulated picture each."""
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+import os
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from activestereo.camera.advanced_mode import AdvancedSettings
 from activestereo.camera.advanced_mode.settings import parse_settings
 from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
 from activestereo.integrations.realsense.enums import camera_info, format, frame_metadata_value, option, stream
@@ -20,10 +19,12 @@ from activestereo.integrations.realsense.frames import (
     composite_frame,
     depth_frame,
     frame,
+    frame_queue,
+    getter,
     video_frame,
     video_stream_profile,
 )
-from activestereo.integrations.realsense.options import Options, controls, group_of, with_group
+from activestereo.integrations.realsense.options import Options, controls
 
 _PRODUCT_IDS = {"D405": "0B5B", "D415": "0AD3", "D435": "0B07", "D435I": "0B3A", "D455": "0B5C"}
 _SIZES, _FPS = ((640, 480), (848, 480), (1280, 720)), 30
@@ -47,12 +48,7 @@ class sensor(Options):
     def get_stream_profiles(self) -> list[video_stream_profile]:
         """The usual modes; a pipeline takes any size."""
         return [
-            video_stream_profile(
-                StreamRequest(kind, index, *size, form, _FPS),
-                self._camera.lens(kind, size),
-                self._camera.left_to(kind, index),
-                self._camera.baseline_m,
-            )
+            self._camera.profile(StreamRequest(kind, index, *size, form, _FPS))
             for (kind, index), forms in self.modes.items()
             for size in _SIZES
             for form in forms
@@ -80,13 +76,16 @@ class depth_sensor(sensor):
 
     def get_depth_scale(self) -> float:
         """Metres per count."""
-        return self._camera.unit_m
+        return self._camera.values[option.depth_units]
 
 
 class device:
     def __init__(self, camera: SimulatedCamera | None = None) -> None:
-        self.camera = camera or SimulatedCamera(_worlds[0] if _worlds else World.of_environment())
-        self._depth, self._color = depth_sensor(self.camera), sensor("RGB Camera", self.camera, {})
+        if camera is None:
+            scene, model = os.environ.get("ACTIVESTEREO_SCENE"), os.environ.get("ACTIVESTEREO_SENSOR", "D435")
+            camera = SimulatedCamera(_worlds[0] if _worlds else World(scene, model))
+        self.camera, self._depth, self._color = camera, depth_sensor(camera), sensor("RGB Camera", camera, {})
+        self.sensors: list[sensor] = [self._depth, self._color]
         model = self.camera.base.model.upper().removeprefix("SAPIEN-")
         self._info = {
             camera_info.name: f"Intel RealSense {model} (simulated)",
@@ -107,16 +106,7 @@ class device:
             raise RuntimeError(f"info {which} not supported by the device")
         return self._info[which]
 
-    def query_sensors(self) -> list[sensor]:
-        return [self._depth, self._color]
-
-    sensors = property(query_sensors)
-
-    def first_depth_sensor(self) -> depth_sensor:
-        return self._depth
-
-    def first_color_sensor(self) -> sensor:
-        return self._color
+    query_sensors, first_depth_sensor, first_color_sensor = getter("sensors"), getter("_depth"), getter("_color")
 
     def hardware_reset(self) -> None:
         """Resets all options to their defaults."""
@@ -125,8 +115,7 @@ class device:
 
 
 class device_list(list[device]):
-    def size(self) -> int:
-        return len(self)
+    size = list.__len__
 
 
 class context:
@@ -135,11 +124,7 @@ class context:
     def __init__(self) -> None:
         self.devices = device_list([device()])
 
-    def query_devices(self) -> device_list:
-        return self.devices
-
-    def __iter__(self) -> Iterator[device]:
-        return iter(self.query_devices())
+    query_devices = getter("devices")
 
 
 class rs400_advanced_mode:
@@ -147,7 +132,7 @@ class rs400_advanced_mode:
     on for each of options.controls()."""
 
     def __init__(self, of: device) -> None:
-        self._device = of
+        self._camera = of.camera
 
     def is_enabled(self) -> bool:
         return True
@@ -157,25 +142,44 @@ class rs400_advanced_mode:
 
     def load_json(self, text: str) -> None:
         """Raises RuntimeError, as librealsense does, if a key is unknown or out of range."""
-        self._set(lambda: parse_settings(json.loads(text), "the settings"))
-
-    def __getattr__(self, name: str) -> Any:
-        what, _, group = name.partition("_")
-        if what not in ("get", "set") or group not in controls():
-            raise AttributeError(f"'rs400_advanced_mode' object has no attribute '{name}'")
-        if what == "get":
-            return lambda mode=0: group_of(self._device.camera.settings, group, mode)
-        return lambda numbers: self._set(lambda: with_group(self._device.camera.settings, group, numbers))
-
-    def _set(self, make: Callable[[], AdvancedSettings]) -> None:
         try:
-            self._device.camera.set_settings(make())
+            self._camera.set_settings(parse_settings(json.loads(text), "the settings"))
         except ValueError as error:
             raise RuntimeError(str(error)) from error
 
     def serialize_json(self) -> str:
         """Every key of the matcher and the depth table, as librealsense writes them, and the others that were given."""
-        return json.dumps(self._device.camera.settings.as_text(), indent=4)
+        return json.dumps(self._camera.settings.as_text(), indent=4)
+
+    def __getattr__(self, name: str) -> Any:
+        verb, _, group = name.partition("_")
+        if verb not in ("get", "set") or group not in controls():
+            raise AttributeError(f"'rs400_advanced_mode' object has no attribute '{name}'")
+        fields, camera = controls()[group], self._camera
+
+        def get_numbers(mode: int = 0) -> SimpleNamespace:
+            """The group's numbers; mode 1 and 2, as librealsense's: the least and the largest ones."""
+            found = {}
+            for field, key in fields.items():
+                values = (camera.settings.number(key.name),) if mode == 0 else key.range
+                numbers = sorted(round(key.control_offset + key.control_scale * value, 6) for value in values)
+                found[field] = numbers[max(mode - 1, 0)]
+            return SimpleNamespace(**found)
+
+        def set_numbers(numbers: SimpleNamespace) -> None:
+            """Sets the group; numbers that are the camera's default stay as they were."""
+            changed = {}
+            for field, key in fields.items():
+                value = (float(getattr(numbers, field)) - key.control_offset) / key.control_scale + 0.0  # no -0
+                if abs(value - camera.settings.number(key.name)) > 1e-6:
+                    changed[key.name] = value
+            if changed:
+                try:
+                    camera.set_settings(parse_settings({**camera.settings.values, **changed}, group))
+                except ValueError as error:
+                    raise RuntimeError(str(error)) from error
+
+        return get_numbers if verb == "get" else set_numbers
 
 
 _FORMATS = {
@@ -183,7 +187,6 @@ _FORMATS = {
     stream.infrared: (format.y8,),
     stream.color: (format.rgb8, format.bgr8, format.rgba8, format.bgra8, format.y8),
 }
-_LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
 # Streams of a pipeline that is started without a config.
 _DEFAULT = (StreamRequest(stream.depth), StreamRequest(stream.color))
 
@@ -232,54 +235,42 @@ class config:
     def enable_record_to_file(self, file_name: str) -> None:
         raise RuntimeError(f"{file_name}: record with write_topics()")
 
-    def resolve(self, p: pipeline_wrapper) -> pipeline_profile:
-        return pipeline_profile(p.pipeline.device(), self)
+    def resolve(self, p: pipeline) -> pipeline_profile:
+        return pipeline_profile(p.device(), self)
 
 
 class pipeline_profile:
-    """The streams of a pipeline, and its device."""
+    """The streams of a pipeline, and its device. Raises RuntimeError if streams that are one image here are asked for
+    in two sizes."""
 
     def __init__(self, of: device, asked: config) -> None:
-        self._device = of
+        self.device = of
         requests = list(asked.requests.values()) or list(_DEFAULT)
-        _set_sizes(of.camera, requests)
-        self._streams = [_profile(of.camera, request) for request in requests]
+        for streams, name in (((stream.depth, stream.infrared), "depth_size"), ((stream.color,), "color_size")):
+            sizes = {(r.width, r.height) for r in requests if r.stream in streams and r.width and r.height}
+            if len(sizes) > 1:
+                raise RuntimeError(f"Couldn't resolve requests: depth and infrared have one size, not {sorted(sizes)}")
+            for size in sizes:
+                setattr(of.camera, name, size)
+        of.camera.set_settings(of.camera.settings)
+        self.streams: list[video_stream_profile] = []
+        for r in requests:
+            form = _FORMATS[r.stream][0] if r.format == format.any else r.format
+            # Streams of one image have one size, also those that were asked for without one.
+            self.streams.append(of.camera.profile(StreamRequest(r.stream, r.index, 0, 0, form, r.fps or _FPS)))
 
-    def get_device(self) -> device:
-        return self._device
-
-    def get_streams(self) -> list[video_stream_profile]:
-        return list(self._streams)
+    get_device, get_streams = getter("device"), getter("streams")
 
     def get_stream(self, stream_type: stream, stream_index: int = -1) -> video_stream_profile:
-        for profile in self._streams:
+        for profile in self.streams:
             if profile.stream_type() == stream_type and stream_index in (-1, profile.stream_index()):
                 return profile
         raise RuntimeError(f"Profile does not contain the requested stream {stream_type.name}")
 
 
-def _set_sizes(camera: SimulatedCamera, requests: list[StreamRequest]) -> None:
-    """Raises RuntimeError if streams that are one image here are asked for in two sizes."""
-    for streams, name in (((stream.depth, stream.infrared), "depth_size"), ((stream.color,), "color_size")):
-        sizes = {(r.width, r.height) for r in requests if r.stream in streams and r.width and r.height}
-        if len(sizes) > 1:
-            raise RuntimeError(f"Couldn't resolve requests: depth and infrared have one size, not {sorted(sizes)}")
-        for size in sizes:
-            setattr(camera, name, size)
-    camera.set_settings(camera.settings)
-
-
-def _profile(camera: SimulatedCamera, request: StreamRequest) -> video_stream_profile:
-    lens = camera.color() if request.stream == stream.color else camera.infrared()
-    form = _FORMATS[request.stream][0] if request.format == format.any else request.format
-    fps = request.fps or _FPS
-    whole = StreamRequest(request.stream, request.index, lens.width, lens.height, form, fps)
-    return video_stream_profile(whole, lens, camera.left_to(request.stream, request.index), camera.baseline_m)
-
-
-class pipeline_wrapper:
-    def __init__(self, of: pipeline) -> None:
-        self.pipeline = of
+def pipeline_wrapper(of: pipeline) -> pipeline:
+    """Returns the pipeline: scripts wrap it for config.resolve()."""
+    return of
 
 
 class pipeline:
@@ -291,7 +282,6 @@ class pipeline:
         self._profile: pipeline_profile | None = None
         self._number = 0
         self._random = np.random.default_rng(0)
-        self._queue: Any = None
 
     def device(self) -> device:
         if self._device is None:
@@ -303,12 +293,12 @@ class pipeline:
         if self._profile is not None:
             raise RuntimeError("start() cannot be called before stop()")
         asked = next((a for a in args if isinstance(a, config)), config())
-        self._queue = next((a for a in args if hasattr(a, "connect")), None)
+        queue = next((a for a in args if isinstance(a, frame_queue)), None)
         of = self.device()
         self._profile, self._number = pipeline_profile(of, asked), 0
         self._random = np.random.default_rng(of.camera.world.seed)
-        if self._queue is not None:
-            self._queue.connect(self)
+        if queue is not None:
+            queue.source = self
         return self._profile
 
     def stop(self) -> None:
@@ -331,78 +321,33 @@ class pipeline:
         return frames
 
     def try_wait_for_frames(self, timeout_ms: int = 5000) -> tuple[bool, composite_frame | None]:
-        world = self.device().camera.world
-        streams = self.get_active_profile().get_streams()
+        camera, streams = self.device().camera, self.get_active_profile().get_streams()
+        world = camera.world
         while world.frames is None or self._number < world.frames:
             dropped = self._random.random(len(streams)) < world.drop_share
             self._number += 1
             if not dropped.any():
-                camera, time_ms = self.device().camera, 1e3 * (self._number - 1) / min(s.fps() for s in streams)
+                time_ms = 1e3 * (self._number - 1) / min(s.fps() for s in streams)
                 camera.take_picture(1e-3 * time_ms, any(s.stream_type() == stream.color for s in streams))
-                return True, composite_frame([self._frame(camera, profile, time_ms) for profile in streams])
+                return True, composite_frame([self._frame(profile, time_ms) for profile in streams])
         return False, None
 
     def poll_for_frames(self) -> composite_frame | None:
         return self.try_wait_for_frames()[1]
 
-    def _frame(self, camera: SimulatedCamera, profile: video_stream_profile, time_ms: float) -> frame:
-        pixels, kind = _pixels(camera, profile), profile.stream_type()
-        made = depth_frame if kind == stream.depth else video_frame
-        world = camera.world
-        late_ms = world.latency_ms.get(kind, 0.0)
-        if world.jitter_ms:
-            late_ms = max(late_ms + world.jitter_ms * self._random.standard_normal(), 0.0)
-        metadata = _metadata(camera, profile, self._number, time_ms, late_ms)
-        return made(pixels, profile, self._number, time_ms, metadata, camera.unit_m)
-
-
-def _pixels(camera: SimulatedCamera, profile: video_stream_profile) -> NDArray[Any]:
-    if profile.stream_type() == stream.depth:
-        return camera.depth()
-    if profile.stream_type() == stream.infrared:
-        return camera.infrared_pair()[profile.stream_index() - 1]
-    rgb, form = camera.rgb(), profile.format()
-    if form == format.y8:
-        return np.rint(rgb @ _LUMA).astype(np.uint8)
-    if form in (format.bgr8, format.bgra8):
-        rgb = rgb[..., ::-1]
-    if form in (format.rgba8, format.bgra8):
-        rgb = np.dstack([rgb, np.full(rgb.shape[:2], 255, np.uint8)])
-    return np.ascontiguousarray(rgb)
-
-
-def _metadata(
-    camera: SimulatedCamera, profile: video_stream_profile, number: int, time_ms: float, late_ms: float
-) -> dict[frame_metadata_value, int]:
-    out = {
-        frame_metadata_value.frame_counter: number,
-        frame_metadata_value.frame_timestamp: round(1e3 * time_ms),
-        frame_metadata_value.sensor_timestamp: round(1e3 * time_ms),
-        frame_metadata_value.time_of_arrival: round(time_ms + late_ms),
-        frame_metadata_value.actual_fps: profile.fps(),
-    }
-    if profile.stream_type() != stream.color:
-        out |= {
-            frame_metadata_value.actual_exposure: camera.exposure_us(),
-            frame_metadata_value.gain_level: camera.gain_steps(),
-            frame_metadata_value.frame_laser_power: round(camera.config().laser_power_mw),
-            frame_metadata_value.frame_laser_power_mode: int(camera.is_lit()),
-            frame_metadata_value.auto_exposure: int(camera.values[option.enable_auto_exposure]),
+    def _frame(self, profile: video_stream_profile, time_ms: float) -> frame:
+        camera, kind = self.device().camera, profile.stream_type()
+        late_ms = camera.world.latency_ms.get(kind, 0.0)
+        if camera.world.jitter_ms:
+            late_ms = max(late_ms + camera.world.jitter_ms * self._random.standard_normal(), 0.0)
+        metadata = {
+            frame_metadata_value.frame_counter: self._number,
+            frame_metadata_value.frame_timestamp: round(1e3 * time_ms),
+            frame_metadata_value.sensor_timestamp: round(1e3 * time_ms),
+            frame_metadata_value.time_of_arrival: round(time_ms + late_ms),
+            frame_metadata_value.actual_fps: profile.fps(),
         }
-    return out
-
-
-class frame_queue:
-    """The newest frames of a pipeline that was started with it."""
-
-    def __init__(self, capacity: int = 1, keep_frames: bool = False) -> None:
-        self._capacity = capacity
-        self._source: Any = None
-
-    def connect(self, source: Any) -> None:
-        self._source = source
-
-    def wait_for_frame(self, timeout_ms: int = 5000) -> composite_frame:
-        if self._source is None:
-            raise RuntimeError(f"Frame did not arrive in time! (queue without a pipeline, {timeout_ms} ms)")
-        return self._source.wait_for_frames(timeout_ms)
+        if kind != stream.color:
+            metadata |= camera.light()
+        made, unit_m = depth_frame if kind == stream.depth else video_frame, camera.values[option.depth_units]
+        return made(camera.pixels(profile), profile, self._number, time_ms, metadata, unit_m)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import array
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,7 +19,7 @@ import numpy as np
 from activestereo.common.mcap_file import McapFile
 from activestereo.common.ros_images import camera_info_message, image_message
 from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream, timestamp_domain
-from activestereo.integrations.realsense.frames import composite_frame, extrinsics, frame, video_stream_profile
+from activestereo.integrations.realsense.frames import composite_frame, extrinsics, video_stream_profile
 
 Key = tuple[stream, int]
 # In the order of the device's sensors and their streams: the stream's name, and its image's.
@@ -46,30 +45,16 @@ OWN_TYPES = {
 }
 
 
-@dataclass(frozen=True)
-class Quality:
-    """Quality of service: how many messages are kept, and whether who comes late gets the last; all are reliable."""
-
-    depth: int
-    is_latched: bool = False
-
-
-IMAGE, INFO, LATCHED = Quality(1), Quality(10), Quality(1, is_latched=True)
+# Quality of service, which is reliable for all: how many messages are kept, and whether who comes late gets the last.
+_IMAGE, _INFO, _LATCHED = (1, False), (10, False), (1, True)
+# topic, kind, message, time in nanoseconds, and the quality of service
+Published = tuple[str, str, Any, int, int, bool]
 
 
 class Maker(Protocol):
     """Makes a message of a kind such as sensor_msgs/msg/Image from its fields; arrays are NumPy's."""
 
     def __call__(self, kind: str, **fields: Any) -> Any: ...
-
-
-@dataclass(frozen=True)
-class Published:
-    topic: str
-    kind: str
-    message: Any
-    time_ns: int
-    quality: Quality
 
 
 def published(frames: composite_frame, is_first: bool, make: Maker) -> Iterator[Published]:
@@ -80,61 +65,46 @@ def published(frames: composite_frame, is_first: bool, make: Maker) -> Iterator[
     if is_first:
         yield from _places({key: one.profile for key, one in streams.items()}, make)
     for key, one in streams.items():
-        name, image = _STREAMS[key]
-        time_ns, header = round(1e6 * one.timestamp), _header(one, _axes(name), make)
-        topic = f"{_NODE}/{name}"
-        yield Published(f"{topic}/{image}", "sensor_msgs/msg/Image", _image(one, header, make), time_ns, IMAGE)
-        left = streams[_LEFT].profile if key == _RIGHT and _LEFT in streams else None
-        info = _camera_info(one, left, header, make)
-        yield Published(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", info, time_ns, INFO)
+        name, image_topic = _STREAMS[key]
+        topic, time_ns, profile = f"{_NODE}/{name}", round(1e6 * one.timestamp), one.profile
+        header = _header(time_ns, _axes(name), make)
+        # 1. The image.
+        if profile.format() not in _ENCODINGS:
+            raise ValueError(f"{profile.stream_name()} is {profile.format().name}, which has no ROS encoding")
+        pixels = one.get_data()
+        if profile.stream_type() == stream.depth and one.unit_m != _DEPTH_UNIT_M:
+            pixels = np.clip(np.rint(pixels * (one.unit_m / _DEPTH_UNIT_M)), 0, 65535).astype(np.uint16)
+        message = image_message(make, header, pixels, _ENCODINGS[profile.format()])
+        yield f"{topic}/{image_topic}", "sensor_msgs/msg/Image", message, time_ns, *_IMAGE
+        # 2. The camera; the right one's P is of the pair, in the left one's frame.
+        lens, info_header, tx, ty = profile.get_intrinsics(), header, 0.0, 0.0
+        if key == _RIGHT and _LEFT in streams:
+            there = profile.get_extrinsics_to(streams[_LEFT].profile).translation
+            tx, ty = 0.0 - lens.fx * there[0], 0.0 - lens.fy * there[1]
+            info_header = _header(time_ns, _axes(_STREAMS[_LEFT][0]), make)
+        k = np.array([[lens.fx, 0, lens.ppx], [0, lens.fy, lens.ppy], [0, 0, 1]], np.float64)
+        message = camera_info_message(make, info_header, lens.height, lens.width, k, lens.coeffs, tx, ty)
+        yield f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", message, time_ns, *_INFO
+        # 3. The metadata.
+        facts: dict[str, object] = {
+            "frame_number": one.frame_number,
+            "clock_domain": timestamp_domain.hardware_clock.name,
+            "frame_timestamp": one.timestamp,
+        }
+        for which, value in sorted(one.metadata.items()):
+            facts["hw_timestamp" if which == frame_metadata_value.frame_timestamp else which.name] = value
         kind = "realsense2_camera_msgs/msg/Metadata"
-        message = make(kind, header=header, json_data=_metadata_text(one))
-        yield Published(f"{topic}/metadata", kind, message, time_ns, INFO)
+        message = make(kind, header=header, json_data=json.dumps(facts, separators=(",", ":")))
+        yield f"{topic}/metadata", kind, message, time_ns, *_INFO
 
 
 def _axes(name: str) -> str:
     return f"camera_{name}_optical_frame"
 
 
-def _stamp(time_ns: int, make: Maker) -> Any:
-    return make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-
-
-def _header(one: frame, axes: str, make: Maker) -> Any:
-    return make("std_msgs/msg/Header", stamp=_stamp(round(1e6 * one.timestamp), make), frame_id=axes)
-
-
-def _image(one: frame, header: Any, make: Maker) -> Any:
-    encoding = _ENCODINGS.get(one.profile.format())
-    if encoding is None:
-        raise ValueError(f"{one.profile.stream_name()} is {one.profile.format().name}, which has no ROS encoding")
-    pixels = one.get_data()
-    if one.profile.stream_type() == stream.depth and one.unit_m != _DEPTH_UNIT_M:
-        pixels = np.clip(np.rint(pixels * (one.unit_m / _DEPTH_UNIT_M)), 0, 65535).astype(np.uint16)
-    return image_message(make, header, pixels, encoding)
-
-
-def _camera_info(one: frame, left: video_stream_profile | None, header: Any, make: Maker) -> Any:
-    """left: of the right camera's image the left one's profile: P is then of the pair, in the left one's frame."""
-    lens = one.profile.get_intrinsics()
-    tx = ty = 0.0
-    if left is not None:
-        there = one.profile.get_extrinsics_to(left).translation
-        tx, ty = 0.0 - lens.fx * there[0], 0.0 - lens.fy * there[1]
-        header = _header(one, _axes(_STREAMS[_LEFT][0]), make)
-    k = np.array([[lens.fx, 0, lens.ppx], [0, lens.fy, lens.ppy], [0, 0, 1]], np.float64)
-    return camera_info_message(make, header, lens.height, lens.width, k, lens.coeffs, tx, ty)
-
-
-def _metadata_text(one: frame) -> str:
-    facts: dict[str, object] = {
-        "frame_number": one.frame_number,
-        "clock_domain": timestamp_domain.hardware_clock.name,
-        "frame_timestamp": one.timestamp,
-    }
-    for which, value in sorted(one.metadata.items()):
-        facts["hw_timestamp" if which == frame_metadata_value.frame_timestamp else which.name] = value
-    return json.dumps(facts, separators=(",", ":"))
+def _header(time_ns: int, axes: str, make: Maker) -> Any:
+    stamp = make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=axes)
 
 
 def _places(profiles: dict[Key, video_stream_profile], make: Maker) -> Iterator[Published]:
@@ -148,13 +118,13 @@ def _places(profiles: dict[Key, video_stream_profile], make: Maker) -> Iterator[
         if key != _DEPTH:
             kind, there = "realsense2_camera_msgs/msg/Extrinsics", base.get_extrinsics_to(profile)
             message = make(kind, rotation=np.array(there.rotation), translation=np.array(there.translation))
-            yield Published(f"{_NODE}/extrinsics/depth_to_{name}", kind, message, 0, LATCHED)
+            yield f"{_NODE}/extrinsics/depth_to_{name}", kind, message, 0, *_LATCHED
         place = _in_ros_axes(profile.get_extrinsics_to(base))
         turned = (0.0, 0.0, 0.0), _OPTICAL_XYZW
         for body in [f"camera_{name}_frame"] + [f"camera_aligned_depth_to_{name}_frame"] * (key == _LEFT):
             tree += [_transform(_BASE_FRAME, body, *place, make), _transform(body, _axes(name), *turned, make)]
     kind = "tf2_msgs/msg/TFMessage"
-    yield Published("/tf_static", kind, make(kind, transforms=tree), 0, LATCHED)
+    yield "/tf_static", kind, make(kind, transforms=tree), 0, *_LATCHED
 
 
 def _in_ros_axes(of: extrinsics) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -170,7 +140,7 @@ def _in_ros_axes(of: extrinsics) -> tuple[tuple[float, ...], tuple[float, ...]]:
 def _transform(
     parent: str, child: str, translation: tuple[float, ...], rotation: tuple[float, ...], make: Maker
 ) -> Any:
-    header = make("std_msgs/msg/Header", stamp=_stamp(0, make), frame_id=parent)
+    header = _header(0, parent, make)
     offset = make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, translation), strict=True)))
     turn = make("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, rotation), strict=True)))
     place = make("geometry_msgs/msg/Transform", translation=offset, rotation=turn)
@@ -185,8 +155,7 @@ def write_topics(path: str | Path, frames: Iterable[composite_frame]) -> int:
     with McapFile(path, OWN_TYPES) as file:
         for frameset in frames:
             for one in published(frameset, not count, file.make):
-                quality = one.quality
-                file.write(one.topic, one.kind, one.message, one.time_ns, quality.depth, quality.is_latched)
+                file.write(*one)
             count += 1
     return count
 
@@ -206,16 +175,16 @@ class TopicPublisher:
 
     def publish(self, frames: composite_frame) -> None:
         """A frameset's messages; with the first one its streams' places."""
-        for one in published(frames, not self._publishers, _message):
-            if one.message is None:
-                self.missing.add(one.topic)
+        for topic, _, message, _, depth, is_latched in published(frames, not self._publishers, _message):
+            if message is None:
+                self.missing.add(topic)
                 continue
-            if one.topic not in self._publishers:
+            if topic not in self._publishers:
                 kept = self._qos.DurabilityPolicy
-                durability = kept.TRANSIENT_LOCAL if one.quality.is_latched else kept.VOLATILE
-                profile = self._qos.QoSProfile(depth=one.quality.depth, durability=durability)
-                self._publishers[one.topic] = self._node.create_publisher(type(one.message), one.topic, profile)
-            self._publishers[one.topic].publish(one.message)
+                durability = kept.TRANSIENT_LOCAL if is_latched else kept.VOLATILE
+                profile = self._qos.QoSProfile(depth=depth, durability=durability)
+                self._publishers[topic] = self._node.create_publisher(type(message), topic, profile)
+            self._publishers[topic].publish(message)
 
 
 def _message(kind: str, **fields: Any) -> Any:

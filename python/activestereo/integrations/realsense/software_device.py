@@ -4,7 +4,6 @@ clouds work."""
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,9 +13,10 @@ from numpy.typing import NDArray
 from activestereo.integrations.realsense.enums import format, option, stream, timestamp_domain
 from activestereo.integrations.realsense.frames import (
     StreamRequest,
-    composite_frame,
     depth_frame,
-    frame,
+    frame_queue,
+    getter,
+    syncer,
     video_frame,
     video_stream_profile,
 )
@@ -27,7 +27,6 @@ _KINDS: dict[format, tuple[type, int]] = {
     format.z16: (np.uint16, 1), format.y8: (np.uint8, 1), format.y16: (np.uint16, 1), format.rgb8: (np.uint8, 3),
     format.bgr8: (np.uint8, 3), format.rgba8: (np.uint8, 4), format.bgra8: (np.uint8, 4),
 }  # fmt: skip
-_MOST_WAITING = 16  # framesets that lack a stream
 
 
 @dataclass
@@ -60,49 +59,13 @@ class software_video_frame:
     depth_units: float = 0.0
 
 
-class _Frames:
-    """Frames in order of their sending."""
-
-    def __init__(self, queue_size: int = 16) -> None:
-        self._ready: deque[frame] = deque(maxlen=max(1, queue_size))
-        self.streams: set[int] = set()
-
-    def put(self, one: frame) -> None:
-        self._ready.append(one)
-
-    def wait_for_frames(self, timeout_ms: int = 5000) -> Any:
-        """The oldest frame. Raises RuntimeError at once if there is none, since none arrives later."""
-        if not self._ready:
-            raise RuntimeError(f"Frame did not arrive in time! (none was sent that is whole; {timeout_ms} ms)")
-        return self._ready.popleft()
-
-    def poll_for_frames(self) -> Any:
-        return self._ready.popleft() if self._ready else None
-
-
-class syncer(_Frames):
-    """Framesets of frames of one number; a set is whole when each open stream has sent one."""
-
-    def __init__(self, queue_size: int = 16) -> None:
-        super().__init__(queue_size)
-        self._waiting: dict[int, list[frame]] = {}
-
-    def put(self, one: frame) -> None:
-        together = self._waiting.setdefault(one.frame_number, [])
-        together.append(one)
-        if {each.profile.unique_id() for each in together} >= self.streams:
-            super().put(composite_frame(self._waiting.pop(one.frame_number)))
-        elif len(self._waiting) > _MOST_WAITING:
-            self._waiting.pop(min(self._waiting))
-
-
 class software_sensor(Options):
     """A sensor with frames from its user."""
 
     def __init__(self, name: str) -> None:
         super().__init__({})
         self.name = name
-        self._profiles: list[video_stream_profile] = []
+        self.profiles: list[video_stream_profile] = []
         self._open: list[video_stream_profile] = []
         self._target: Any = None
 
@@ -116,19 +79,14 @@ class software_sensor(Options):
         baseline_mm = self._values.get(option.stereo_baseline)
         baseline_m = None if baseline_mm is None else 1e-3 * baseline_mm
         lens = v.intrinsics if v.intrinsics.width else replace(v.intrinsics, width=v.width, height=v.height)
-        self._profiles.append(video_stream_profile(request, lens, baseline_m=baseline_m))
-        return self._profiles[-1]
+        self.profiles.append(video_stream_profile(request, lens, baseline_m=baseline_m))
+        return self.profiles[-1]
 
     def add_read_only_option(self, which: option, value: float) -> None:
         self._read_only[which] = self._values[which] = float(value)
         if which == option.stereo_baseline:
-            for profile in self._profiles:
+            for profile in self.profiles:
                 profile.baseline_m = 1e-3 * float(value)
-
-    def get_stream_profiles(self) -> list[video_stream_profile]:
-        return list(self._profiles)
-
-    profiles = property(get_stream_profiles)
 
     def open(self, profiles: video_stream_profile | list[video_stream_profile]) -> None:
         self._open = profiles if isinstance(profiles, list) else [profiles]
@@ -136,11 +94,10 @@ class software_sensor(Options):
     def start(self, target: Any) -> None:
         """target: a syncer, a frame_queue, or a function that takes frames."""
         self._target = target
-        if hasattr(target, "connect"):
-            self._target = _Frames()
-            target.connect(self._target)
-        if isinstance(self._target, _Frames):
-            self._target.streams |= {profile.unique_id() for profile in self._open}
+        if isinstance(target, syncer):
+            target.streams |= {profile.unique_id() for profile in self._open}
+
+    get_stream_profiles = getter("profiles")
 
     def stop(self) -> None:
         self._target = None
@@ -156,7 +113,7 @@ class software_sensor(Options):
         unit_m = given.depth_units or self._values.get(option.depth_units, 0.001)
         kind = depth_frame if profile.stream_type() == stream.depth else video_frame
         made = kind(_pixels(given, profile), profile, given.frame_number, given.timestamp, None, unit_m)
-        self._target.put(made) if isinstance(self._target, _Frames) else self._target(made)
+        self._target.put(made) if isinstance(self._target, frame_queue) else self._target(made)
 
 
 def _pixels(given: software_video_frame, profile: video_stream_profile) -> NDArray[Any]:
@@ -185,5 +142,4 @@ class software_device:
         self.sensors.append(software_sensor(name))
         return self.sensors[-1]
 
-    def query_sensors(self) -> list[software_sensor]:
-        return list(self.sensors)
+    query_sensors = getter("sensors")
