@@ -47,7 +47,7 @@ FIGURES = (
     ("infrared image 960x540 of metal and glass, path depth 8, 8 samples, H200", "{render.0:8 samples:0} ms"),
     ("the whole sensor at 848x480, 2 samples, H200", "{sensor.1:2 samples:0} ms"),
     (
-        "others' images to infrared, noise and matched depth, fixed exposure, 4096 environments of 64x64, H100",
+        "others' images to infrared, noise and matched depth, fixed exposure, 4096 environments of 64x64, H200",
         "{gbuffer_gpu.0:4096 of 64x64:0} pairs/s (a traced z-buffer alone {gbuffer_gpu.0:4096 of 64x64:1} frames/s)",
     ),
     ("the same for 256 environments of 128x128", "{gbuffer_gpu.0:256 of 128x128:0} pairs/s"),
