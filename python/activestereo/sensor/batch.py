@@ -17,7 +17,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from math import prod
 from os import PathLike
-from types import TracebackType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -130,20 +129,20 @@ class StereoDepthSensorBatch(SensorResults):
         counts = {places.shape[0] for places in self._places}
         if len(counts) != 1 or len(devices) > min(counts):
             raise ValueError(f"{len(devices)} devices take as many environments or more, not {sorted(counts)}")
-        self._shape = self._places[0].shape
-        count, sensors = self._shape[0], prod(self._shape[1:])
+        self.shape = self._places[0].shape  # (E,) or (E, S)
+        count, sensors = self.shape[0], prod(self.shape[1:])
         bounds = [k * count // len(devices) for k in range(len(devices) + 1)]
-        self._numbers = [range(first, end) for first, end in zip(bounds[:-1], bounds[1:], strict=True)]
-        self._own = [slice(own.start * sensors, own.stop * sensors) for own in self._numbers]
-        self._results = JoinedResults([len(own) for own in self._numbers]) if len(devices) > 1 else None
+        self.device_environments = [range(first, end) for first, end in zip(bounds[:-1], bounds[1:], strict=True)]
+        self._own = [slice(own.start * sensors, own.stop * sensors) for own in self.device_environments]
+        self._results = JoinedResults([len(own) for own in self.device_environments]) if len(devices) > 1 else None
         engines: list[SensorEngine] = []
         try:
-            for k, own in enumerate(self._numbers):
+            for k, own in enumerate(self.device_environments):
                 engines.append(
                     SensorEngine(
                         plan, devices[k].scene, np.repeat(own, sensors).tolist(),
-                        (len(own), *self._shape[1:]), model=model, on_cuda=on_cuda, pipelined=pipelined,
-                        first_view=self._own[k].start, results=None if self._results is None else self._results.part(k),
+                        (len(own), *self.shape[1:]), model=model, on_cuda=on_cuda, pipelined=pipelined,
+                        first_view=self._own[k].start, results=None if self._results is None else (self._results, k),
                         matcher=matcher,
                     )
                 )  # fmt: skip
@@ -155,7 +154,9 @@ class StereoDepthSensorBatch(SensorResults):
         # Factors on each sensor's configured values, and the turn of its right camera.
         self._laser_power, self._light_share = np.ones((2, count * sensors))
         self._right_turn = np.broadcast_to(np.eye(4), (count * sensors, 4, 4)).copy()
-        self._devices = Devices([f"on the device of environments {own[0]} to {own[-1]}" for own in self._numbers])
+        self._devices = Devices(
+            [f"on the device of environments {own[0]} to {own[-1]}" for own in self.device_environments]
+        )
 
     # ---- taking pictures ----
 
@@ -173,7 +174,7 @@ class StereoDepthSensorBatch(SensorResults):
             last = max(engine.frame for engine in self._engines)
             for engine in self._engines:
                 engine.frame = last
-        raise_broken(broken, self._shape)
+        raise_broken(broken, self.shape)
 
     def wait(self) -> None:
         """Waits until the pictures that a pipelined batch has begun are rendered; then the scene may change. Results
@@ -197,7 +198,7 @@ class StereoDepthSensorBatch(SensorResults):
         self.wait()
         broken, rigs = self._present_places()
         depth = self._devices.join(self._on_each_device(lambda engine, k: engine.render_true_depth(rigs[k])))
-        raise_broken(broken, self._shape)
+        raise_broken(broken, self.shape)
         return depth
 
     def compute_depth(self) -> None:
@@ -235,16 +236,6 @@ class StereoDepthSensorBatch(SensorResults):
     # ---- the batch itself ----
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """(E,) or (E, S)."""
-        return self._shape
-
-    @property
-    def device_environments(self) -> list[range]:
-        """The environments of each device."""
-        return list(self._numbers)
-
-    @property
     def frame_index(self) -> int:
         """Counts the pictures, from 0; -1 before the first."""
         return self._engines[0].frame
@@ -271,8 +262,8 @@ class StereoDepthSensorBatch(SensorResults):
         arrays of the batch's shape, [E] or [E, S], before the rest. None keeps a value. Raises ValueError, which lists
         the environments, for a wrong number of sensors, negative or non-finite numbers, and matrices that are no
         rotation. Nothing has changed then."""
-        sensors = self._shape[1:] or (1,)
-        first, last, shape, where = 0, self._shape[0], self._shape, "the batch"
+        sensors = self.shape[1:] or (1,)
+        first, last, shape, where = 0, self.shape[0], self.shape, "the batch"
         if environment is not None:
             if environment not in range(last):
                 raise ValueError(f"environments are 0 to {last - 1}, not {environment}")
@@ -316,11 +307,11 @@ class StereoDepthSensorBatch(SensorResults):
             self._config.render_seed = self._config.noise_seed = one
             self._on_each_device(lambda engine, _: engine.restart(one))
             return
-        if np.shape(seed) != self._shape[:1]:
-            raise ValueError(f"seeds are {list(np.shape(seed))}, expected a number or [{self._shape[0]}]")
+        if np.shape(seed) != self.shape[:1]:
+            raise ValueError(f"seeds are {list(np.shape(seed))}, expected a number or [{self.shape[0]}]")
         seeds = np.asarray(seed).tolist()
         raise_faults("the seed", np.arange(len(seeds)), [RENDER_SEED.fault(one) for one in seeds])
-        sensors = range(prod(self._shape[1:]))
+        sensors = range(prod(self.shape[1:]))
         own = [one + (sensor << 32) for one in seeds for sensor in sensors]  # sensors of an environment differ
         self._on_each_device(lambda engine, k: engine.restart(self._config.render_seed, own[self._own[k]]))
 
@@ -334,9 +325,7 @@ class StereoDepthSensorBatch(SensorResults):
     def __enter__(self) -> StereoDepthSensorBatch:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     # ---- inside ----
@@ -350,7 +339,7 @@ class StereoDepthSensorBatch(SensorResults):
 
     def _poses(self) -> NDArray[np.float64]:
         _, rigs = self._present_places()
-        return np.concatenate(rigs).reshape(*self._shape, 4, 4)
+        return np.concatenate(rigs).reshape(*self.shape, 4, 4)
 
     def _present_places(self) -> tuple[NDArray[np.bool_], list[NDArray[np.float64]]]:
         """Returns a mask [sensors] of those whose mount has no pose, and the RGB cameras' poses by device."""

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import ctypes as c
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -88,56 +89,47 @@ class CudaMemory:
             context = c.c_void_p()
             self._driver.call("cuDevicePrimaryCtxRetain", c.byref(context), self._device)
             self._context = context
+            handle = _HandleDesc(type=_OPAQUE_FD, size=desc.allocation_bytes, flags=_DEDICATED if desc.dedicated else 0)
+            part = _BufferDesc(offset=desc.offset_bytes, size=desc.size_bytes)
             try:
-                self._in_context(lambda: self._map(desc))
+                with self._in_context():
+                    handle.handle[0] = fd = os.dup(desc.handle)  # CUDA owns it after success
+                    try:
+                        self._driver.call("cuImportExternalMemory", c.byref(self._external), c.byref(handle))
+                    except CudaError:
+                        os.close(fd)
+                        raise
+                    into = c.byref(self._address)
+                    self._driver.call("cuExternalMemoryGetMappedBuffer", into, self._external, c.byref(part))
             except CudaError:
                 self.close()
                 raise
+        self.address: int = self._address.value  # CUdeviceptr of the buffer's first byte
 
-    def _in_context(self, work: Any) -> None:
+    @contextmanager
+    def _in_context(self) -> Iterator[None]:
         """Makes the GPU's primary context current, which PyTorch and CuPy use, too."""
         self._driver.call("cuCtxPushCurrent_v2", self._context)
         try:
-            work()
+            yield
         finally:
             self._driver.call("cuCtxPopCurrent_v2", c.byref(c.c_void_p()))
-
-    def _map(self, desc: Any) -> None:
-        handle = _HandleDesc(type=_OPAQUE_FD, size=desc.allocation_bytes, flags=_DEDICATED if desc.dedicated else 0)
-        fd = os.dup(desc.handle)  # CUDA owns it after success
-        handle.handle[0] = fd
-        try:
-            self._driver.call("cuImportExternalMemory", c.byref(self._external), c.byref(handle))
-        except CudaError:
-            os.close(fd)
-            raise
-        part = _BufferDesc(offset=desc.offset_bytes, size=desc.size_bytes)
-        self._driver.call("cuExternalMemoryGetMappedBuffer", c.byref(self._address), self._external, c.byref(part))
 
     def close(self) -> None:
         """Releases the mapping. Arrays of it must not be used afterwards."""
         if self._context is None:
             return
-
-        def unmap() -> None:
-            if self._address.value:
-                self._driver.call("cuMemFree_v2", self._address)
-            if self._external.value:
-                self._driver.call("cuDestroyExternalMemory", self._external)
-
         try:
-            self._in_context(unmap)
+            with self._in_context():
+                if self._address.value:
+                    self._driver.call("cuMemFree_v2", self._address)
+                if self._external.value:
+                    self._driver.call("cuDestroyExternalMemory", self._external)
             self._driver.call("cuDevicePrimaryCtxRelease_v2", self._device)
         finally:
             self._context = None
 
-    def __del__(self) -> None:
-        self.close()
-
-    @property
-    def address(self) -> int:
-        """CUdeviceptr of the buffer's first byte."""
-        return self._address.value
+    __del__ = close
 
     def array(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> CudaArray:
         """A packed view for torch.as_tensor(..., device="cuda"), cupy.asarray() and numba.cuda.as_cuda_array(). Raises

@@ -22,7 +22,7 @@ from activestereo.model import SensorModel
 from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
 from activestereo.sensor.ir_link import IrLink
-from activestereo.sensor.maps import Maps, PartOfResults
+from activestereo.sensor.maps import JoinedResults, Maps
 from activestereo.sensor.pictures import RGB_OUTPUTS, Picture, PictureMemory, Taken, UnderWay, expose_each
 from activestereo.sensor.rig import Rig
 from activestereo.sensor.rig_inputs import RigInputs
@@ -31,8 +31,8 @@ from activestereo.sensor.rig_inputs import RigInputs
 class SensorEngine:
     """environments: the environment of each sensor. [None] is one sensor in a scene without environments; only it has a
     velocity, conditions, 'converging' exposure and effects outside the engines. shape: (), (E,) or (E, S). source: the
-    scene's origin. first_view: the first sensor's number among those of all devices. results: memory for maps, None for
-    new arrays. matcher: computes disparities.
+    scene's origin. first_view: the first sensor's number among those of all devices. results: as Maps has them.
+    matcher: computes disparities.
 
     Raises ValueError for a model or an exposure mode that does not fit the scene or the sensors. Nothing has changed
     then."""
@@ -41,7 +41,7 @@ class SensorEngine:
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
         shape: tuple[int, ...] = (), *, model: SensorModel | str | PathLike[str] | None = None, source: object = None,
         pipelined: bool = False, on_cuda: bool = False, copy_ir: bool = False, first_view: int = 0,
-        results: PartOfResults | None = None, matcher: MatcherLike = "simsense",
+        results: tuple[JoinedResults, int] | None = None, matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self.scene, self.shape, self.pipelined, self._count = scene, shape, pipelined, len(environments)
         if on_cuda and matcher != "simsense":
@@ -64,8 +64,10 @@ class SensorEngine:
             for _ in range(2 if pipelined else 1)
         ]
         self._present, self._next = pictures[0], pictures[-1]
+        self.ir_memory = self._present.link.memory  # the infrared pairs' way to the depth engine
         self._under_way = UnderWay()
-        self._maps = Maps(weakref.proxy(self), on_cuda, results)
+        # Of the current pictures.
+        self.maps = Maps(weakref.proxy(self), on_cuda, results)
         self.light_share = np.ones(self._count)  # factors on each sensor's own exposure
         self._told_signals: list[dict[str, float]] = []
         self._noise_seeds: list[int] | None = None
@@ -90,7 +92,7 @@ class SensorEngine:
         if self.pipelined:
             self._make_current()
         else:
-            self._maps.clear()
+            self.maps.clear()
         self._next.taken = None
 
     def take_pictures(
@@ -192,18 +194,8 @@ class SensorEngine:
         """Applies noise, matches and registers the current pictures: computes these maps and those that were read
         before now, others when first read."""
         self.picture()
-        self._maps.begin(maps)
+        self.maps.begin(maps)
         self._keep_times("depth", self.matcher)
-
-    @property
-    def ir_memory(self) -> str:
-        """Names the infrared pairs' way to the depth engine: 'opaque_fd', 'host' or 'copy'."""
-        return self._present.link.memory
-
-    @property
-    def maps(self) -> Maps:
-        """Returns the maps of the current pictures."""
-        return self._maps
 
     def compute(self, outputs: Any) -> dict[str, NDArray[Any]]:
         """Computes maps of the current pictures. outputs: their names, or arrays to write into."""
@@ -223,7 +215,7 @@ class SensorEngine:
     ) -> dict[str, NDArray[Any]]:
         """Computes maps of another pair of radiance, with the noise of picture frame_index."""
         self.wait()
-        self._maps.complete()
+        self.maps.complete()
         self._set_signals(self.rig.signals())
         self.matcher.set_parameters(frame_index=frame_index, scene_index=0)
         return self._computed(pair, outputs, lasers)
@@ -234,7 +226,7 @@ class SensorEngine:
         """Sets the matcher's parameters and the plan's signal, also for present pictures, each under its own exposure.
         Matched maps stay. simsense.ArgumentError changes nothing."""
         self.wait()
-        self._maps.complete()
+        self.maps.complete()
         now = self.rig.setting
         told: dict[str, Any] = {**matcher, **now.applied_to(signal)}
         self.matcher.set_parameters(**told)
@@ -256,7 +248,7 @@ class SensorEngine:
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
         """Calls RigInputs.set_conditions() when no picture is under way; matched maps stay."""
         self.wait()
-        self._maps.complete()
+        self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
@@ -269,7 +261,7 @@ class SensorEngine:
         self.frame, self._place, self._speckle_draw = -1, None, -1
         for picture in (self._present, self._next):
             picture.taken, picture.has_rgb = None, False
-        self._maps.clear()
+        self.maps.clear()
 
     def close(self) -> None:
         """Removes the sensors' objects from the scene."""
@@ -326,8 +318,14 @@ class SensorEngine:
             if not self.rig.is_one:
                 expose_each(picture, self.plan.exposure, self.rig.inputs())
             picture.link.deliver()
-            if self.rig.is_one:
-                self._expose(picture.link)
+            auto = self.plan.exposure
+            if self.rig.is_one and auto.mode != "fixed":  # for the same picture, or the next
+                inputs = self.rig.inputs()
+                after = auto.after(self.rig.setting, inputs.left.signal, picture.link.images(1)[0], inputs.max_dn)
+                if auto.mode == "settled":
+                    self.rig.set_exposure(after)
+                else:
+                    self._next_setting = after
             picture.setting, picture.signals = self.rig.setting, self.rig.signals()
             if not self.pipelined:
                 self._set_signals(picture.signals)
@@ -340,7 +338,7 @@ class SensorEngine:
         """Makes the rendered pictures current; a pipelined engine's next pictures take the memory of the last ones."""
         if self._next.taken is None:
             return
-        self._maps.clear()
+        self.maps.clear()
         self._present, self._next = self._next, self._present
         if not self._present.has_rgb:  # those before stay
             self._present.rgb, self._next.rgb = self._next.rgb, self._present.rgb
@@ -349,18 +347,6 @@ class SensorEngine:
             self._next.taken, self._next.has_rgb = None, False
         assert self._present.taken is not None
         self.frame = self._present.taken.frame
-
-    def _expose(self, link: IrLink) -> None:
-        """Runs automatic exposure on one sensor's picture, for the same picture or the next."""
-        auto = self.plan.exposure
-        if auto.mode == "fixed":
-            return
-        inputs = self.rig.inputs()
-        after = auto.after(self.rig.setting, inputs.left.signal, link.left_images(1)[0], inputs.max_dn)
-        if auto.mode == "settled":
-            self.rig.set_exposure(after)
-        else:
-            self._next_setting = after
 
     def _set_signals(self, signals: list[dict[str, float]]) -> None:
         if signals != self._told_signals:

@@ -74,7 +74,11 @@ class OnnxMatcher:
     def _match(self, left: NDArray[Any], right: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         i, (height, width) = self.interface, left.shape
         full_scale = 255.0 if left.dtype == np.uint8 else float(max(255, int(left.max()), int(right.max())))
-        inputs = {i.left: self._input(left, full_scale), i.right: self._input(right, full_scale)}
+        inputs = {}
+        for name, image in ((i.left, left), (i.right, right)):
+            values = image.astype(np.float32) * np.float32(255.0 / full_scale) - np.float32(i.mean)
+            padded = np.pad(values / np.float32(i.std), [(0, -n % i.multiple) for n in image.shape], mode="edge")
+            inputs[name] = np.repeat(padded[None, None], i.channels, axis=1)
         names = [i.disparity, *([i.confidence] if i.confidence else [])]
         try:
             outputs = self._session.run(names, inputs)
@@ -87,12 +91,6 @@ class OnnxMatcher:
                 raise ValueError(f"{self._path}: {name} is {list(np.shape(values))} for images of {width}x{height}")
             cut.append(plane[0, :height, :width])
         return i.scale * cut[0], cut[-1]
-
-    def _input(self, image: NDArray[Any], full_scale: float) -> NDArray[np.float32]:
-        i = self.interface
-        values = (image.astype(np.float32) * np.float32(255.0 / full_scale) - np.float32(i.mean)) / np.float32(i.std)
-        padded = np.pad(values, [(0, -side % i.multiple) for side in image.shape], mode="edge")
-        return np.repeat(padded[None, None], i.channels, axis=1)
 
     def _read_interface(self) -> OnnxInterface:
         text = self._session.get_modelmeta().custom_metadata_map.get(METADATA)

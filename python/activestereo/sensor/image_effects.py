@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.camera.plan import SensorPlan
 from activestereo.camera.registration import registered
 from activestereo.capture.capture import SIDES
 from activestereo.effects.core.descriptor import Effect, Stage
@@ -25,25 +24,12 @@ from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.sensor.ir_link import IrLink
 
+if TYPE_CHECKING:
+    from activestereo.sensor.sensor import StereoDepthSensor
+
 Pictures = dict[str, NDArray[Any]]
 _GEOMETRY = ("depth", "normal", "material_id")
 _LIGHT = ("ambient", "albedo", "projector_direct", "projector_indirect", "projector_visibility", "projector_geometry")
-
-
-class Sensor(Protocol):
-    """The part of a StereoDepthSensor that effects use."""
-
-    projector_to_world: NDArray[np.float64]
-    frame_index: int
-
-    def engine_inputs(self) -> EngineInputs: ...
-
-    @property
-    def plan(self) -> SensorPlan: ...
-
-    def get_pictures(self, names: Sequence[str], camera: str) -> Pictures: ...
-
-    def make_engine(self) -> simsense.Engine: ...
 
 
 class ModelCostWarning(UserWarning):
@@ -51,26 +37,15 @@ class ModelCostWarning(UserWarning):
 
 
 class ImageEffects:
-    """One sensor's effects, pairs (Effect, {parameter: value}). False if there are none; images then stay as they
-    are."""
+    """One sensor's effects, pairs (Effect, {parameter: value}). make_light: whether on_light() renders and writes the
+    whole pair of radiance."""
 
-    def __init__(self, sensor: Sensor, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
+    def __init__(self, sensor: StereoDepthSensor, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor
         self._effects = tuple(effects)
         self._matcher: simsense.Engine | None = None
         self._stream: dict[str, NDArray[Any]] = {}
-
-    def __bool__(self) -> bool:
-        return bool(self._effects)
-
-    @property
-    def names(self) -> list[str]:
-        return [effect.id for effect, _ in self._effects]
-
-    @property
-    def make_light(self) -> bool:
-        """Whether on_light() renders and writes the whole pair of radiance."""
-        return bool(self._of_stages(Stage.PROJECTOR, Stage.OPTICS).effects)
+        self.make_light = bool(self._of_stages(Stage.PROJECTOR, Stage.OPTICS).effects)
 
     def on_light(self, link: IrLink, is_laser_apart: bool) -> None:
         """Changes the pair of radiance, up to the charge that it makes. is_laser_apart: the link holds the laser's part
@@ -115,41 +90,31 @@ class ImageEffects:
             result = dict(engine.compute(*pair, wanted, **lasers))
         else:
             seen = engine.compute(*pair, ("ir_left", "ir_right"), **lasers)
-            left, right = self._counts(counts, [seen["ir_left"], seen["ir_right"]])
+            inputs, changed = self._sensor.engine_inputs(), {}
+            for side, part in zip(SIDES, inputs.sides, strict=True):
+                image, black = seen[f"ir_{side}"], part.signal["black_level_dn"]
+                view = self._view(side, inputs, self._sensor.get_pictures(_GEOMETRY, side))
+                value = counts.digital(image.astype(np.float64) - black, view, black, random=True)
+                changed[f"ir_{side}"] = np.rint(value).astype(image.dtype)
+            # An engine of its own matches counts without changing them.
+            self._matcher = self._matcher or self._sensor.make_engine()
+            neutral = simsense.signal_preset("neutral") | {"bit_depth": inputs.left.signal["bit_depth"]}
+            self._matcher.set_signal(neutral, neutral)
             rest = tuple(name for name in wanted if not name.startswith("ir_"))
-            result = dict(self._own_matcher().compute(left, right, rest)) | {"ir_left": left, "ir_right": right}
-        return self._matched(matched, engine, result) if matched.effects else result
+            result = dict(self._matcher.compute(changed["ir_left"], changed["ir_right"], rest)) | changed
+        if not matched.effects:
+            return result
+        k, baseline_m, left_to_rectified = engine.rectified
+        view = self._view("left", self._sensor.engine_inputs(), self._sensor.get_pictures(_GEOMETRY, "left"))
+        depth = matched.depth(result["depth"], view, self._stream).astype(np.float32)
+        disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
+        depth_rgb = registered(depth, k, left_to_rectified, self._sensor.plan)
+        return result | {"disparity": disparity, "depth_rgb": depth_rgb}
 
     # ---- inside ----
 
     def _of_stages(self, first: Stage, last: Stage) -> Model:
         return Model(tuple((e, p) for e, p in self._effects if first <= e.stage <= last))
-
-    def _counts(self, model: Model, images: list[NDArray]) -> list[NDArray]:
-        out, inputs = [], self._sensor.engine_inputs()
-        for side, part, image in zip(SIDES, inputs.sides, images, strict=True):
-            black = part.signal["black_level_dn"]
-            view = self._view(side, inputs, self._sensor.get_pictures(_GEOMETRY, side))
-            value = model.digital(image.astype(np.float64) - black, view, black, random=True)
-            out.append(np.rint(value).astype(image.dtype))
-        return out
-
-    def _own_matcher(self) -> simsense.Engine:
-        """Makes an engine that matches counts without changing them."""
-        if self._matcher is None:
-            self._matcher = self._sensor.make_engine()
-        bits = {"bit_depth": self._sensor.engine_inputs().left.signal["bit_depth"]}
-        neutral = simsense.signal_preset("neutral") | bits
-        self._matcher.set_signal(neutral, neutral)
-        return self._matcher
-
-    def _matched(self, model: Model, engine: simsense.Engine, result: dict[str, NDArray]) -> dict[str, NDArray]:
-        k, baseline_m, left_to_rectified = engine.rectified
-        view = self._view("left", self._sensor.engine_inputs(), self._sensor.get_pictures(_GEOMETRY, "left"))
-        depth = model.depth(result["depth"], view, self._stream).astype(np.float32)
-        disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
-        depth_rgb = registered(depth, k, left_to_rectified, self._sensor.plan)
-        return result | {"disparity": disparity, "depth_rgb": depth_rgb}
 
     def _view(self, side: str, inputs: EngineInputs, seen: Pictures) -> View:
         camera: dict[str, Any] = getattr(self._sensor.plan, side)

@@ -44,7 +44,7 @@ class IrLink:
     ) -> None:  # fmt: skip
         self._beside = partial(IrLink, renderer_device, engine_device, width, height, copy, count)
         self._laser: IrLink | None = None
-        self._size, self._count = (height, width), count
+        self._size, self._image_bytes, self.count = (height, width), 4 * height * width, count
         shape = (2 * count, height, width, 1)
         size_bytes = 4 * int(np.prod(shape))
         shared = shared_memory_kind(renderer_device, engine_device)
@@ -77,14 +77,14 @@ class IrLink:
         """Keyword arguments of the depth engine for the laser's light; empty if all light has speckle."""
         return {"left_laser": self.laser().left, "right_laser": self.laser().right} if is_laser_apart else {}
 
-    def images(self) -> np.ndarray:
-        """The pairs as kuafu wrote them, float32 [2 * count, height, width], left ones first: a view, or a copy of a
-        GPU's own memory, which put() writes back."""
-        return self._seen(2 * self._count)
-
-    def left_images(self, count: int | None = None) -> np.ndarray:
-        """The first left images alone, float32 [count, height, width]; None: all."""
-        return self._seen(self._count if count is None else count)
+    def images(self, count: int | None = None, first: int = 0) -> np.ndarray:
+        """Images as kuafu wrote them, float32 [count, height, width], the pairs' left ones first: a view, or a copy of
+        a GPU's own memory, which put() writes back. None: all."""
+        count = 2 * self.count if count is None else count
+        if self._is_on_gpu:
+            read = self._source.read(count * self._image_bytes, first * self._image_bytes)
+            return read.view(np.float32).reshape(count, *self._size)
+        return self.target.array()[first : first + count, ..., 0]
 
     def put(self, images: np.ndarray) -> None:
         """Sends the changes in `images` to the renderer's memory."""
@@ -98,20 +98,10 @@ class IrLink:
         at_once = max(1, _CACHED_BYTES // self._image_bytes) if self._is_on_gpu else len(for_views)
         for first in range(0, len(for_views), at_once):
             part = for_views[first : first + at_once]
-            images = self._seen(len(part), first)
+            images = self.images(len(part), first)
             images *= part
             if self._is_on_gpu:
                 self._source.write(images, first * self._image_bytes)
-
-    @property
-    def _image_bytes(self) -> int:
-        return 4 * self._size[0] * self._size[1]
-
-    def _seen(self, count: int, first: int = 0) -> np.ndarray:
-        if self._is_on_gpu:
-            read = self._source.read(count * self._image_bytes, first * self._image_bytes)
-            return read.view(np.float32).reshape(count, *self._size)
-        return self.target.array()[first : first + count, ..., 0]
 
     def deliver(self) -> None:
         """After a render: makes `left` and `right` current. Costs nothing unless the link copies."""

@@ -41,7 +41,14 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
     has_projector = sensor.get_config().light_pattern is not None
     names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
     seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")
-    middle = _middle(seen["depth"][..., 0])
+    # Pixels with a surface in the middle third; if it has none, those of the whole picture.
+    has_surface = seen["depth"][..., 0] > 0
+    height, width = has_surface.shape
+    middle = np.zeros(has_surface.shape, bool)
+    middle[height // 3 : -(height // 3), width // 3 : -(width // 3)] = True
+    middle &= has_surface
+    if not middle.any():
+        middle = has_surface
     if not middle.any():
         return None
     distance_m, place = float(np.median(seen["depth"][middle])), np.median(seen["position"][middle], axis=0)
@@ -61,15 +68,6 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
         brightest=name if share > 0.0 else None,
         brightest_share=share * part,
     )
-
-
-def _middle(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Pixels with a surface in the middle third; if it has none, those of the whole picture."""
-    height, width = depth.shape
-    out = np.zeros(depth.shape, bool)
-    out[height // 3 : -(height // 3), width // 3 : -(width // 3)] = True
-    out &= depth > 0
-    return out if out.any() else depth > 0
 
 
 def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]]) -> tuple[str, float]:

@@ -7,9 +7,8 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from math import prod
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,38 +18,6 @@ from activestereo.camera.plan import SensorPlan
 from activestereo.sensor.cuda_memory import CudaArray, CudaMap, CudaMaps
 
 _MOST_FREE = 2  # of a result: the caller holds one during the next computation
-
-
-class Kind(NamedTuple):
-    """Shape and type of a result of one environment."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-
-
-class ResultMemory:
-    """Arrays [count, ...] by names. reserve() in one thread at a time; arrays may be let go of in any."""
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self._kinds: dict[str, Kind] = {}
-        self._free: dict[str, list[NDArray[Any]]] = {}
-
-    def learn(self, kinds: dict[str, Kind]) -> None:
-        self._kinds |= kinds
-
-    def reserve(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-        """Returns {name: array} with undefined contents, or {} if a name's shape is not known yet. The caller owns an
-        array as long as it or a view of it lives."""
-        names = list(names)
-        return {name: self._array(name) for name in names} if all(name in self._kinds for name in names) else {}
-
-    def _array(self, name: str) -> NDArray[Any]:
-        free, kind = self._free.setdefault(name, []), self._kinds[name]
-        memory = free.pop() if free else np.empty((self._count, *kind.shape), kind.dtype)
-        lent = _Lent(memory)
-        weakref.finalize(lent, _give_back, free, memory).atexit = False
-        return np.asarray(lent)
 
 
 class _Lent:
@@ -67,12 +34,14 @@ def _give_back(free: list[NDArray[Any]], memory: NDArray[Any]) -> None:
 
 class JoinedResults:
     """Results of several parts, one after another in common arrays. counts: environments in each part. Parts may
-    reserve theirs in threads of their own."""
+    reserve theirs in threads of their own; arrays may be let go of in any."""
 
     def __init__(self, counts: Sequence[int]) -> None:
         ends = np.cumsum(counts).tolist()
-        self._memory = ResultMemory(ends[-1])
+        self._count: int = ends[-1]
         self._own = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
+        self._kinds: dict[str, tuple[tuple[int, ...], np.dtype[Any]]] = {}  # shape and type of one environment's result
+        self._free: dict[str, list[NDArray[Any]]] = {}
         self._whole: dict[str, NDArray[Any]] = {}
         self._taken: set[tuple[str, int]] = set()  # names and parts
         self._lock = threading.Lock()
@@ -81,31 +50,29 @@ class JoinedResults:
         """Forgets the last picture's results before the next ones are reserved."""
         self._whole, self._taken = {}, set()
 
-    def part(self, number: int) -> PartOfResults:
-        return PartOfResults(self, number)
-
-    def learn(self, kinds: dict[str, Kind]) -> None:
+    def learn(self, found: Mapping[str, NDArray[Any]]) -> None:
+        """Keeps the shapes and types of a part's results."""
         with self._lock:
-            self._memory.learn(kinds)
+            self._kinds |= {name: (image.shape[1:], image.dtype) for name, image in found.items()}
 
-    def reserve(self, number: int, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-        own = {(name, number) for name in names}
+    def reserve(self, part: int, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+        """Returns {name: array} of a part, with undefined contents, or {} if a result's shape is not known yet. The
+        caller owns an array as long as it or a view of it lives."""
+        own = {(name, part) for name in names}
         with self._lock:
-            missing = [name for name, _ in own if name not in self._whole or (name, number) in self._taken]
-            new = self._memory.reserve(missing)
-            if len(new) < len(missing):
+            if any(name not in self._kinds for name, _ in own):
                 return {}
-            self._whole |= new
-            self._taken = {one for one in self._taken if one[0] not in new} | own
-            return {name: self._whole[name][self._own[number]] for name, _ in own}
-
-
-class PartOfResults:
-    """A ResultMemory of one part."""
-
-    def __init__(self, results: JoinedResults, number: int) -> None:
-        self.learn = results.learn
-        self.reserve = partial(results.reserve, number)
+            for name, _ in own:
+                if name in self._whole and (name, part) not in self._taken:
+                    continue
+                free, (shape, dtype) = self._free.setdefault(name, []), self._kinds[name]
+                memory = free.pop() if free else np.empty((self._count, *shape), dtype)
+                lent = _Lent(memory)
+                weakref.finalize(lent, _give_back, free, memory).atexit = False
+                self._whole[name] = np.asarray(lent)
+                self._taken = {one for one in self._taken if one[0] != name}
+            self._taken |= own
+            return {name: self._whole[name][self._own[part]] for name, _ in own}
 
 
 class ComputesMaps(Protocol):
@@ -122,18 +89,16 @@ class Maps:
     """Computes maps that were read of earlier pictures together, others when first read.
 
     on_cuda: maps lie in memory that CUDA sees, and the host reads them from there. The first computation raises
-    CudaError without CUDA on this GPU. results: memory for maps, None for new arrays."""
+    CudaError without CUDA on this GPU. results: memory for maps, and the engine's part of it; None for new arrays."""
 
-    def __init__(self, engine: ComputesMaps, on_cuda: bool = False, results: PartOfResults | None = None) -> None:
-        self._engine, self._results = engine, results
-        self._on_cuda = CudaMaps(engine.matcher.device) if on_cuda else None
+    def __init__(
+        self, engine: ComputesMaps, on_cuda: bool = False, results: tuple[JoinedResults, int] | None = None
+    ) -> None:
+        self._engine, self._results, self.on_cuda = engine, results, on_cuda
+        self._cuda_maps = CudaMaps(engine.matcher.device) if on_cuda else None
         self._wanted = ["depth_rgb"]
         self._found: dict[str, Any] = {}
         self._has_begun = False
-
-    @property
-    def on_cuda(self) -> bool:
-        return self._on_cuda is not None
 
     def clear(self) -> None:
         """Forgets all maps, because the pictures are new."""
@@ -176,16 +141,16 @@ class Maps:
         return self._found[name]
 
     def _compute(self, names: list[str]) -> Mapping[str, Any]:
-        if self._on_cuda is not None:
-            return self._on_cuda.compute(names, self._engine.compute)
-        taken = {} if self._results is None else self._results.reserve(names)
+        if self._cuda_maps is not None:
+            return self._cuda_maps.compute(names, self._engine.compute)
+        taken = {} if self._results is None else self._results[0].reserve(self._results[1], names)
         if taken:
             leading = len(self._engine.shape)
             self._engine.compute({name: image.reshape(-1, *image.shape[leading:]) for name, image in taken.items()})
             return taken
         found = {name: image.reshape(self._shape_of(image)) for name, image in self._engine.compute(names).items()}
         if self._results is not None:
-            self._results.learn({name: Kind(image.shape[1:], image.dtype) for name, image in found.items()})
+            self._results[0].learn(found)
         return found
 
     def _shape_of(self, image: Any) -> tuple[int, ...]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import Protocol
 
@@ -28,12 +29,12 @@ class HasPose(Protocol):
     def pose(self) -> PoseLike: ...
 
 
+@dataclass(eq=False)
 class Mount:
     """A scene and a pose in it that sensors move along with, as an entity does in SAPIEN."""
 
-    def __init__(self, scene: kuafu.Scene, pose: PoseLike | None = None) -> None:
-        self.scene = scene
-        self.pose: PoseLike = Pose() if pose is None else pose
+    scene: kuafu.Scene
+    pose: PoseLike = field(default_factory=Pose)
 
 
 class RigPlace:
@@ -94,13 +95,13 @@ class HasPoses(Protocol):
     def poses(self) -> PosesLike: ...
 
 
+@dataclass(eq=False)
 class Mounts:
     """A scene and the poses in it that a batch of sensors moves along with: [E, 7] or [E, 4, 4], one sensor for each
     environment, or [E, S, 7] or [E, S, 4, 4]; of NumPy, torch or DLPack. Assign `poses` to move them."""
 
-    def __init__(self, scene: kuafu.Scene, poses: PosesLike) -> None:
-        self.scene = scene
-        self.poses = poses
+    scene: kuafu.Scene
+    poses: PosesLike
 
 
 class Places:

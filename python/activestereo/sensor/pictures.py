@@ -169,7 +169,7 @@ def expose_each(picture: Picture, auto: AutoExposure, inputs: EngineInputs) -> N
         return
     light = shares.astype(np.float32)
     if auto.mode != "fixed":
-        light *= auto.settled_light(inputs.left.signal, link.left_images(), inputs.max_dn)
+        light *= auto.settled_light(inputs.left.signal, link.images(link.count), inputs.max_dn)
     link.brighten(light)
     if picture.taken is not None and picture.taken.is_laser_apart:
         link.laser().brighten(light)

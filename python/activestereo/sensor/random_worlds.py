@@ -83,16 +83,44 @@ class RandomWorlds:
         chosen = set(range(self._count) if environments is None else environments)
         if any(not 0 <= environment < self._count for environment in chosen):
             raise ValueError(f"environments are 0 to {self._count - 1}, not {sorted(chosen)}")
-        numbers: list[int] = []
+        ranges, numbers = self._ranges, list[int]()
         lamps: list[kuafu.Light] = []
         self._draws += 1
         for environment in sorted(chosen):
             random = np.random.default_rng([self._seed, self._draws, environment])
+            # 1. The lamps.
             numbers += self._lamps[environment]
-            lamps += self._drawn_lamps(environment, random)
-            self._paint(environment, random)
+            count = ranges.count("lamps", random)
+            for number in range(len(self._lamps[environment])):
+                azimuth = random.uniform(0.0, 2.0 * np.pi)
+                elevation = np.deg2rad(ranges.draw("lamp_elevation_deg", random))
+                flat = np.cos(elevation)
+                way = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+                place, power = ranges.draw("lamp_distance_m", random) * way, ranges.draw("lamp_w_per_sr", random)
+                lamps.append(_lamp(environment, power if number < count else 0.0, place))
+            # 2. The bodies' materials.
+            for (own, number), copy in self._own.items():
+                if own != environment:
+                    continue
+                base, material = self._base[number], self._scene.get_material(copy)
+                albedo, roughness = (ranges.draw(name, random) for name in ("albedo_factor", "roughness_factor"))
+                red, green, blue = (min(albedo * channel, 1.0) for channel in base.base_color[:3])
+                material.base_color = (red, green, blue, base.base_color[3])
+                if base.ir_albedo is not None:
+                    material.ir_albedo = min(albedo * base.ir_albedo, 1.0)
+                if base.transmission == 0.0:
+                    material.roughness = min(roughness * base.roughness, 1.0)
+                self._scene.set_material(copy, material)
+            # 3. The sensors: laser power [S], exposure [S], and the right cameras' turns [S, 3, 3].
             if environment < self._batch.shape[0]:
-                self._batch.vary(environment, *self._drawn_sensors(random))
+                sensors = int(np.prod(self._batch.shape[1:]))
+                laser, exposure = (
+                    np.array([ranges.draw(name, random) for _ in range(sensors)])
+                    for name in ("laser_power", "exposure")
+                )
+                low, high = np.deg2rad(ranges.right_eye_turn_deg)
+                turns = Rotation.from_rotvec(random.uniform(low, high, (sensors, 3))).as_matrix()
+                self._batch.vary(environment, laser, exposure, turns)
         if numbers:
             self._scene.set_lights(numbers, lamps)
 
@@ -113,48 +141,8 @@ class RandomWorlds:
             self._own[environment, number] = self._scene.add_material(self._base[number])
         return self._own[environment, number]
 
-    def _drawn_lamps(self, environment: int, random: np.random.Generator) -> list[kuafu.Light]:
-        ranges, out = self._ranges, []
-        count = ranges.count("lamps", random)
-        for number in range(len(self._lamps[environment])):
-            azimuth = random.uniform(0.0, 2.0 * np.pi)
-            elevation = np.deg2rad(ranges.draw("lamp_elevation_deg", random))
-            flat = np.cos(elevation)
-            way = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
-            place, power = ranges.draw("lamp_distance_m", random) * way, ranges.draw("lamp_w_per_sr", random)
-            out.append(_lamp(environment, power if number < count else 0.0, place))
-        return out
-
-    def _paint(self, environment: int, random: np.random.Generator) -> None:
-        for (own, number), copy in self._own.items():
-            if own != environment:
-                continue
-            base, material = self._base[number], self._scene.get_material(copy)
-            albedo, roughness = (self._ranges.draw(name, random) for name in ("albedo_factor", "roughness_factor"))
-            red, green, blue = (min(albedo * channel, 1.0) for channel in base.base_color[:3])
-            material.base_color = (red, green, blue, base.base_color[3])
-            if base.ir_albedo is not None:
-                material.ir_albedo = min(albedo * base.ir_albedo, 1.0)
-            if base.transmission == 0.0:
-                material.roughness = min(roughness * base.roughness, 1.0)
-            self._scene.set_material(copy, material)
-
-    def _drawn_sensors(
-        self, random: np.random.Generator
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """(laser power [S], exposure [S], right_turn [S, 3, 3])."""
-        count = int(np.prod(self._batch.shape[1:]))
-        laser, exposure = (
-            np.array([self._ranges.draw(name, random) for _ in range(count)]) for name in ("laser_power", "exposure")
-        )
-        low, high = np.deg2rad(self._ranges.right_eye_turn_deg)
-        return laser, exposure, Rotation.from_rotvec(random.uniform(low, high, (count, 3))).as_matrix()
-
 
 def _lamp(environment: int, power: float, place: NDArray[np.float64]) -> kuafu.Light:
     to_world = np.eye(4)
     to_world[:3, 3] = place
     return kuafu.Light(kind="point", intensity=(power, power, power), light_to_world=to_world, environment=environment)
-
-
-__all__ = ["RandomWorlds", "WorldRanges", "drawn_bodies"]

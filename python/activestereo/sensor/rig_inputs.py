@@ -172,33 +172,16 @@ class RigInputs:
 
     # ---- inside ----
 
-    @property
-    def _laser_w_sr(self) -> float:
-        return self.plan.laser_w_sr[self._frame % 2]
-
     def _enter_scene(self, inputs: EngineInputs) -> None:
-        self.in_scene.enter(inputs, self._laser_w_sr, self.plan.pattern)
+        self.in_scene.enter(inputs, self.plan.laser_w_sr[self._frame % 2], self.plan.pattern)
         if self.plan.projector_always_on and self._rigs is not None:
             self.in_scene.shine(self._rigs)
 
     def _compute_inputs(self) -> EngineInputs:
-        """Computes the inputs under the model, and the cameras from them."""
-        inputs = self._inputs_without_effects()
-        self._scene_measurement.apply(inputs)
-        self.left_over = apply_engine(inputs, self._effects.effects)
-        self._refuse_effects(inputs)
-        cameras = [(side.camera, side.delay_s) for side in inputs.sides]
-        self._cameras_on_rig = [
-            moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
-        ]
-        others = self.environments[1:]
-        self._ir_cameras = [[camera, *(copy_camera(camera, 0.0) for _ in others)] for camera, _ in cameras]
-        self._rgb_cameras = [self._rgb_camera() for _ in self.environments]
-        return inputs
-
-    def _inputs_without_effects(self) -> EngineInputs:
-        """The inputs without effects."""
-        plan, exposure_s = self.plan, self.setting.exposure_s
+        """Computes the inputs under the model, and the cameras from them. Raises ValueError for effects that these
+        sensors have not."""
+        # 1. The inputs without effects.
+        plan, exposure_s, laser_w_sr = self.plan, self.setting.exposure_s, self.plan.laser_w_sr[self._frame % 2]
         temperature_c, time_s = self._conditions
         frame = Frame(
             id=0, left_path=None, right_path=None, timestamp_s=time_s, exposure_s=exposure_s,
@@ -216,7 +199,7 @@ class RigInputs:
         inputs = EngineInputs(
             left=left,
             right=right,
-            projector=None if plan.projector is None else kuafu.Light(**plan.projector, ir_intensity=self._laser_w_sr),
+            projector=None if plan.projector is None else kuafu.Light(**plan.projector, ir_intensity=laser_w_sr),
             pattern=plan.pattern and plan.pattern.radiant,
             frame=frame,
             new_light=kuafu.Light,
@@ -230,6 +213,23 @@ class RigInputs:
             speckle_of_laser=plan.speckle_of_laser,
         )
         self._give_velocity(inputs)
+        # 2. The scene measurement's and the effects' changes.
+        self._scene_measurement.apply(inputs)
+        self.left_over = apply_engine(inputs, self._effects.effects)
+        names = [] if self._takes_image_effects else [effect.id for effect, _ in self.left_over]
+        names += ["exposure_desync"] if inputs.right.delay_s and not self.is_one else []
+        if names:
+            raise ValueError(
+                f"such sensors have no {', '.join(names)}: a StereoDepthSensor has, without on_cuda and pipelined"
+            )
+        # 3. The cameras.
+        cameras = [(side.camera, side.delay_s) for side in inputs.sides]
+        self._cameras_on_rig = [
+            moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
+        ]
+        others = self.environments[1:]
+        self._ir_cameras = [[camera, *(copy_camera(camera, 0.0) for _ in others)] for camera, _ in cameras]
+        self._rgb_cameras = [self._rgb_camera() for _ in self.environments]
         return inputs
 
     def _signal(self) -> dict[str, float]:
@@ -253,15 +253,6 @@ class RigInputs:
         linear, angular = self._twist_of("rgb")
         return kuafu.Camera(**self.plan.rgb, linear_velocity=linear, angular_velocity=angular)
 
-    def _refuse_effects(self, inputs: EngineInputs) -> None:
-        """Raises ValueError for effects that these sensors have not."""
-        names = [] if self._takes_image_effects else [effect.id for effect, _ in self.left_over]
-        names += ["exposure_desync"] if inputs.right.delay_s and not self.is_one else []
-        if names:
-            raise ValueError(
-                f"such sensors have no {', '.join(names)}: a StereoDepthSensor has, without on_cuda and pipelined"
-            )
-
 
 def _fit_model(
     scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None
@@ -272,13 +263,9 @@ def _fit_model(
     if model is None:
         return Model(), SceneMeasurement(), None
     model = model if isinstance(model, SensorModel) else read_model(Path(model))
-    names = _material_names(scene)
+    names = [scene.material_name(number) for number in range(scene.summary.material_count)]
     if isinstance(source, (str, PathLike)) and not model.surfaces <= set(names):
         split_surfaces(scene, Path(source))
-        names = _material_names(scene)
+        names = [scene.material_name(number) for number in range(scene.summary.material_count)]
     ambient = model.nuisances.get("ambient_scale")
     return model.bound(names), model.scene_measurement(names), None if ambient is None else ambient.value
-
-
-def _material_names(scene: kuafu.Scene) -> list[str]:
-    return [scene.material_name(number) for number in range(scene.summary.material_count)]

@@ -41,11 +41,6 @@ def gaussian(depth: Depth, sigma_m_at_1_m: float, random: np.random.Generator) -
     return np.where(depth > 0, depth + np.float32(sigma_m_at_1_m) * depth**2 * noise, 0.0).astype(np.float32)
 
 
-def datasheet(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
-    """sigma(z) = z^2 * subpixel / (f B), as the makers of stereo cameras state it."""
-    return gaussian(depth, _DATASHEET_SUBPIXEL / focal_baseline_px_m, random)
-
-
 def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
     """Handa et al. 2014, with the noise of Barron and Malik 2013 and the window of Bohg et al. 2014."""
     row, column = _places(depth.shape, _KINECT_SHIFT_PX, random)
@@ -93,9 +88,9 @@ def one_view_depth(
         return gaussian(depth, _SIGMA_M_AT_1_M, random)
     if model == "isaac-like":
         return isaac(depth, gray, focal_px, focal_baseline_px_m / focal_px, settings or IsaacSettings(), random)
-    if model == "redwood":
-        return redwood(depth, focal_baseline_px_m, random)
-    return (datasheet if model == "datasheet" else simkinect)(depth, focal_baseline_px_m, random)
+    if model == "datasheet":  # sigma(z) = z^2 * subpixel / (f B), as the makers of stereo cameras state it
+        return gaussian(depth, _DATASHEET_SUBPIXEL / focal_baseline_px_m, random)
+    return (redwood if model == "redwood" else simkinect)(depth, focal_baseline_px_m, random)
 
 
 @dataclass(frozen=True)

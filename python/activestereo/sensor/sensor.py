@@ -36,6 +36,18 @@ from activestereo.sensor.mounts import Mount as Mount
 from activestereo.sensor.results import CAMERAS, SensorResults
 
 
+def _setter(*fields: str) -> Callable[..., None]:
+    """SAPIEN's method that sets these fields of the configuration."""
+
+    def set_fields(self: StereoDepthSensor, *values: int, **named: int) -> None:
+        given = dict(zip(fields, values, strict=False)) | named
+        if len(values) > len(fields) or set(given) != set(fields):
+            raise TypeError(f"this method takes {' and '.join(fields)}")
+        self._set(**given)
+
+    return set_fields
+
+
 class StereoDepthSensor(SensorResults):
     """An active stereo depth sensor: a SensorEngine's view of one sensor alone.
 
@@ -72,17 +84,21 @@ class StereoDepthSensor(SensorResults):
         self._config = own_config(config)
         plan = plan_of(self._config)
         mount = as_mount(scene_or_mount, device)
+        self.scene, self.device = mount.scene, mount.scene.device
         self._place = RigPlace(mount, Pose() if pose is None else pose)
         self._engine = SensorEngine(
             plan, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
             copy_ir=copy_ir, matcher=matcher,
         )  # fmt: skip
+        # The depth engine; and the infrared pair's way to it: 'opaque_fd', 'host' or 'copy'.
+        self.engine: simsense.Engine = self._engine.matcher
+        self.ir_memory = self._engine.ir_memory
         self._depth_maps = plan.depth_maps
         if plan.projector_always_on:
             self._engine.rig.shine(self._rigs())
         if self._engine.rig.left_over:
             self._engine.image_effects = ImageEffects(weakref.proxy(self), self._engine.rig.left_over)
-            names = ", ".join(self._engine.image_effects.names)
+            names = ", ".join(effect.id for effect, _ in self._engine.rig.left_over)
             text = f"no engine field expresses {names}: every picture is copied to the host and back"
             warnings.warn(text, ModelCostWarning, stacklevel=2)
 
@@ -200,22 +216,9 @@ class StereoDepthSensor(SensorResults):
         self._engine.set_conditions(None if temperature_c is None else float(temperature_c), float(time_s))
 
     @property
-    def scene(self) -> kuafu.Scene:
-        return self._engine.scene
-
-    @property
-    def device(self) -> kuafu.Device:
-        return self._engine.scene.device
-
-    @property
     def plan(self) -> SensorPlan:
         """The configuration in the engines' terms."""
         return self._engine.plan
-
-    @property
-    def engine(self) -> simsense.Engine:
-        """The depth engine, a simsense.Engine."""
-        return self._engine.matcher
 
     def make_engine(self) -> simsense.Engine:
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
@@ -235,11 +238,6 @@ class StereoDepthSensor(SensorResults):
     def frame_index(self) -> int:
         """Counts the pictures, from 0; -1 before the first."""
         return self._engine.frame
-
-    @property
-    def ir_memory(self) -> str:
-        """Names the infrared pair's way to the engine: 'opaque_fd', 'host' or 'copy'."""
-        return self._engine.ir_memory
 
     @property
     def ir_gain(self) -> float:
@@ -275,21 +273,11 @@ class StereoDepthSensor(SensorResults):
         """Scales of the default noise; ir_speckle_noise 0 switches both off. It takes the place of ir_signal."""
         self._set(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
 
-    def set_census_window_size(self, census_width: int, census_height: int) -> None:
-        self._set(census_width=census_width, census_height=census_height)
-
-    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
-        self._set(block_width=block_width, block_height=block_height)
-
-    def set_penalties(self, p1: int, p2: int) -> None:
-        self._set(p1=p1, p2=p2)
-
-    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
-        self._set(uniqueness_ratio=uniqueness_ratio)
-
-    def set_lr_max_diff(self, lr_max_diff: int) -> None:
-        """-1 switches the check off."""
-        self._set(lr_max_diff=lr_max_diff)
+    set_census_window_size = _setter("census_width", "census_height")
+    set_matching_block_size = _setter("block_width", "block_height")
+    set_penalties = _setter("p1", "p2")
+    set_uniqueness_ratio = _setter("uniqueness_ratio")
+    set_lr_max_diff = _setter("lr_max_diff")  # -1 switches the check off
 
     # ---- inside ----
 

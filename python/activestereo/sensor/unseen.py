@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import kuafu
 from activestereo.common.pose import camera_to_world
@@ -40,25 +39,19 @@ def unseen_bodies(sensor: StereoDepthSensor) -> list[tuple[str, str]]:
             out[number] = f"{near:.3g} m away, beyond the sensor's {config.max_depth_m:g} m"
         elif far < config.min_depth_m:
             out[number] = f"{far:.3g} m away, nearer than the sensor's {config.min_depth_m:g} m"
-    for where, found in _around(scene, camera_to_world(sensor.get_pose())).items() if missing else ():
-        for number in missing & found:
-            out[number] = where
-        missing -= found
+    if missing:  # cameras that look around from the sensor's place
+        pose, middle = camera_to_world(sensor.get_pose()), 0.5 * (_SIDE - 1)
+        k = np.array([[0.5 * _SIDE, 0, middle], [0, 0.5 * _SIDE, middle], [0, 0, 1]])
+        cameras = []
+        for turn in _AROUND.values():
+            view = pose.copy()
+            view[:3, :3] = pose[:3, :3] @ turn
+            cameras.append(kuafu.Camera(_SIDE, _SIDE, k, view))
+        settings: dict[str, Any] = {"band": "visible", "environments": [0] * len(cameras), "spp": 1, "max_bounces": 0}
+        images = kuafu.Renderer(scene.device).render(scene, cameras, ["instance_id"], **settings)["instance_id"]
+        for where, image in zip(_AROUND, images, strict=True):
+            found = missing & set(np.unique(image).tolist())
+            out |= dict.fromkeys(found, where)
+            missing -= found
     out |= dict.fromkeys(missing, _NOWHERE)
     return [(scene.instance_name(number) or f"body {number}", out[number]) for number in sorted(out)]
-
-
-def _around(scene: kuafu.Scene, pose: NDArray[np.float64]) -> dict[str, set[int]]:
-    """The bodies that a camera there sees in each direction."""
-    middle = 0.5 * (_SIDE - 1)
-    k = np.array([[0.5 * _SIDE, 0, middle], [0, 0.5 * _SIDE, middle], [0, 0, 1]])
-    cameras = []
-    for turn in _AROUND.values():
-        view = pose.copy()
-        view[:3, :3] = pose[:3, :3] @ turn
-        cameras.append(kuafu.Camera(_SIDE, _SIDE, k, view))
-    renderer = kuafu.Renderer(scene.device)
-    images = renderer.render(
-        scene, cameras, ["instance_id"], band="visible", environments=[0] * len(cameras), spp=1, max_bounces=0
-    )["instance_id"]
-    return {where: set(np.unique(image).tolist()) for where, image in zip(_AROUND, images, strict=True)}

@@ -95,7 +95,7 @@ def test_memory_of_a_gpu_is_read_and_written_by_copies(device, engine_device, mo
     pair = np.random.default_rng(0).random((4, 48, 64), dtype=np.float32)
     link.put(pair)
     np.testing.assert_array_equal(link.images(), pair)
-    np.testing.assert_array_equal(link.left_images(), pair[:2])
+    np.testing.assert_array_equal(link.images(link.count), pair[:2])
     monkeypatch.setattr("activestereo.sensor.ir_link._CACHED_BYTES", 3 * pair[0].nbytes)  # two pieces
     link.brighten(np.array([2.0, 3.0], np.float32))
     np.testing.assert_array_equal(link.images(), pair * np.array([2, 3, 2, 3], np.float32)[:, None, None])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from activestereo.sensor.rival_noise import IsaacSettings, datasheet, isaac, redwood, simkinect
+from activestereo.sensor.rival_noise import IsaacSettings, isaac, one_view_depth, redwood, simkinect
 
 _WALL_M = np.full((1, 120, 160), 1.0, np.float32)
 
@@ -34,7 +34,9 @@ def test_isaac_sees_nothing_nearer_than_half_a_metre_or_beyond_its_disparities()
 
 def test_the_datasheets_noise_grows_with_the_square_of_depth():
     random = np.random.default_rng(0)
-    near, far = (datasheet(np.full_like(_WALL_M, z), 20.0, random).std() for z in (1.0, 3.0))
+    near, far = (
+        one_view_depth("datasheet", np.full_like(_WALL_M, z), None, 1.0, 20.0, random).std() for z in (1.0, 3.0)
+    )
     assert near == pytest.approx(0.08 / 20.0, rel=0.05)
     assert far == pytest.approx(9.0 * near, rel=0.05)
 

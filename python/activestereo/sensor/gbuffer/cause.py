@@ -4,21 +4,22 @@ simsense's 'reason' names only the check that refused it."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
-import kuafu
 import simsense
 from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import is_distorting
 from activestereo.common.window_statistics import mean_and_deviation
-from activestereo.effects.core.engine import EngineInputs
 from activestereo.sensor.gbuffer.inputs import mirrors_or_is_glass
 from activestereo.sensor.gbuffer.warp import in_front, inverse_depth
+
+if TYPE_CHECKING:
+    from activestereo.sensor.sensor import StereoDepthSensor
 
 Floats = NDArray[np.float64]
 # A pixel gets the first cause that holds, in this order; 'measured' comes last.
@@ -99,22 +100,7 @@ def causes(
 _NOTHING = 0xFFFFFFFF
 
 
-class TracedSensor(Protocol):
-    """The members of a StereoDepthSensor that traced_causes() uses."""
-
-    @property
-    def scene(self) -> kuafu.Scene: ...
-
-    def get_config(self) -> StereoDepthSensorConfig: ...
-
-    def get_picture(self, name: str, camera: str) -> NDArray[Any]: ...
-
-    def get_ir_measured(self) -> list[NDArray[Any]]: ...
-
-    def engine_inputs(self) -> EngineInputs: ...
-
-
-def traced_causes(sensor: TracedSensor, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def traced_causes(sensor: StereoDepthSensor, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Returns uint8 [height, width], an index into cause.CAUSES, of the scene as it is now. reason: the matcher's.
     Raises ValueError for a sensor that rectifies images before it matches them."""
     config = sensor.get_config()

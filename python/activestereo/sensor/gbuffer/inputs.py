@@ -61,7 +61,8 @@ class MaterialNumbers:
         places = numbers.long()
         return self._ids_on_cuda[places.where((places >= 0) & (places < last), places.new_tensor(last))]
 
-    def mirrors_or_are_glass(self, numbers: NDArray[Any]) -> NDArray[np.bool_]:
+    def are_odd(self, numbers: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether they are mirrors or glass."""
         return self._is_odd[self._places(numbers)]
 
     def require_known(self, numbers: NDArray[Any], depth: NDArray[Any]) -> None:

@@ -96,7 +96,8 @@ class GBufferStereo:
         self._exposure, self._frame = plan.exposure, -1
         self._seeds: list[int] | None = None
         self._on_cuda = CudaMaps(self._engine.device) if on_cuda else None
-        self._k = plan.left["k"]
+        # The 3x3 matrix of the left infrared camera, which the depth, normals and albedo must have.
+        self.k: NDArray[np.float64] = plan.left["k"].copy()
         self._rig.enter()
 
     @property
@@ -104,11 +105,6 @@ class GBufferStereo:
         """(environments, height, width) of all images."""
         width, height = self._config.ir_resolution
         return self._count, height, width
-
-    @property
-    def k(self) -> NDArray[np.float64]:
-        """The 3x3 matrix of the left infrared camera, which the depth, normals and albedo must have."""
-        return self._k.copy()
 
     def get_config(self) -> StereoDepthSensorConfig:
         """A copy."""
@@ -198,7 +194,7 @@ class GBufferStereo:
 
         seen = lit(share)
         if self._exposure.mode != "fixed":
-            light = self._exposure.settled_light(inputs.left.signal, self._link.left_images(), inputs.max_dn)
+            light = self._exposure.settled_light(inputs.left.signal, self._link.images(self._count), inputs.max_dn)
             self._link.brighten(light)
             if inputs.speckle_of_laser:
                 self._link.laser().brighten(light)
@@ -264,21 +260,21 @@ class GBufferStereo:
     def _causes(
         self, given: Mapping[str, Any], seen: Mapping[str, Any], found: dict[str, NDArray[Any]], inputs: EngineInputs
     ) -> NDArray[np.uint8]:
-        near = inverse_depth(_read(seen["depth"])[..., 0])
+        depth, lit = (
+            np.asarray(
+                image
+                if isinstance(image, np.ndarray)
+                else image.buffer.read().view(image.dtype).reshape(image.shape)  # of GPU memory
+            )[..., 0]
+            for image in (seen["depth"], seen["projector_visibility"])
+        )
+        near, is_lit = inverse_depth(depth), lit[: self._count] > 0.5
         own, beside = near[: self._count], near[self._count :]
-        is_lit = _read(seen["projector_visibility"])[: self._count, ..., 0] > 0.5
         is_odd = np.zeros(self.shape, bool)
         if given["material"] is not None:
-            is_odd = self._materials.mirrors_or_are_glass(host_image("material", given["material"], self.shape))
+            is_odd = self._materials.are_odd(host_image("material", given["material"], self.shape))
         is_hidden = hidden_from_right(self._config, own, beside)
         black_dn = float(inputs.left.signal["black_level_dn"])
         return causes(
             self._config, own, is_odd, is_lit, is_hidden, found["ir_left"], found.pop("reason"), black_dn, inputs.max_dn
         )
-
-
-def _read(image: Any) -> NDArray[Any]:
-    """Reads an output of the renderer from host or GPU memory."""
-    if isinstance(image, np.ndarray):
-        return image
-    return np.asarray(image.buffer.read().view(image.dtype).reshape(image.shape))
