@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,6 @@ from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.sensor.ir_link import IrLink
 
-if TYPE_CHECKING:
-    from activestereo.sensor.sensor import StereoDepthSensor
-
 Pictures = dict[str, NDArray[Any]]
 _GEOMETRY = ("depth", "normal", "material_id")
 _LIGHT = ("ambient", "albedo", "projector_direct", "projector_indirect", "projector_visibility", "projector_geometry")
@@ -37,10 +34,10 @@ class ModelCostWarning(UserWarning):
 
 
 class ImageEffects:
-    """One sensor's effects, pairs (Effect, {parameter: value}). make_light: whether on_light() renders and writes the
-    whole pair of radiance."""
+    """A StereoDepthSensor's effects, pairs (Effect, {parameter: value}). make_light: whether on_light() renders and
+    writes the whole pair of radiance."""
 
-    def __init__(self, sensor: StereoDepthSensor, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
+    def __init__(self, sensor: Any, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor
         self._effects = tuple(effects)
         self._matcher: simsense.Engine | None = None

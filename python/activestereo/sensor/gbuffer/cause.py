@@ -4,7 +4,7 @@ simsense's 'reason' names only the check that refused it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from activestereo.common.lens import is_distorting
 from activestereo.common.window_statistics import mean_and_deviation
 from activestereo.sensor.gbuffer.inputs import mirrors_or_is_glass
 from activestereo.sensor.gbuffer.warp import in_front, inverse_depth
-
-if TYPE_CHECKING:
-    from activestereo.sensor.sensor import StereoDepthSensor
 
 Floats = NDArray[np.float64]
 # A pixel gets the first cause that holds, in this order; 'measured' comes last.
@@ -100,9 +97,9 @@ def causes(
 _NOTHING = 0xFFFFFFFF
 
 
-def traced_causes(sensor: StereoDepthSensor, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Returns uint8 [height, width], an index into cause.CAUSES, of the scene as it is now. reason: the matcher's.
-    Raises ValueError for a sensor that rectifies images before it matches them."""
+def traced_causes(sensor: Any, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Returns uint8 [height, width], an index into CAUSES, of the scene as it is now. sensor: a StereoDepthSensor;
+    reason: the matcher's. Raises ValueError for a sensor that rectifies images before it matches them."""
     config = sensor.get_config()
     if not config.rectified or any(is_distorting(ir_intrinsics(config, is_right)[1]) for is_right in (False, True)):
         raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")
