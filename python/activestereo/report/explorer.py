@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.html_table import text
 from activestereo.report.encode import encoded_image
-from activestereo.report.models import BASE, FOUND, ModelImages
+from activestereo.report.models import BASE, FOUND, ModelImages, ToldErrors
 from activestereo.report.page import web_file
 from activestereo.report.worst import known_residual, residual_limit, rmse, worst_frame
 
@@ -34,10 +34,10 @@ _COLOURS = 33
 _DEPTH = "depth"
 
 
-def explorer_section(comparison: Comparison, images: ModelImages) -> str:
+def explorer_section(comparison: Comparison, images: ModelImages, told: ToldErrors) -> str:
     """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, side): expected DN}}, see
-    models.py."""
-    data = explorer_data(comparison, images)
+    models.py. told: by told_errors()."""
+    data = explorer_data(comparison, images, told)
     left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
     note = (
         f"The page holds {len(comparison.capture.frames) - left_out} of {len(comparison.capture.frames)} frames, those "
@@ -49,7 +49,7 @@ def explorer_section(comparison: Comparison, images: ModelImages) -> str:
     return f'{markup}<script type="application/json" id="explorer-data">{content}</script>'
 
 
-def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]:
+def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors) -> dict[str, Any]:
     """{views, start, models, maps} for web/explorer.js. Views are in the order of frames, then left, right, depth."""
     frames = _chosen_frames(comparison, _LARGEST_PIXELS)
     with_rows = [frame for frame in _chosen_frames(comparison, _LARGEST_PIXELS_OF_ROWS) if frame in frames]
@@ -58,7 +58,7 @@ def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]
     views = []
     for frame in frames:
         held = images if frame in with_rows else large
-        views += [_infrared_view(comparison, frame, side, images, held) for side in SIDES]
+        views += [_infrared_view(comparison, frame, side, images, held, told) for side in SIDES]
         if frame.id in depths:
             views.append(_depth_view(depths[frame.id], comparison))
     ranked = [name for name in images if name not in (BASE, FOUND)]
@@ -91,7 +91,7 @@ def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
 
 
 def _infrared_view(
-    comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages
+    comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages, told: ToldErrors
 ) -> dict[str, Any]:
     """images: models for errors; held: models with pixels on the page."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
@@ -116,7 +116,7 @@ def _infrared_view(
         "width": measured.shape[1], "height": measured.shape[0],
         "range": [0.0, max(float(np.quantile(measured, 0.998)), 1.0)],
         "limit": residual_limit(rest[BASE], floor), "floor": floor, "layers": layers,
-        "rmse": {name: rmse(own) for name, own in rest.items()},
+        "rmse": {name: told[name][frame.id, side] if name in told else rmse(own) for name, own in rest.items()},
     }  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from activestereo.diagnose.answer.verdict_words import (
 )
 from activestereo.report.charts import covariates_chart, effects_chart
 from activestereo.report.encode import data_address
-from activestereo.report.models import BASE, FOUND, ModelImages
+from activestereo.report.models import BASE, FOUND, ModelImages, ToldErrors
 from activestereo.report.page import chart
 from activestereo.report.screen import Step
 from activestereo.report.summary import error_places
@@ -44,11 +44,12 @@ def first_screen(
     comparison: Comparison | None = None,
     images: ModelImages | None = None,
     steps: Sequence[Step] = (),
+    told: ToldErrors | None = None,
 ) -> str:
     """HTML. images: expected DN of the models BASE and, if an effect was found, FOUND. Without a comparison it has no
-    pictures. steps: commands to paste."""
+    pictures. steps: commands to paste. told: by told_errors()."""
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
-    cells = [] if comparison is None or images is None else _pictures(comparison, images)
+    cells = [] if comparison is None or images is None else _pictures(comparison, images, told or {})
     floor = diagnosis["heldout_noise_floor"]
     fall = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
     if fall:
@@ -61,12 +62,12 @@ def first_screen(
 
 
 def comparison_first_screen(
-    comparison: Comparison, images: ModelImages, sentences: Sequence[str], steps: Sequence[Step] = ()
+    comparison: Comparison, images: ModelImages, sentences: Sequence[str], steps: Sequence[Step], told: ToldErrors
 ) -> str:
     """HTML of a comparison without a diagnosis. sentences: the first is the head; steps: commands to paste."""
     said = "".join(f"<p>{text(sentence)}</p>" for sentence in sentences[1:])
     advice = f"<h2>What to do next</h2>{_pasted(steps)}" if steps else ""
-    cells = _pictures(comparison, images)
+    cells = _pictures(comparison, images, told)
     for place in error_places(comparison.scores["where"])[: _MOST_CELLS - len(cells)]:
         drawn = chart(covariates_chart([place["table"]], "DN"), f"the error against {place['covariate']}")
         cells.append(f'<div class="curve">{drawn}</div>')
@@ -100,7 +101,7 @@ class Detail:
     columns: slice
 
 
-def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
+def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> list[str]:
     """Details of the measured image, the model and the model with the found effects, then whole residuals of the
     models."""
     detail = where_most_goes(comparison, images)
@@ -109,20 +110,21 @@ def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
     high = max(float(np.quantile(measured, 0.998)), 1.0)
     place = f"frame {detail.frame.id}, {detail.side} camera, detail"
     models = [(BASE, "model")] + ([(FOUND, "model with what was found")] if FOUND in images else [])
-    titles = {"model": "measured − model", "model with what was found": "what is left"}
+    titles = {BASE: "measured − model", FOUND: "what is left"}
     entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["cameras"][key[1]]
     floor = float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
     cells = [_cell(_gray(measured[part], high), "measured", place)]
     cells += [_cell(_gray(images[name][key][part], high), words, "") for name, words in models]
     capture, measured_images = comparison.capture, comparison.measured
-    residuals = {words: known_residual(capture, key, measured_images, images[name]) for name, words in models}
-    limit = residual_limit(residuals["model"], floor)
+    residuals = {name: known_residual(capture, key, measured_images, images[name]) for name, _ in models}
+    limit = residual_limit(residuals[BASE], floor)
     if FOUND not in images:
-        cells.append(_cell(_signed(residuals["model"][part], limit), "measured − model, there", ""))
-    for words, rest in residuals.items():
+        cells.append(_cell(_signed(residuals[BASE][part], limit), "measured − model, there", ""))
+    for name, rest in residuals.items():
         grey = ", grey: not compared" if np.isnan(rest).any() else ""
-        note = f"RMSE {rmse(rest):.2f} DN, colours ±{limit:.2g} DN{grey}"
-        cells.append(_cell(_signed(rest, limit), titles[words], note))
+        error = told[name][key] if name in told else rmse(rest)
+        note = f"RMSE {error:.2f} DN, colours ±{limit:.2g} DN{grey}"
+        cells.append(_cell(_signed(rest, limit), titles[name], note))
     return cells
 
 

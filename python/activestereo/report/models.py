@@ -19,17 +19,19 @@ from activestereo.effects import Model, Randomness, Stage, View
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
+    from activestereo.compare.image_errors import ImageErrors
     from activestereo.effects.core.descriptor import Effect
 
 # Rows of the ranking that are shown.
 ROWS = 12
 BASE, FOUND = "base", "found"
 ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, side): expected DN}}
+ToldErrors = Mapping[str, Mapping[tuple[int, str], float]]
 
 
 def model_images(
     comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None,
-    progress: Callable[[float], object] | None = None, found_images: Mapping[tuple[int, str], np.ndarray] | None = None,
+    progress: Callable[[float], object] | None = None, found_errors: ImageErrors | None = None,
 ) -> ModelImages:  # fmt: skip
     """{name: {(frame id, side): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
@@ -37,16 +39,16 @@ def model_images(
     absent if neither has. A ranked effect stands alone on the base model with its fitted parameters. Effects without an
     expected image are absent: random effects, faults of the depth engine, effects that are not in `effects`. Projector
     scale, ambient scale and black level are fitted to the train frames under each. diagnosis: diagnose.json's contents;
-    effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction done). found_images: the
+    effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction done). found_errors: the
     diagnosis's own images for FOUND. The comparison is then of its start model, which takes BASE's place.
     """
     effects = library() if effects is None else effects
-    start = Model() if found_images is None else comparison.model
+    start = Model() if found_errors is None else comparison.model
     models = {BASE: start}
     given = {}
-    if found_images is not None and diagnosis and diagnosis["added"]:
-        models[FOUND], given[FOUND] = start, dict(found_images)
-    elif found_images is None:
+    if found_errors is not None and diagnosis and diagnosis["added"]:
+        models[FOUND], given[FOUND] = start, found_errors.predictions
+    elif found_errors is None:
         found = comparison.model
         for entry in (diagnosis or {}).get("model", {}).get("effects", []) if not found.effects else ():
             found = _with(found, effects, entry["id"], entry.get("parameters", {}))
@@ -59,6 +61,19 @@ def model_images(
         if any(effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE for effect in own):
             models[entry["effect"]] = model
     return _predicted(comparison, models, given, progress)
+
+
+def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None) -> ToldErrors:
+    """{BASE or FOUND: {(frame id, side): RMSE, DN}} that figures tell, without the renderer's noise: pictures quote
+    these. found_errors: as of model_images()."""
+    is_found = found_errors is None and bool(comparison.model.effects)
+    told = {FOUND if is_found else BASE: comparison.scores["frames"]}
+    if found_errors is not None:
+        told[FOUND] = found_errors.by_frame()
+    return {
+        name: {(e["id"], side): scores["rmse_dn"] for e in entries for side, scores in e["cameras"].items()}
+        for name, entries in told.items()
+    }
 
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:

@@ -28,7 +28,7 @@ from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
 from activestereo.report.first_screen import comparison_first_screen, first_screen
 from activestereo.report.lettering import write_figure
-from activestereo.report.models import model_images
+from activestereo.report.models import model_images, told_errors
 from activestereo.report.page import page
 from activestereo.report.screen import Step
 from activestereo.report.sheet import comparison_figure
@@ -36,10 +36,8 @@ from activestereo.report.strips import found_strips
 from activestereo.report.summary import what_is_missed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from activestereo.capture.capture import ImageKey
     from activestereo.compare.compare import Comparison
+    from activestereo.compare.image_errors import ImageErrors
     from activestereo.diagnose import Diagnosis
     from activestereo.effects import Effect
 
@@ -75,20 +73,21 @@ def write_report(
 
 def report_page(
     comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None,
-    progress: Callable[[float], object] | None = None, found_images: Mapping[ImageKey, NDArray] | None = None,
+    progress: Callable[[float], object] | None = None, found_errors: ImageErrors | None = None,
     steps: Sequence[Step] = (),
 ) -> str:  # fmt: skip
-    """The page's text. found_images: as in model_images(); steps: as in write_report()."""
+    """The page's text. found_errors: as in model_images(); steps: as in write_report()."""
     scores = comparison.scores
-    images = model_images(comparison, diagnosis, effects, progress, found_images)
-    missed, explorer = what_is_missed(scores), explorer_section(comparison, images)
-    body = [comparison_first_screen(comparison, images, missed, steps), cards(scores), explorer]
+    images = model_images(comparison, diagnosis, effects, progress, found_errors)
+    told = told_errors(comparison, found_errors)
+    missed, explorer = what_is_missed(scores), explorer_section(comparison, images, told)
+    body = [comparison_first_screen(comparison, images, missed, steps, told), cards(scores), explorer]
     if diagnosis:
-        verdict = first_screen(diagnosis, comparison, images, steps)
+        verdict = first_screen(diagnosis, comparison, images, steps, told)
         strips = found_strips(comparison, diagnosis, images, library() if effects is None else effects)
         sections = diagnosis_sections(diagnosis, images)
-        told = "".join(f"<p>{text(sentence)}</p>" for sentence in missed)
-        head = f"<h2>{text(scores['capture'])}: the model against the measurement</h2>{told}"
+        sentences = "".join(f"<p>{text(sentence)}</p>" for sentence in missed)
+        head = f"<h2>{text(scores['capture'])}: the model against the measurement</h2>{sentences}"
         body = [verdict, explorer, *strips, *sections, head, cards(scores)]
     body += [*comparison_sections(comparison), settings_section(scores)]
     return page(f"{scores['capture']}: comparison", body, _SCRIPTS)
@@ -135,7 +134,7 @@ def _diagnosis_page(
     if comparison is None:
         title = f"{result.get('capture', 'capture')}: diagnosis"
         return page(title, [first_screen(result, steps=steps), *diagnosis_sections(result)])
-    return report_page(comparison, result, effects, progress, diagnosis.predictions(), steps)
+    return report_page(comparison, result, effects, progress, diagnosis.after, steps)
 
 
 def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:

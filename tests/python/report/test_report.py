@@ -18,7 +18,8 @@ from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.diagnosis_text import diagnosis_screen
 from activestereo.report.encode import encoded_image
 from activestereo.report.explorer import explorer_data
-from activestereo.report.models import model_images
+from activestereo.report.first_screen import where_most_goes
+from activestereo.report.models import model_images, told_errors
 from activestereo.common.html_table import table
 from activestereo.report.write import report_page, write_report
 from activestereo.report.summary import error_places
@@ -98,7 +99,7 @@ def test_the_page_holds_every_frame_and_camera_under_every_model(comparison):
     """Pictures are decoded here as the page's script does, and are what was measured and expected, to half a step."""
     images = model_images(comparison, WITH_MODEL)
     assert list(images) == ["base", "found", "radial_distortion", "vignetting"]
-    data = explorer_data(comparison, images)
+    data = explorer_data(comparison, images, {})
     seen = [(view["frame"], view["camera"]) for view in data["views"]]
     assert seen == [
         (f.id, e) for f in comparison.capture.frames for e in ("left", "right", "depth") if e != "depth" or f.depth_path
@@ -125,6 +126,18 @@ def test_the_page_holds_every_frame_and_camera_under_every_model(comparison):
     )
 
 
+def test_pictures_quote_the_figures_of_their_frames(comparison):
+    """The renderer's noise, which a picture has, is no error of its model."""
+    told = told_errors(comparison)
+    views = explorer_data(comparison, model_images(comparison), told)["views"]
+    figures = {entry["id"]: entry["cameras"] for entry in comparison.scores["frames"]}
+    quoted = [(v["rmse"]["base"], figures[v["frame"]][v["camera"]]["rmse_dn"]) for v in views if v["camera"] != "depth"]
+    assert quoted and all(shown == figure for shown, figure in quoted)
+    detail = where_most_goes(comparison, model_images(comparison))
+    error = figures[detail.frame.id][detail.side]["rmse_dn"]
+    assert f"RMSE {error:.2f} DN, colours" in report_page(comparison)
+
+
 def test_what_the_ranking_cannot_show_is_left_out(comparison):
     """A random effect, a fault of the depth engine, and an effect that this program does not know have no expected
     image."""
@@ -135,7 +148,7 @@ def test_what_the_ranking_cannot_show_is_left_out(comparison):
 
 def test_a_page_holds_as_many_frames_as_fit(comparison, monkeypatch):
     monkeypatch.setattr(explorer, "_LARGEST_PIXELS", 3 * 2 * 160 * 90)
-    frames = {view["frame"] for view in explorer_data(comparison, model_images(comparison))["views"]}
+    frames = {view["frame"] for view in explorer_data(comparison, model_images(comparison), {})["views"]}
     splits = {frame.split for frame in comparison.capture.frames if frame.id in frames}
     assert len(frames) == 3 and splits == {"train", "test"}
     assert "3 of 8 frames" in report_page(comparison)
@@ -143,7 +156,7 @@ def test_a_page_holds_as_many_frames_as_fit(comparison, monkeypatch):
 
 def test_a_page_shows_ranked_effects_on_as_many_frames_as_fit(comparison, monkeypatch):
     monkeypatch.setattr(explorer, "_LARGEST_PIXELS_OF_ROWS", 2 * 2 * 160 * 90)
-    data = explorer_data(comparison, model_images(comparison, WITH_MODEL))
+    data = explorer_data(comparison, model_images(comparison, WITH_MODEL), {})
     infrared = [view for view in data["views"] if view["camera"] != "depth"]
     assert {view["frame"] for view in infrared if "vignetting" in view["layers"]} == set(data["rows"])
     assert len(data["rows"]) == 2 and data["start"] in data["rows"]
