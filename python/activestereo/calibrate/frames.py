@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's repeats."""
+
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -65,11 +65,7 @@ class MaterialFit:
     images are there. A colour that is found once and then held would hide gloss in it."""
 
     def __init__(
-        self,
-        scene: MaterialScene,
-        pictures: Sequence[Picture],
-        surfaces: Sequence[int],
-        seed: int = 0,
+        self, scene: MaterialScene, pictures: Sequence[Picture], surfaces: Sequence[int], seed: int = 0
     ) -> None:
         self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
         self._materials = {n: scene.scene.get_material(n) for n in surfaces}
@@ -78,9 +74,7 @@ class MaterialFit:
             n for n, m in self._materials.items() if m.base_color_texture is None and min(m.base_color[:3]) > 0.999
         ]
         self.parameters = tuple(
-            (n, name)
-            for n in surfaces
-            for name in PARAMETERS + (COLORS if colored and n in blank else ())
+            (n, name) for n in surfaces for name in PARAMETERS + (COLORS if colored and n in blank else ())
         )
         self.low, self.high = np.array([_RANGES[name] for _, name in self.parameters]).reshape(-1, 2).T
         self.renders = 0

@@ -42,9 +42,10 @@ _TABLE = {p.name: p for p in (*MATCHER, *RIG, *RENDERER, *RENDER)}
 _NEUTRAL_OPTICS = kuafu.Optics()
 # Fields that hold an engine's parameters by name: numbers, and lengths of the lists.
 _IMAGER: tuple[dict[str, Parameter], dict[str, int]] = {p.name: p for p in SIGNAL}, {}
-_OPTICS = {p.name: p for p in OPTICS}, {
-    name: len(value) for name in dir(_NEUTRAL_OPTICS) if isinstance(value := getattr(_NEUTRAL_OPTICS, name), tuple)
-}
+_OPTICS = (
+    {p.name: p for p in OPTICS},
+    {name: len(value) for name in dir(_NEUTRAL_OPTICS) if isinstance(value := getattr(_NEUTRAL_OPTICS, name), tuple)},
+)
 # Sides of the matcher's windows. Their products are at most 65 and 256.
 _WINDOWS = {"census_width": 65, "census_height": 65, "block_width": 255, "block_height": 255}
 # Fields in which infinity means no limit.

@@ -15,7 +15,7 @@ def nearest(name: object, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """"; did you mean 'x'?" if a known name is close, else an empty text."""
+    """ "; did you mean 'x'?" if a known name is close, else an empty text."""
     close = nearest(name, known)
     return f"; did you mean '{close}'?" if close else ""
 

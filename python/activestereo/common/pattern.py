@@ -43,9 +43,7 @@ def make_pattern(design: PatternDesign) -> np.ndarray:
     return np.rint(255.0 * np.minimum(image, 1.0)).astype(np.uint8)
 
 
-def spots_image(
-    x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float, width: int, height: int
-) -> np.ndarray:
+def spots_image(x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float, width: int, height: int) -> np.ndarray:
     """The sum [height][width] of Gaussian spots, cut at four sigmas, whose middles lie in the image."""
     reach = int(np.ceil(4.0 * sigma_px))
     inside = (np.rint(x) >= 0) & (np.rint(x) < width) & (np.rint(y) >= 0) & (np.rint(y) < height)

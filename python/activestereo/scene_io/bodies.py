@@ -81,7 +81,21 @@ class Bodies:
         fault = pose_fault(start)
         if start.shape != (4, 4) or fault.any():
             raise ValueError(f"body '{name}': a pose is [7] or a rigid [4, 4] of finite numbers; got {pose!r}")
-        rows = self._rows(name, shapes, environments)
+        if isinstance(shapes, Mapping) and environments is not None:
+            raise ValueError(f"body '{name}': its shapes name the environments already")
+        chosen = shapes.keys() if isinstance(shapes, Mapping) else environments
+        if self.environment_count is None:
+            if chosen is not None:
+                raise ValueError(f"body '{name}': this scene has no environments to choose from")
+            seen_by: list[int | None] = [None]
+        else:
+            seen_by = list(range(self.environment_count) if chosen is None else chosen)
+            if any(e is None or not 0 <= e < self.environment_count for e in seen_by):
+                raise ValueError(f"body '{name}': environments are 0 to {self.environment_count - 1}, not {seen_by}")
+        if isinstance(shapes, Mapping):
+            rows = [(e, shape) for e, own in zip(seen_by, shapes.values(), strict=True) for shape in own]
+        else:
+            rows = [(e, shape) for shape in shapes for e in seen_by]
         instances = [
             self.scene.add_instance(
                 shape.mesh,
@@ -140,23 +154,20 @@ class Bodies:
             raise ValueError(f"albedo of '{name}' in {'; '.join(bad)}, expected finite factors of 0 or more")
         for row in np.flatnonzero(self._bodies == body).tolist():
             environment = int(self._environments[row])
-            own = [self._scaled(environment, number, float(values[environment])) for number in self._materials[row]]
+            own, factor = [], float(values[environment])
+            for number in self._materials[row]:
+                material, key = self.scene.get_material(number), (environment, number)
+                red, green, blue = (min(factor * channel, 1.0) for channel in material.base_color[:3])
+                material.base_color = (red, green, blue, material.base_color[3])
+                if material.ir_albedo is not None:
+                    material.ir_albedo = min(factor * material.ir_albedo, 1.0)
+                if key in self._varied:
+                    self.scene.set_material(self._varied[key], material)
+                else:
+                    self._varied[key] = self.scene.add_material(material)
+                own.append(self._varied[key])
             if own:
                 self.scene.set_instance_materials(int(self._instances[row]), own)
-
-    def _scaled(self, environment: int, number: int, factor: float) -> int:
-        material = self.scene.get_material(number)
-        red, green, blue, alpha = material.base_color
-        red, green, blue = (min(factor * channel, 1.0) for channel in (red, green, blue))
-        material.base_color = (red, green, blue, alpha)
-        if material.ir_albedo is not None:
-            material.ir_albedo = min(factor * material.ir_albedo, 1.0)
-        key = environment, number
-        if key in self._varied:
-            self.scene.set_material(self._varied[key], material)
-        else:
-            self._varied[key] = self.scene.add_material(material)
-        return self._varied[key]
 
     def index(self, name: str) -> int:
         """A body's number. Raises ValueError where there is none of this name."""
@@ -181,7 +192,24 @@ class Bodies:
         environments the first axis is absent. A mapping {name: [E, 7] or [E, 4, 4]} moves some bodies. Raises
         BodyPoseError for what is no pose, and ValueError for another shape or an unknown body.
         """
-        now = self._from_names(poses) if isinstance(poses, Mapping) else self._matrices(host_array(poses))
+        lead, count = () if self.environment_count is None else (self.environment_count,), len(self.names)
+        if isinstance(poses, Mapping):
+            now = self._last.copy()
+            for name, given in poses.items():
+                body, array = self.index(name), host_array(given)
+                if array.shape not in ((*lead, 7), (*lead, 4, 4)):
+                    wanted = f"{(*lead, 7)} or {(*lead, 4, 4)}"
+                    raise ValueError(f"poses of body '{name}' have the shape {wanted}, not {array.shape}")
+                now[:, body] = pose_matrices(array, f"body '{name}'")
+        else:
+            array = host_array(poses)
+            if array.shape not in ((*lead, count, 7), (*lead, count, 4, 4)):
+                raise ValueError(
+                    f"poses of {count} bodies"
+                    + (f" in {self.environment_count} environments" if lead else "")
+                    + f" have the shape {(*lead, count, 7)} or {(*lead, count, 4, 4)}, not {array.shape}"
+                )
+            now = pose_matrices(array, "poses").reshape(self.environment_count or 1, count, 4, 4)
         fault = pose_fault(now)
         has_moved = (now != self._last).any(axis=(2, 3))
         broken = fault.any(axis=1)
@@ -189,73 +217,17 @@ class Bodies:
         rows = np.flatnonzero(has_moved[self._environments, self._bodies])
         to_world = now[self._environments[rows], self._bodies[rows]] @ self._to_body[rows]
         self.scene.set_instance_poses(self._instances[rows], to_world)
-        if broken.any():
-            now[broken] = self._last[broken]
+        now[broken] = self._last[broken]
         self._last = now
-        if broken.any():
-            self._refuse(fault)
-        return int(rows.size)
-
-    def _rows(
-        self,
-        name: str,
-        shapes: Iterable[Shape] | Mapping[int, Iterable[Shape]],
-        environments: Iterable[int] | None,
-    ) -> list[tuple[int | None, Shape]]:
-        """(environment, shape) of each instance."""
-        if not isinstance(shapes, Mapping):
-            chosen = self._environments_of(name, environments)
-            return [(environment, shape) for shape in shapes for environment in chosen]
-        if environments is not None:
-            raise ValueError(f"body '{name}': its shapes name the environments already")
-        checked = self._environments_of(name, shapes.keys())
-        return [(e, shape) for e, own in zip(checked, shapes.values(), strict=True) for shape in own]
-
-    def _environments_of(self, name: str, chosen: Iterable[int] | None) -> list[int | None]:
-        if self.environment_count is None:
-            if chosen is not None:
-                raise ValueError(f"body '{name}': this scene has no environments to choose from")
-            return [None]
-        out = list(range(self.environment_count) if chosen is None else chosen)
-        if any(not 0 <= e < self.environment_count for e in out):
-            raise ValueError(f"body '{name}': environments are 0 to {self.environment_count - 1}, not {out}")
-        return list(out)
-
-    def _matrices(self, array: NDArray[np.float64]) -> NDArray[np.float64]:
-        """[E, bodies, 4, 4], with E = 1 where there are no environments."""
-        lead = () if self.environment_count is None else (self.environment_count,)
-        wanted = (*lead, len(self.names))
-        if array.shape not in ((*wanted, 7), (*wanted, 4, 4)):
-            raise ValueError(
-                f"poses of {len(self.names)} bodies"
-                + (f" in {self.environment_count} environments" if lead else "")
-                + f" have the shape {(*wanted, 7)} or {(*wanted, 4, 4)}, not {array.shape}"
-            )
-        return pose_matrices(array, "poses").reshape(self.environment_count or 1, len(self.names), 4, 4)
-
-    def _from_names(self, poses: Mapping[str, PosesLike]) -> NDArray[np.float64]:
-        now = self._last.copy()
-        lead = () if self.environment_count is None else (self.environment_count,)
-        for name, given in poses.items():
-            body, array = self.index(name), host_array(given)
-            if array.shape not in ((*lead, 7), (*lead, 4, 4)):
-                wanted = f"{(*lead, 7)} or {(*lead, 4, 4)}"
-                raise ValueError(f"poses of body '{name}' have the shape {wanted}, not {array.shape}")
-            now[:, body] = pose_matrices(array, f"body '{name}'")
-        return now
-
-    def _refuse(self, fault: NDArray[np.bool_]) -> None:
+        if not broken.any():
+            return int(rows.size)
         environment, body = (int(v) for v in np.argwhere(fault)[0])
-        count = int(fault.any(axis=1).sum())
-        where = f"environment {environment}, body '{self.names[body]}'"
-        kept = f"; {count} of {self.environment_count} environments stay as they were, the others have moved"
+        place = f"environment {environment}, body '{self.names[body]}'"
+        kept = f"; {broken.sum()} of {self.environment_count} environments stay as they were, the others have moved"
         if self.environment_count is None:
-            where, kept = f"body '{self.names[body]}'", "; nothing has moved"
-        raise BodyPoseError(
-            f"{where}: its pose is not a finite rigid one{kept}",
-            None if self.environment_count is None else environment,
-            self.names[body],
-        )
+            place, kept = f"body '{self.names[body]}'", "; nothing has moved"
+        text = f"{place}: its pose is not a finite rigid one{kept}"
+        raise BodyPoseError(text, None if self.environment_count is None else environment, self.names[body])
 
 
 def add_mesh(scene: kuafu.Scene, mesh: Mesh, name: str = "") -> int:

@@ -40,11 +40,7 @@ def read_environment_map(path: str | Path) -> np.ndarray:
         raise EnvironmentMapError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
     if pixels is None:
         raise EnvironmentMapError(f"{path}: is no image that can be read: .hdr, .exr, .png and .jpg can be")
-    return _linear_rgb(pixels, path)
-
-
-def _linear_rgb(pixels: np.ndarray, path: Path) -> np.ndarray:
-    """OpenCV's image, grey or BGR or BGRA of any depth, as linear RGB."""
+    # OpenCV's image is grey or BGR or BGRA of any depth.
     height, width = pixels.shape[:2]
     if width != 2 * height:
         raise EnvironmentMapError(

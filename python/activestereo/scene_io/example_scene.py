@@ -11,6 +11,7 @@ ROOM_RADIANCE of staging.py, with 70 more: within 300 to 500 lux, as EN 12464-1 
 import io
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,7 @@ from activestereo.scene_io.gltf_writer import GltfWriter
 # White light has 250 to 370 lm/W at best (Murphy, Maximum spectral luminous efficacy of white light, J. Appl. Phys.
 # 111, 2012). The imagers of the D400 have no infrared filter, and see it in full.
 WHITE_LM_PER_W = 300.0
-LAMPS = (
-    ("lamp", (-0.35, 1.6, 0.15), (1.0, 0.93, 0.84), 1.8),
-    ("fill", (1.0, 1.5, 0.6), (0.80, 0.90, 1.0), 0.7),
-)
+LAMPS = (("lamp", (-0.35, 1.6, 0.15), (1.0, 0.93, 0.84), 1.8), ("fill", (1.0, 1.5, 0.6), (0.80, 0.90, 1.0), 0.7))
 
 CAMERA_TO_WORLD = look_at(eye=(-0.02, 0.46, 0.72), target=(0.0, 0.035, -0.02), up=(0.0, 1.0, 0.0))
 
@@ -43,7 +41,9 @@ def write_table_top(path: str | Path, is_matt: bool = False) -> None:
     writer.add_mesh("ring", meshes.torus(0.052, 0.02), material["clay"], (-0.055, 0.0, 0.13))
     writer.add_mesh("ball", meshes.sphere(0.055), material["clay"], (-0.275, 0.055, 0.10))
     writer.add_mesh("steel ball", meshes.sphere(0.06), material["steel"], (0.045, 0.06, -0.06))
-    writer.add_mesh("brass cylinder", _cylinder(0.035, 0.11), material["brass"], (0.335, 0.0, -0.20))
+    outline = (0.0, 0.0), (0.035, 0.0), (0.035, 0.11), (0.0, 0.11)
+    cylinder = meshes.lathe([list(side) for side in pairwise(outline)])
+    writer.add_mesh("brass cylinder", cylinder, material["brass"], (0.335, 0.0, -0.20))
     if not is_matt:
         writer.add_mesh("tumbler", meshes.tumbler(0.038, 0.115, 0.0035, 0.012), material["glass"], (0.17, 0.0, 0.055))
         writer.add_mesh("glass ball", meshes.sphere(0.035), material["glass"], (0.09, 0.035, 0.20))
@@ -57,54 +57,40 @@ def write_table_top(path: str | Path, is_matt: bool = False) -> None:
 
 def _materials(writer: GltfWriter, is_matt: bool) -> dict[str, int]:
     """{name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850 nm."""
-    wood = writer.add_texture(_wood_png(), "planks")
-    table = {
-        "wood": _dielectric((1.0, 1.0, 1.0), 0.65, ir_albedo=0.52, texture=wood),
-        "wall": _lambertian((0.62, 0.66, 0.68), ir_albedo=0.60),
-        "clay": _lambertian((0.70, 0.27, 0.15), ir_albedo=0.55),
-        "ceramic": _dielectric((0.10, 0.30, 0.52), 0.18, ir_albedo=0.45),
-        "card": _lambertian((0.63, 0.47, 0.30), ir_albedo=0.60),
-        "steel": _metal((0.66, 0.64, 0.61), 0.22, ir_albedo=0.68),
-        "brass": _metal((0.88, 0.68, 0.32), 0.38, ir_albedo=0.85),
-        "glass": _glass(1.5),
-        "velvet": _lambertian((0.012, 0.012, 0.014), ir_albedo=0.004),
+    table = {  # colour, roughness, metallic, ir_albedo; roughness None: it scatters light evenly
+        "wood": ((1.0, 1.0, 1.0), 0.65, 0.0, 0.52),
+        "wall": ((0.62, 0.66, 0.68), None, 0.0, 0.60),
+        "clay": ((0.70, 0.27, 0.15), None, 0.0, 0.55),
+        "ceramic": ((0.10, 0.30, 0.52), 0.18, 0.0, 0.45),
+        "card": ((0.63, 0.47, 0.30), None, 0.0, 0.60),
+        "steel": ((0.66, 0.64, 0.61), 0.22, 1.0, 0.68),
+        "brass": ((0.88, 0.68, 0.32), 0.38, 1.0, 0.85),
+        "glass": ((1.0, 1.0, 1.0), 0.0, 0.0, None),
+        "velvet": ((0.012, 0.012, 0.014), None, 0.0, 0.004),
     }
-    if is_matt:
-        del table["glass"]
-        table = {name: _lambertian((0.5, 0.5, 0.5), **fields["extras"]) for name, fields in table.items()}
-    return {name: writer.add_material(name, **fields) for name, fields in table.items()}
-
-
-def _dielectric(
-    color: Sequence[float], roughness: float, ir_albedo: float, texture: int | None = None
-) -> dict[str, Any]:
-    pbr = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": roughness}
-    if texture is not None:
-        pbr["baseColorTexture"] = {"index": texture}
-    return {"pbrMetallicRoughness": pbr, "extras": {"ir_albedo": ir_albedo}}
-
-
-def _lambertian(color: Sequence[float], ir_albedo: float) -> dict[str, Any]:
-    return {**_dielectric(color, 1.0, ir_albedo), "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
-
-
-def _metal(color: Sequence[float], roughness: float, ir_albedo: float) -> dict[str, Any]:
-    fields = _dielectric(color, roughness, ir_albedo)
-    fields["pbrMetallicRoughness"]["metallicFactor"] = 1.0
-    return fields
-
-
-def _glass(ior: float) -> dict[str, Any]:
-    extensions = {"KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_ior": {"ior": ior}}
-    extensions["KHR_materials_volume"] = {"thicknessFactor": 0.01}  # without: a sheet; how thick it is, its mesh says
-    pbr = {"baseColorFactor": [1.0, 1.0, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.0}
-    return {"pbrMetallicRoughness": pbr, "extensions": extensions}
-
-
-def _cylinder(radius: float, height: float) -> meshes.Mesh:
-    return meshes.lathe(
-        [[(0.0, 0.0), (radius, 0.0)], [(radius, 0.0), (radius, height)], [(radius, height), (0.0, height)]]
-    )
+    wood, numbers = writer.add_texture(_wood_png(), "planks"), {}
+    for name, (color, roughness, metallic, ir_albedo) in table.items():
+        extensions: dict[str, Any] = {}
+        if is_matt:
+            color, roughness, metallic = (0.5, 0.5, 0.5), None, 0.0
+        pbr: dict[str, Any] = {"baseColorFactor": [*color, 1.0], "metallicFactor": metallic}
+        pbr["roughnessFactor"] = 1.0 if roughness is None else roughness
+        if name == "wood" and not is_matt:
+            pbr["baseColorTexture"] = {"index": wood}
+        fields: dict[str, Any] = {"pbrMetallicRoughness": pbr}
+        if ir_albedo is not None:
+            fields["extras"] = {"ir_albedo": ir_albedo}
+        elif is_matt:
+            continue
+        else:
+            extensions = {"KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_ior": {"ior": 1.5}}
+            extensions["KHR_materials_volume"] = {"thicknessFactor": 0.01}  # without: a sheet; the mesh says how thick
+        if roughness is None:
+            extensions["KHR_materials_specular"] = {"specularFactor": 0.0}
+        if extensions:
+            fields["extensions"] = extensions
+        numbers[name] = writer.add_material(name, **fields)
+    return numbers
 
 
 def _wood_png(width: int = 1024, height: int = 572, planks: int = 6) -> bytes:

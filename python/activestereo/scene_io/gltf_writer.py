@@ -49,12 +49,7 @@ class GltfWriter:
         return self._append("textures", {"source": image, "sampler": sampler})
 
     def add_mesh(
-        self,
-        name: str,
-        mesh: Mesh,
-        material: int,
-        translation: Sequence[float] = (0.0, 0.0, 0.0),
-        yaw_deg: float = 0.0,
+        self, name: str, mesh: Mesh, material: int, translation: Sequence[float] = (0.0, 0.0, 0.0), yaw_deg: float = 0.0
     ) -> None:
         """A mesh and a node that places it, turned about y."""
         half = np.deg2rad(yaw_deg) / 2

@@ -84,25 +84,21 @@ def box(width: float, height: float, depth: float) -> Mesh:
 def lathe(profiles: Sequence[ArrayLike], segments: int = 96) -> Mesh:
     """Profiles turned about the y axis. Each is a smooth line of (radius, height) points; the surface's outside is to
     the right of its way, and where one profile ends and the next begins there is a crease."""
-    return joined([_turned(np.asarray(p, dtype=np.float64), segments) for p in profiles])
-
-
-def _turned(profile: np.ndarray, segments: int) -> Mesh:
     angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
     around = np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=1)
-    tangent = np.gradient(profile, axis=0)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    radius, height = profile[:, :1, None], profile[:, 1:, None]
-    up = np.array([0.0, 1.0, 0.0])
-    positions = radius * around + height * up
-    normals = tangent[:, 1:, None] * around - tangent[:, :1, None] * up
-    length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))]
-    v, u = np.meshgrid(1.0 - length / length[-1], angle / (2.0 * np.pi), indexing="ij")
-    triangles = grid(len(profile), segments + 1)
-    flat = positions.reshape(-1, 3)
-    a, b, c = (flat[triangles[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return Mesh.of(flat, normals.reshape(-1, 3), np.stack([u.ravel(), v.ravel()], axis=1), triangles[area > 1e-14])
+    up, parts = np.array([0.0, 1.0, 0.0]), []
+    for profile in (np.asarray(p, dtype=np.float64) for p in profiles):
+        tangent = np.gradient(profile, axis=0)
+        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        points = (profile[:, :1, None] * around + profile[:, 1:, None] * up).reshape(-1, 3)
+        normals = tangent[:, 1:, None] * around - tangent[:, :1, None] * up
+        length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))]
+        v, u = np.meshgrid(1.0 - length / length[-1], angle / (2.0 * np.pi), indexing="ij")
+        triangles = grid(len(profile), segments + 1)
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        triangles = triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-14]
+        parts.append(Mesh.of(points, normals.reshape(-1, 3), np.stack([u.ravel(), v.ravel()], axis=1), triangles))
+    return joined(parts)
 
 
 def arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float, points: int = 24) -> np.ndarray:

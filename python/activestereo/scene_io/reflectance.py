@@ -54,27 +54,16 @@ class Reflectance:
     wavelengths_nm: NDArray[np.float64]  # [n], ascending
     values: NDArray[np.float64]  # [n], 0 to 1
 
-    def at(self, wavelength_nm: float) -> float:
-        """Interpolated linearly."""
-        return float(np.interp(wavelength_nm, self.wavelengths_nm, self.values))
-
     def linear_rgb(self) -> NDArray[np.float64]:
         """[3], linear sRGB; colours that sRGB does not have are cut to 0..1."""
         nm = np.arange(360.0, 781.0)
-        to_rgb = _XYZ_TO_SRGB @ _observer(nm)
+        observer = [
+            sum(w * np.exp(-0.5 * ((nm - peak) / np.where(nm < peak, low, high)) ** 2) for w, peak, low, high in lobes)
+            for lobes in _OBSERVER
+        ]
+        to_rgb = _XYZ_TO_SRGB @ np.array(observer)
         rgb = to_rgb @ np.interp(nm, self.wavelengths_nm, self.values) / to_rgb.sum(axis=1)
         return np.asarray(np.clip(rgb, 0.0, 1.0))
-
-
-def _observer(nm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[3, n]: the CIE 1931 colour matching functions."""
-    rows = []
-    for lobes in _OBSERVER:
-        row = np.zeros_like(nm)
-        for weight, peak, below, above in lobes:
-            row += weight * np.exp(-0.5 * ((nm - peak) / np.where(nm < peak, below, above)) ** 2)
-        rows.append(row)
-    return np.array(rows)
 
 
 def read_reflectances(path: str | Path, infrared_nm: float = INFRARED_NM) -> dict[str, Reflectance]:
@@ -88,7 +77,20 @@ def read_reflectances(path: str | Path, infrared_nm: float = INFRARED_NM) -> dic
     names = [name.strip() for name in rows[0][1:]]
     if len(set(names)) != len(names):
         raise ReflectanceError(f"{path}: a material is there twice: {', '.join(names)}")
-    numbers = np.array([_numbers(path, i, row, len(names) + 1) for i, row in enumerate(rows[1:], start=2)])
+    table = []
+    for line, row in enumerate(rows[1:], start=2):
+        try:
+            values = [float(text) for text in row]
+        except ValueError as error:
+            raise ReflectanceError(f"{path}: line {line}: {error}") from error
+        if len(values) != len(names) + 1:
+            raise ReflectanceError(
+                f"{path}: line {line} has {len(values)} numbers, the first line names {len(names) + 1}"
+            )
+        if not all(0.0 <= value <= 1.0 for value in values[1:]) or not np.isfinite(values[0]):
+            raise ReflectanceError(f"{path}: line {line}: reflectances must be from 0 to 1 (not percent)")
+        table.append(values)
+    numbers = np.array(table)
     nm = numbers[:, 0]
     if not (np.diff(nm) > 0).all():
         raise ReflectanceError(f"{path}: wavelengths must ascend")
@@ -98,40 +100,25 @@ def read_reflectances(path: str | Path, infrared_nm: float = INFRARED_NM) -> dic
     return {name: Reflectance(nm, numbers[:, 1 + i]) for i, name in enumerate(names)}
 
 
-def _numbers(path: str | Path, line: int, row: list[str], count: int) -> list[float]:
-    """A line's numbers. Raises ReflectanceError."""
-    try:
-        values = [float(text) for text in row]
-    except ValueError as error:
-        raise ReflectanceError(f"{path}: line {line}: {error}") from error
-    if len(values) != count:
-        raise ReflectanceError(f"{path}: line {line} has {len(values)} numbers, the first line names {count}")
-    if not all(0.0 <= value <= 1.0 for value in values[1:]) or not np.isfinite(values[0]):
-        raise ReflectanceError(f"{path}: line {line}: reflectances must be from 0 to 1 (not percent)")
-    return values
-
-
 def apply_reflectances(
     scene: kuafu.Scene, table: dict[str, Reflectance], infrared_nm: float = INFRARED_NM
 ) -> list[str]:
     """Gives the scene's materials of these names their measured colour and infrared albedo, in place of their base
     colours and their textures. Returns the names that were found. Raises ReflectanceError where a name is none of the
     scene's."""
+    materials = [scene.get_material(number) for number in range(scene.summary.material_count)]
+    known = sorted(material.name for material in materials)
+    if missing := sorted(set(table) - set(known)):
+        raise ReflectanceError(f"no material is called {', '.join(missing)}; the scene has {', '.join(known)}")
     found: list[str] = []
-    known: list[str] = []
-    for id in range(scene.summary.material_count):
-        material = scene.get_material(id)
-        known.append(material.name)
-        measured = table.get(material.name)
-        if measured is None:
+    for number, material in enumerate(materials):
+        if material.name not in table:
             continue
+        measured = table[material.name]
         red, green, blue = (float(value) for value in measured.linear_rgb())
         material.base_color = (red, green, blue, material.base_color[3])
-        material.ir_albedo = measured.at(infrared_nm)
+        material.ir_albedo = float(np.interp(infrared_nm, measured.wavelengths_nm, measured.values))
         material.base_color_texture = material.ir_albedo_texture = None
-        scene.set_material(id, material)
+        scene.set_material(number, material)
         found.append(material.name)
-    missing = sorted(set(table) - set(found))
-    if missing:
-        raise ReflectanceError(f"no material is called {', '.join(missing)}; the scene has {', '.join(sorted(known))}")
     return found

@@ -42,10 +42,7 @@ def cylinder() -> Mesh:
 def capsule(radius_m: float, half_length_m: float) -> Mesh:
     """half_length_m: of the part between the half spheres; a capsule cannot be scaled from another."""
     profile = np.vstack(
-        [
-            meshes.arc((0.0, -half_length_m), radius_m, -90.0, 0.0),
-            meshes.arc((0.0, half_length_m), radius_m, 0.0, 90.0),
-        ]
+        [meshes.arc((0.0, -half_length_m), radius_m, -90.0, 0.0), meshes.arc((0.0, half_length_m), radius_m, 0.0, 90.0)]
     )
     profile[[0, -1], 0] = 0.0
     return turned(meshes.lathe([profile]), _Y_UP_TO_Z_UP)

@@ -58,9 +58,6 @@ def set_infrared_share(scene: kuafu.Scene, share: float) -> None:
             scene.set_light(number, light)
 
 
-if TYPE_CHECKING:
-    import kuafu
-
 # An office, as EN 12464-1 asks for 300 to 500 lux: light from all sides in a scene without lamps.
 ROOM_LUX = 400.0
 ROOM_WITHOUT_LAMPS = ROOM_LUX / (np.pi * LUMENS_PER_WATT)  # W/(sr m^2): an even sky of radiance L gives pi L
