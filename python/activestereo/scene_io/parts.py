@@ -56,7 +56,7 @@ def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tupl
 
 def read_parts(path: str | Path) -> list[Part]:
     """The parts of a .obj, .ply, .stl, .dae, .gltf or .glb file as they stand in it, in its unit, which is the metre in
-    Collada and glTF. Normals are the file's, else shaded()'s. ValueError names the file and what is wrong."""
+    Collada and glTF. Normals are the file's, else shaded by _shaded(). ValueError names the file and what is wrong."""
     scene = kuafu.Scene(_device())
     try:
         scene.load(path)
@@ -70,14 +70,26 @@ def read_parts(path: str | Path) -> list[Part]:
         slots = arrays["slots"] if arrays["slots"] is not None else np.zeros(len(arrays["indices"]), np.uint32)
         for slot in np.unique(slots):
             own = instance["materials"][slot] if slot < len(instance["materials"]) else None
-            faces = arrays["indices"][slots == slot]
-            parts.append(_part(scene, arrays, faces, instance["local_to_world"], own, images))
+            faces, to_world = arrays["indices"][slots == slot], instance["local_to_world"]
+            points = arrays["positions"] @ to_world[:3, :3].T + to_world[:3, 3]
+            uvs, colors = arrays["uvs"], arrays["colors"]
+            if arrays["normals"] is None:
+                mesh = _shaded(points, faces, uvs)
+                colors = None if colors is None else colors[faces.ravel()]
+            else:
+                normals = arrays["normals"] @ np.linalg.inv(to_world[:3, :3])
+                normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+                mesh = Mesh.of(points, normals, np.zeros((len(points), 2)) if uvs is None else uvs, faces)
+            material = None if own is None else scene.get_material(own)
+            numbers = {key: getattr(material, key, None) for key in _TEXTURES}
+            textures = {key: images[number] for key, number in numbers.items() if number is not None}
+            parts.append(Part(mesh, colors, material, textures))
     if not parts:
         raise ValueError(f"{path}: there is no mesh in it")
     return parts
 
 
-def shaded(
+def _shaded(
     points: NDArray[np.float64], faces: NDArray[np.integer[Any]], uvs: NDArray[np.float32] | None = None
 ) -> Mesh:
     """A Mesh whose normals follow the faces around a vertex that turn by less than CREASE_DEG from one another: a
@@ -107,28 +119,6 @@ def shaded(
     return Mesh.of(
         points[at], normals, np.zeros((len(at), 2)) if uvs is None else uvs[at], np.arange(len(at)).reshape(-1, 3)
     )
-
-
-def _part(
-    scene: kuafu.Scene,
-    arrays: dict[str, Any],
-    faces: NDArray[np.uint32],
-    to_world: NDArray[np.float64],
-    own: int | None,
-    images: Sequence[dict[str, Any]],
-) -> Part:
-    points = arrays["positions"] @ to_world[:3, :3].T + to_world[:3, 3]
-    uvs, colors = arrays["uvs"], arrays["colors"]
-    if arrays["normals"] is None:
-        mesh = shaded(points, faces, uvs)
-        colors = None if colors is None else colors[faces.ravel()]
-    else:
-        normals = arrays["normals"] @ np.linalg.inv(to_world[:3, :3])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        mesh = Mesh.of(points, normals, np.zeros((len(points), 2)) if uvs is None else uvs, faces)
-    material = None if own is None else scene.get_material(own)
-    numbers = {key: getattr(material, key, None) for key in _TEXTURES}
-    return Part(mesh, colors, material, {key: images[number] for key, number in numbers.items() if number is not None})
 
 
 @cache

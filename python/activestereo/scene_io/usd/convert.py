@@ -44,7 +44,15 @@ def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = N
 
     try:
         conversion = _Conversion(stage)
-        conversion.add_all()
+        for prim in conversion.visible(stage.stage.GetPseudoRoot()):
+            try:
+                conversion.add(prim, columns(conversion.cache.GetLocalToWorldTransform(prim)))
+            except UsdError:
+                raise
+            except Tf.ErrorException as error:
+                stage.tell(f"{prim.GetPath()} is left out: {cause(error)}")
+            except (ArithmeticError, LookupError, TypeError, ValueError):
+                stage.tell(f"{prim.GetPath()} is left out: an attribute is not of the type that its schema has")
     except Tf.ErrorException as error:
         raise UsdError(f"{path}: cannot be shown: {cause(error)}") from error
     if not conversion.shown:
@@ -74,24 +82,11 @@ class _Conversion:
         self.surfaces = Surfaces(stage, self.writer)
         self.ambient: tuple[float, float, float] | None = None
         self.shown = 0
-        self._cache = UsdGeom.XformCache(stage.time)
+        self.cache = UsdGeom.XformCache(stage.time)
         self._to_metres = stage.to_metres()
         self._shapes: dict[Any, list[int]] = {}
 
-    def add_all(self) -> None:
-        from pxr import Tf
-
-        for prim in self._below(self.stage.stage.GetPseudoRoot()):
-            try:
-                self._add(prim, columns(self._cache.GetLocalToWorldTransform(prim)))
-            except UsdError:
-                raise
-            except Tf.ErrorException as error:
-                self.stage.tell(f"{prim.GetPath()} is left out: {cause(error)}")
-            except (ArithmeticError, LookupError, TypeError, ValueError):
-                self.stage.tell(f"{prim.GetPath()} is left out: an attribute is not of the type that its schema has")
-
-    def _below(self, root: Any) -> Iterator[Any]:
+    def visible(self, root: Any) -> Iterator[Any]:
         """The visible prims below a prim, instances included; what PointInstancers copy is theirs."""
         from pxr import Usd, UsdGeom
 
@@ -108,8 +103,8 @@ class _Conversion:
                 prims.PruneChildren()
             yield prim
 
-    def _add(self, prim: Any, to_stage: np.ndarray) -> None:
-        from pxr import UsdGeom, UsdLux
+    def add(self, prim: Any, to_stage: np.ndarray) -> None:
+        from pxr import UsdGeom, UsdLux, UsdShade
 
         to_world = self._to_metres @ to_stage
         if prim.IsA(UsdGeom.Mesh):
@@ -121,11 +116,23 @@ class _Conversion:
         elif prim.IsA(UsdGeom.Camera):
             self._camera(prim, to_world)
         elif prim.GetTypeName() in ("DomeLight", "DomeLight_1"):
-            self._dome(prim)
+            dome = UsdLux.DomeLight(prim)
+            if self.stage.value(dome.GetTextureFileAttr()) is not None:
+                self.stage.tell(
+                    f"{prim.GetPath()}: of a dome light the colour is read: give its picture by --environment"
+                )
+            light = lamps.radiance(self.stage, UsdLux.LightAPI(prim)) + np.array(self.ambient or 0.0)
+            red, green, blue = light.tolist()
+            self.ambient = (red, green, blue)
         elif prim.HasAPI(UsdLux.LightAPI):
             lamps.add_lamp(self.stage, self.writer, prim, to_stage, to_world)
         elif prim.IsA(UsdGeom.Gprim):
-            self._place(prim, self._solid(prim), to_world)
+            mesh = shapes.solid(self.stage, prim)
+            if mesh is None:
+                self.stage.tell(f"{prim.GetPath()} is left out: {prim.GetTypeName()} is not read: export it as a mesh")
+            else:
+                material = self.surfaces.of(prim, UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0])[0]
+                self._place(prim, [self.writer.add_shape(str(prim.GetPath()), mesh, material)], to_world)
         elif prim.GetTypeName() == "SkelRoot":
             self.stage.tell("skins are shown as their meshes are without a skeleton")
 
@@ -169,16 +176,6 @@ class _Conversion:
         self._shapes[key] = out
         return out
 
-    def _solid(self, prim: Any) -> list[int]:
-        from pxr import UsdShade
-
-        mesh = shapes.solid(self.stage, prim)
-        if mesh is None:
-            self.stage.tell(f"{prim.GetPath()} is left out: {prim.GetTypeName()} is not read: export it as a mesh")
-            return []
-        material = self.surfaces.of(prim, UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0])[0]
-        return [self.writer.add_shape(str(prim.GetPath()), mesh, material)]
-
     def _copies(self, instancer: Any, to_stage: np.ndarray) -> None:
         prototypes = instancer.GetPrototypesRel().GetForwardedTargets()
         matrices = instancer.ComputeInstanceTransformsAtTime(self.stage.time, self.stage.time)
@@ -190,11 +187,11 @@ class _Conversion:
             return
         for number, matrix in zip(numbers, matrices, strict=True):
             root = self.stage.stage.GetPrimAtPath(prototypes[number])
-            above = np.linalg.inv(columns(self._cache.GetLocalToWorldTransform(root)))
-            for prim in self._below(root):
+            above = np.linalg.inv(columns(self.cache.GetLocalToWorldTransform(root)))
+            for prim in self.visible(root):
                 # The copy's matrix has its prototype's own transform inside.
-                inside = above @ columns(self._cache.GetLocalToWorldTransform(prim))
-                self._add(prim, to_stage @ columns(matrix) @ inside)
+                inside = above @ columns(self.cache.GetLocalToWorldTransform(prim))
+                self.add(prim, to_stage @ columns(matrix) @ inside)
 
     def _camera(self, prim: Any, to_world: np.ndarray) -> None:
         from pxr import Gf, UsdGeom
@@ -209,12 +206,3 @@ class _Conversion:
         pose = to_world.copy()
         pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
         self.writer.add_camera(str(prim.GetPath()), pose @ np.diag([1, -1, -1, 1]), float(angle), camera.aspectRatio)
-
-    def _dome(self, prim: Any) -> None:
-        from pxr import UsdLux
-
-        light = UsdLux.DomeLight(prim)
-        if self.stage.value(light.GetTextureFileAttr()) is not None:
-            self.stage.tell(f"{prim.GetPath()}: of a dome light the colour is read: give its picture by --environment")
-        red, green, blue = (lamps.radiance(self.stage, UsdLux.LightAPI(prim)) + np.array(self.ambient or 0.0)).tolist()
-        self.ambient = (red, green, blue)

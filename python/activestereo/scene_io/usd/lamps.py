@@ -7,8 +7,6 @@ lux (UsdLuxLightAPI, "Quantities and Units"; ovrtx, "Light Units"). LUMENS_PER_W
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -46,99 +44,86 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
     """A light that is no dome. Matrices 4x4 from the light to the stage's unit and to metres."""
     from pxr import UsdLux
 
-    name, api = str(prim.GetPath()), UsdLux.LightAPI(prim)
-    shines, extras = radiance(stage, api), _extras(stage, prim)
+    name, kind, api = str(prim.GetPath()), str(prim.GetTypeName()), UsdLux.LightAPI(prim)
+    # 1. Its radiance, and the infrared share that the prim states, if it does.
+    shines, share = radiance(stage, api), stage.value(prim.GetAttribute(_SHARE))
     normalize = bool(stage.value(api.GetNormalizeAttr(), False))
+    try:
+        extras = {} if share is None else {"ir_share": infrared_share(str(share))}
+    except ValueError as error:
+        raise UsdError(f"{stage.path}: {name}.{_SHARE}: {error}") from error
+    # 2. A distant light has an irradiance in place of an extent.
+    axes = to_world.copy()
+    axes[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
     if prim.IsA(UsdLux.DistantLight):
         half = np.deg2rad(float(stage.value(UsdLux.DistantLight(prim).GetAngleAttr(), 0.53))) / 2
         irradiance = shines if normalize or half == 0 else shines * np.pi * np.sin(half) ** 2
         if half > np.deg2rad(0.5):
             stage.tell(f"{name}: light from {2 * np.rad2deg(half):.1f} degrees of the sky comes from its middle alone")
-        writer.add_directional_light(name, _rotation(to_world), *_peak(irradiance), extras)
+        writer.add_directional_light(name, axes, *_peak(irradiance), extras)
         return
-    kind = next((kind for kind in _KINDS if prim.GetTypeName() == kind), None)
-    if kind is None:
-        stage.tell(f"{name}: lights of type {prim.GetTypeName()} are not read")
+    if kind not in ("SphereLight", "DiskLight", "RectLight", "CylinderLight"):
+        stage.tell(f"{name}: lights of type {kind} are not read")
         return
+    # 3. A normalized light has the same power at any size in the stage's unit.
     if normalize:
-        shines = shines / _KINDS[kind](stage, prim, to_stage).area
-    shape = _KINDS[kind](stage, prim, to_world)
-    cone = _cone(stage, prim)
-    if shape.tube is not None:
+        shines = shines / _extent(stage, prim, to_stage)[0]
+    _, shown, size, tube = _extent(stage, prim, to_world)
+    cone, (color, peak) = _cone(stage, prim), _peak(shines * shown)
+    # 4. Kuafu has no light of a tube's shape: its surface shines.
+    if tube is not None:
         if cone is not None:
             stage.tell(f"{name}: the cone of a {kind} is not read")
-        writer.add_placed_mesh(name, shape.tube, _emitter(writer, name, shines, extras.get("ir_share", 1.0)), to_world)
-    elif kind == "SphereLight" and cone is None:
-        writer.add_point_light(name, to_world[:3, 3].tolist(), *_peak(shines * shape.shown), extras | shape.extras)
-    elif cone is None:
-        extras |= shape.extras
-        writer.add_spot_light(name, _rotation(to_world), *_peak(shines * shape.shown), (0.0, np.pi / 2), extras)
+        color, peak = _peak(shines)
+        # A surface's infrared light has no unit that follows the camera: imagers without a filter see all of it.
+        material = writer.add_material(
+            name,
+            pbrMetallicRoughness={"baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0},
+            emissiveFactor=color,
+            extensions={
+                "KHR_materials_emissive_strength": {"emissiveStrength": peak},
+                "KHR_materials_specular": {"specularFactor": 0.0},
+            },
+            extras={"ir_emission": extras.get("ir_share", 1.0) * float(shines[0])},
+        )
+        writer.add_placed_mesh(name, tube, material, to_world)
+    elif cone is not None:
+        writer.add_spot_light(name, axes, color, peak, cone, extras)
+    elif kind == "SphereLight":
+        writer.add_point_light(name, to_world[:3, 3].tolist(), color, peak, extras | size)
     else:
-        writer.add_spot_light(name, _rotation(to_world), *_peak(shines * shape.shown), cone, extras)
+        writer.add_spot_light(name, axes, color, peak, (0.0, np.pi / 2), extras | size)
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """A lamp's extent. area: of all that shines; shown: of the part that a faraway eye on its axis sees. extras: of
-    glTF's light. tube: the surface that shines, where kuafu has no such light."""
-
-    area: float
-    shown: float
-    extras: dict[str, Any] = field(default_factory=dict)
-    tube: Mesh | None = None
-
-
-def _round(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
-    """A sphere or a disk."""
+def _extent(stage: Stage, prim: Any, to: np.ndarray) -> tuple[float, float, dict[str, Any], Mesh | None]:
+    """(area of all that shines, area that a faraway eye on its axis sees, extras of glTF's light, the surface of a
+    tube or None) of a lamp; to: 4x4 from its axes to the unit of the areas."""
     from pxr import UsdLux
 
-    is_disk = prim.IsA(UsdLux.DiskLight)
-    light = UsdLux.DiskLight(prim) if is_disk else UsdLux.SphereLight(prim)
+    kind, scales = str(prim.GetTypeName()), np.linalg.norm(to[:3, :3], axis=0)
+    if kind == "RectLight":
+        rect = UsdLux.RectLight(prim)
+        if rect.GetTextureFileAttr() and stage.value(rect.GetTextureFileAttr()) is not None:
+            stage.tell(f"{prim.GetPath()}: its texture is not read")
+        size = np.array([float(stage.value(a, 1.0)) for a in (rect.GetWidthAttr(), rect.GetHeightAttr())])
+        size = np.maximum(size, _LEAST_RADIUS) * scales[:2]
+        return float(size.prod()), float(size.prod()), {"size_m": size.tolist()}, None
+    light = getattr(UsdLux, kind)(prim)
     radius = max(float(stage.value(light.GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
-    radius *= float(np.sqrt(np.prod(_scales(to)[:2])) if is_disk else np.cbrt(np.prod(_scales(to))))
-    disk = np.pi * radius**2
-    return _Shape(disk if is_disk else 4.0 * disk, disk, {"radius_m": radius})
-
-
-def _rectangle(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
-    from pxr import UsdLux
-
-    rect = UsdLux.RectLight(prim)
-    if rect.GetTextureFileAttr() and stage.value(rect.GetTextureFileAttr()) is not None:
-        stage.tell(f"{prim.GetPath()}: its texture is not read")
-    size = np.array([float(stage.value(a, 1.0)) for a in (rect.GetWidthAttr(), rect.GetHeightAttr())])
-    size = np.maximum(size, _LEAST_RADIUS) * _scales(to)[:2]
-    return _Shape(float(size.prod()), float(size.prod()), {"size_m": size.tolist()})
-
-
-def _cylinder(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
-    from pxr import UsdLux
-
-    tube = UsdLux.CylinderLight(prim)
-    radius = max(float(stage.value(tube.GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
-    length = float(stage.value(tube.GetLengthAttr(), 1.0))
-    along, *across = _scales(to)
-    side = 2.0 * np.pi * radius * float(np.sqrt(np.prod(across))) * length * along
-    return _Shape(side, side / np.pi, tube=_tube(radius, length))
-
-
-_KINDS: dict[str, Callable[[Stage, Any, np.ndarray], _Shape]] = {
-    "SphereLight": _round,
-    "DiskLight": _round,
-    "RectLight": _rectangle,
-    "CylinderLight": _cylinder,
-}
-
-
-def _extras(stage: Stage, prim: Any) -> dict[str, Any]:
-    """The infrared share that the prim states, if it does."""
-    value = stage.value(prim.GetAttribute(_SHARE))
-    if value is None:
-        return {}
-    try:
-        return {"ir_share": infrared_share(str(value))}
-    except ValueError as error:
-        raise UsdError(f"{stage.path}: {prim.GetPath()}.{_SHARE}: {error}") from error
+    if kind != "CylinderLight":
+        is_disk = kind == "DiskLight"
+        radius *= float(np.sqrt(np.prod(scales[:2])) if is_disk else np.cbrt(np.prod(scales)))
+        disk = np.pi * radius**2
+        return disk if is_disk else 4.0 * disk, disk, {"radius_m": radius}, None
+    length = float(stage.value(light.GetLengthAttr(), 1.0))
+    side = 2.0 * np.pi * radius * float(np.sqrt(np.prod(scales[1:]))) * length * float(scales[0])
+    # The side of a cylinder along x; its ends do not shine.
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    out = np.stack([np.zeros(64), np.cos(angle), np.sin(angle)], axis=1)
+    points = np.vstack([radius * out + [x, 0, 0] for x in (-length / 2, length / 2)])
+    low, after = np.arange(64), np.roll(np.arange(64), -1)
+    triangles = np.vstack([np.stack([low, after, low + 64], axis=1), np.stack([after, after + 64, low + 64], axis=1)])
+    return side, side / np.pi, {}, Mesh.of(points, np.vstack([out, out]), np.zeros((128, 2)), triangles)
 
 
 def _cone(stage: Stage, prim: Any) -> tuple[float, float] | None:
@@ -163,40 +148,3 @@ def _peak(light: np.ndarray) -> tuple[list[float], float]:
     """(colour, intensity) as glTF has them."""
     peak = max(float(light.max()), 1e-30)
     return (light / peak).tolist(), peak
-
-
-def _tube(radius: float, length: float) -> Mesh:
-    """The side of a cylinder along x; its ends do not shine."""
-    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-    out = np.stack([np.zeros(64), np.cos(angle), np.sin(angle)], axis=1)
-    points = np.vstack([radius * out + [x, 0, 0] for x in (-length / 2, length / 2)])
-    low = np.arange(64)
-    after = np.roll(low, -1)
-    triangles = np.vstack([np.stack([low, after, low + 64], axis=1), np.stack([after, after + 64, low + 64], axis=1)])
-    return Mesh.of(points, np.vstack([out, out]), np.zeros((128, 2)), triangles)
-
-
-def _emitter(writer: GltfWriter, name: str, shines: np.ndarray, share: float) -> int:
-    """A surface's infrared light has no unit that follows the camera: imagers without a filter see all of it."""
-    color, peak = _peak(shines)
-    return writer.add_material(
-        name,
-        pbrMetallicRoughness={"baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0},
-        emissiveFactor=color,
-        extensions={
-            "KHR_materials_emissive_strength": {"emissiveStrength": peak},
-            "KHR_materials_specular": {"specularFactor": 0.0},
-        },
-        extras={"ir_emission": share * float(shines[0])},
-    )
-
-
-def _scales(matrix: np.ndarray) -> np.ndarray:
-    """Lengths of the transformed axes."""
-    return np.asarray(np.linalg.norm(matrix[:3, :3], axis=0))
-
-
-def _rotation(matrix: np.ndarray) -> np.ndarray:
-    out = matrix.copy()
-    out[:3, :3] /= _scales(matrix)
-    return out

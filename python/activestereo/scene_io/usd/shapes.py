@@ -19,20 +19,7 @@ Points = NDArray[np.float64]
 _MOST_CORNERS = 2000  # its cost grows by the square; beyond, a polygon stays a fan
 
 
-def concave_faces(places: Points, face: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The faces that are not convex. places [corners, 3], face [corners]: the face of each, count [faces]: corners."""
-    first = np.cumsum(count) - count
-    step = np.arange(len(face)) - first[face]
-    after, before = (first[face] + (step + turn) % count[face] for turn in (1, -1))
-    normal = np.zeros((len(count), 3))
-    np.add.at(normal, face, np.cross(places - places[first[face]], places[after] - places[first[face]]))
-    turn = np.cross(places - places[before], places[after] - places)
-    size = np.linalg.norm(turn, axis=1) * np.linalg.norm(normal[face], axis=1)
-    inward = np.einsum("ij,ij->i", turn, normal[face]) < -1e-6 * size
-    return np.asarray(np.unique(face[inward & (count[face] > 3) & (count[face] <= _MOST_CORNERS)]))
-
-
-def ears(places: Points) -> NDArray[np.int64]:
+def _ears(places: Points) -> NDArray[np.int64]:
     """[n - 2, 3] corners of the triangles of a polygon [n, 3], in its own direction."""
     normal = np.cross(places - places[0], np.roll(places, -1, axis=0) - places[0]).sum(axis=0)
     axis = int(np.abs(normal).argmax())
@@ -40,27 +27,26 @@ def ears(places: Points) -> NDArray[np.int64]:
     if normal[axis] < 0:
         flat = flat[:, ::-1]
     rest, out = list(range(len(flat))), []
+
+    def turn(a: Points, b: Points, c: Points) -> Points:
+        """Twice the area of the triangles, positive where they turn left."""
+        return np.asarray((b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0]))
+
+    def is_ear(k: int) -> bool:
+        triangle = [rest[k - 1], rest[k], rest[(k + 1) % len(rest)]]
+        a, b, c = flat[triangle]
+        if turn(a, b, c) <= 0:
+            return False
+        others = flat[[i for i in rest if i not in triangle]]
+        inside = np.all([turn(p, q, others) >= 0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
+        corner = np.any([(others == p).all(axis=1) for p in (a, b, c)], axis=0)  # a hole's bridge comes back to it
+        return not bool((inside & ~corner).any())
+
     while len(rest) > 3:
-        ear = next((k for k in range(len(rest)) if _is_ear(flat, rest, k)), 0)  # 0: its sides cross each other
+        ear = next((k for k in range(len(rest)) if is_ear(k)), 0)  # 0: its sides cross each other
         out.append([rest[ear - 1], rest[ear], rest[(ear + 1) % len(rest)]])
         del rest[ear]
     return np.array([*out, rest])
-
-
-def _is_ear(flat: Points, rest: list[int], k: int) -> bool:
-    triangle = [rest[k - 1], rest[k], rest[(k + 1) % len(rest)]]
-    a, b, c = flat[triangle]
-    if _turn(a, b, c) <= 0:
-        return False
-    others = flat[[i for i in rest if i not in triangle]]
-    inside = np.all([_turn(p, q, others) >= 0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
-    corner = np.any([(others == p).all(axis=1) for p in (a, b, c)], axis=0)  # a hole's bridge comes back to it
-    return not bool((inside & ~corner).any())
-
-
-def _turn(a: Points, b: Points, c: Points) -> Points:
-    """Twice the area of the triangles, positive where they turn left."""
-    return np.asarray((b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0]))
 
 
 @dataclass(frozen=True)
@@ -96,20 +82,30 @@ def polygons(stage: Stage, mesh: Any, point_count: int) -> Polygons | None:
 
 
 def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
-    """Concave faces as they are: the others stay fans."""
-    count = np.bincount(cut.corner_face, minlength=cut.face_count)
-    first, corners = np.cumsum(count) - count, cut.corners.copy()
-    for face in concave_faces(points[cut.vertices], cut.corner_face, count):
-        begin, end = np.searchsorted(cut.faces, [face, face + 1])
+    """Cuts concave faces by their ears; the others stay fans."""
+    count, face = np.bincount(cut.corner_face, minlength=cut.face_count), cut.corner_face
+    first, corners, places = np.cumsum(count) - count, cut.corners.copy(), points[cut.vertices]
+    # 1. Faces with a corner that turns against the face's normal are concave.
+    step = np.arange(len(face)) - first[face]
+    after, before = (first[face] + (step + turn) % count[face] for turn in (1, -1))
+    normal = np.zeros((len(count), 3))
+    np.add.at(normal, face, np.cross(places - places[first[face]], places[after] - places[first[face]]))
+    turn = np.cross(places - places[before], places[after] - places)
+    size = np.linalg.norm(turn, axis=1) * np.linalg.norm(normal[face], axis=1)
+    inward = np.einsum("ij,ij->i", turn, normal[face]) < -1e-6 * size
+    concave = np.unique(face[inward & (count[face] > 3) & (count[face] <= _MOST_CORNERS)])
+    # 2. Cut them.
+    for number in concave:
+        begin, end = np.searchsorted(cut.faces, [number, number + 1])
         if begin == end:  # a hole
             continue
-        own = first[face] + ears(points[cut.vertices[first[face] : first[face] + count[face]]])
+        own = first[number] + _ears(places[first[number] : first[number] + count[number]])
         left_handed = corners[begin, 1] > corners[begin, 2]
         corners[begin:end] = own[:, [0, 2, 1]] if left_handed else own
     return replace(cut, corners=corners)
 
 
-def at_corners(values: np.ndarray, interpolation: str, cut: Polygons) -> np.ndarray | None:
+def _at_corners(values: np.ndarray, interpolation: str, cut: Polygons) -> np.ndarray | None:
     """Values [n, k] of a primvar for each face corner; None: their number does not fit the interpolation."""
     count, index = {
         "vertex": (cut.point_count, cut.vertices),
@@ -132,7 +128,7 @@ def _primvar(stage: Stage, prim: Any, name: str, cut: Polygons) -> np.ndarray | 
     values = np.asarray(primvar.ComputeFlattened(stage.time), dtype=np.float64)
     if values.ndim == 0:
         return None
-    return at_corners(values.reshape(len(values), -1), str(primvar.GetInterpolation()), cut)
+    return _at_corners(values.reshape(len(values), -1), str(primvar.GetInterpolation()), cut)
 
 
 def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.ndarray:
@@ -140,7 +136,7 @@ def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.n
     found = _primvar(stage, mesh.GetPrim(), "normals", cut)
     if found is None:
         authored = stage.vectors(mesh.GetNormalsAttr())
-        found = at_corners(authored, str(mesh.GetNormalsInterpolation()), cut)
+        found = _at_corners(authored, str(mesh.GetNormalsInterpolation()), cut)
         if found is None and len(authored):
             kind = str(mesh.GetNormalsInterpolation())
             stage.tell(f"{mesh.GetPath()}: its {len(authored)} normals are left out: that is no {kind} count of it")

@@ -14,7 +14,6 @@ from activestereo.scene_io.gltf_writer import CLAMP, MIRROR, REPEAT, GltfWriter
 from activestereo.scene_io.usd.stage import Stage
 
 _WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP, "black": CLAMP}
-_IGNORED = ("displacement", "occlusion")
 _COLORS = ("diffuseColor", "emissiveColor")
 _UNREADABLE = (UnidentifiedImageError, Image.DecompressionBombError, OSError, ValueError, SyntaxError)
 
@@ -83,12 +82,16 @@ class Surfaces:
         roughness, roughness_map = read("roughness", 0.5)
         emission, emission_map = read("emissiveColor", (0.0, 0.0, 0.0))
         opacity, opacity_map = read("opacity", 1.0)
+        color, emission = (
+            [1.0, 1.0, 1.0] if picture else [float(c) for c in value]
+            for value, picture in ((color, color_map), (emission, emission_map))
+        )
         pbr: dict[str, Any] = {
-            "baseColorFactor": [*_rgb(color, color_map), 1.0 if opacity_map else float(opacity)],
+            "baseColorFactor": [*color, 1.0 if opacity_map else float(opacity)],
             "metallicFactor": 1.0 if metallic_map else float(metallic),
             "roughnessFactor": 1.0 if roughness_map else float(roughness),
         }
-        fields: dict[str, Any] = {"pbrMetallicRoughness": pbr, "emissiveFactor": _rgb(emission, emission_map)}
+        fields: dict[str, Any] = {"pbrMetallicRoughness": pbr, "emissiveFactor": emission}
         self._set_texture(pbr, "baseColorTexture", _with_alpha(color_map, opacity_map))
         self._set_texture(pbr, "metallicRoughnessTexture", _packed(roughness_map, metallic_map))
         self._set_texture(fields, "emissiveTexture", emission_map)
@@ -98,13 +101,6 @@ class Surfaces:
             fields.update(alphaMode="MASK", alphaCutoff=threshold)
         elif opacity_map is not None or float(opacity) < 1.0:
             fields["alphaMode"] = "BLEND"
-        self._extensions(shader, name, fields)
-        others = sorted(set(uv_names) - set(uv_names[:1]))
-        if others:
-            self._stage.tell(f"{name}: its textures lie by {uv_names[0]}; {' and '.join(others)} are not read")
-        return self._writer.add_material(name, **fields), uv_names[0] if uv_names else "st"
-
-    def _extensions(self, shader: Any, name: str, fields: dict[str, Any]) -> None:
         extensions: dict[str, Any] = {"KHR_materials_ior": {"ior": self._number(shader, "ior", 1.5)}}
         coat = self._number(shader, "clearcoat", 0.0)
         if coat > 0.0:
@@ -117,12 +113,17 @@ class Surfaces:
         if strength > 1.0:
             fields["emissiveFactor"] = [c / strength for c in fields["emissiveFactor"]]
             extensions["KHR_materials_emissive_strength"] = {"emissiveStrength": strength}
+        fields["extensions"] = extensions
+        # Say what is not read.
         if int(self._value(shader, "useSpecularWorkflow", 0)):
             self._stage.tell(f"{name}: specularColor is not read; its metallic stands")
-        fields["extensions"] = extensions
-        for key in _IGNORED:
+        for key in ("displacement", "occlusion"):
             if shader.GetInput(key) and shader.GetInput(key).HasConnectedSource():
                 self._stage.tell(f"{name}: {key} is not read")
+        others = sorted(set(uv_names) - set(uv_names[:1]))
+        if others:
+            self._stage.tell(f"{name}: its textures lie by {uv_names[0]}; {' and '.join(others)} are not read")
+        return self._writer.add_material(name, **fields), uv_names[0] if uv_names else "st"
 
     def _set_texture(self, to: dict[str, Any], key: str, picture: Picture | None) -> None:
         if picture is None:
@@ -216,10 +217,6 @@ class Surfaces:
                 return self._uv_name(reader, "in", where, transforms + 1)
             self._stage.tell(f"{where}: its coordinates come from no primvar: st is taken")
         return "st"
-
-
-def _rgb(value: Any, picture: Picture | None) -> list[float]:
-    return [1.0, 1.0, 1.0] if picture else [float(c) for c in value]
 
 
 def _png_or_jpeg(path: str) -> bytes | None:
