@@ -113,16 +113,12 @@ class Board:
         ) - _MARKER_SHIFT_PX
 
     def _aruco_board(self) -> tuple[Any, Any]:
+        """OpenCV's (board, dictionary of markers)."""
         if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "CharucoBoard_create"):
             raise ValueError(
                 f"this OpenCV, {cv2.__version__}, has no aruco module as in 4.6: use a chessboard, or Debian's "
                 "python3-opencv"
             )
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, _DICTIONARY[self.kind]))
-        if self.kind == "apriltag":
-            return cv2.aruco.GridBoard_create(
-                self.columns, self.rows, self.camera_m, self.second_m, dictionary
-            ), dictionary
-        return cv2.aruco.CharucoBoard_create(
-            self.columns, self.rows, self.camera_m, self.second_m, dictionary
-        ), dictionary
+        make = cv2.aruco.GridBoard_create if self.kind == "apriltag" else cv2.aruco.CharucoBoard_create
+        return make(self.columns, self.rows, self.camera_m, self.second_m, dictionary), dictionary

@@ -30,12 +30,31 @@ def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
     differ."""
     path = Path(path)
     if path.suffix == ".npy":
-        views = [Repeats(path.name, _stack(path), None, path.name)]
+        try:
+            # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
+            counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError, OverflowError, EOFError) as error:
+            raise ValueError(f"{path}: cannot be read as a .npy stack: {error}") from error
+        if counts.ndim != 3 or counts.dtype not in (np.uint8, np.uint16):
+            raise ValueError(
+                f"{path}: is {counts.dtype} {list(counts.shape)}, expected uint8 or uint16 [frame][height][width]"
+            )
+        views = [Repeats(path.name, np.array(counts), None, path.name)]
     elif path.name == "capture.json" or (path / "capture.json").is_file():
         views = _read_capture(path)
     elif path.is_dir():
-        folders = [path, *sorted(child for child in path.iterdir() if child.is_dir())]
-        views = [_read_folder(folder) for folder in folders if any(folder.glob("*.png"))]
+        views = []
+        for folder in [path, *sorted(child for child in path.iterdir() if child.is_dir())]:
+            files = sorted(folder.glob("*.png"))
+            images = [read_gray(file, key="image") for file in files]
+            for file, image in zip(files, images, strict=True):
+                if image.shape != images[0].shape or image.dtype != images[0].dtype:
+                    raise ValueError(
+                        f"{file}: is {image.shape[1]}x{image.shape[0]} {image.dtype}, {files[0].name} is "
+                        f"{images[0].shape[1]}x{images[0].shape[0]} {images[0].dtype}"
+                    )
+            if images:
+                views.append(Repeats(str(folder), np.stack(images), None, str(folder)))
     else:
         raise ValueError(f"{path}: is no folder, no .npy stack and no capture")
     if not views:
@@ -47,31 +66,6 @@ def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
                 "static view"
             )
     return views
-
-
-def _stack(path: Path) -> np.ndarray:
-    try:
-        # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
-        counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, OverflowError, EOFError) as error:
-        raise ValueError(f"{path}: cannot be read as a .npy stack: {error}") from error
-    if counts.ndim != 3 or counts.dtype not in (np.uint8, np.uint16):
-        raise ValueError(
-            f"{path}: is {counts.dtype} {list(counts.shape)}, expected uint8 or uint16 [frame][height][width]"
-        )
-    return np.array(counts)
-
-
-def _read_folder(folder: Path) -> Repeats:
-    files = sorted(folder.glob("*.png"))
-    images = [read_gray(file, key="image") for file in files]
-    for file, image in zip(files, images, strict=True):
-        if image.shape != images[0].shape or image.dtype != images[0].dtype:
-            raise ValueError(
-                f"{file}: is {image.shape[1]}x{image.shape[0]} {image.dtype}, {files[0].name} is "
-                f"{images[0].shape[1]}x{images[0].shape[0]} {images[0].dtype}"
-            )
-    return Repeats(str(folder), np.stack(images), None, str(folder))
 
 
 def _read_capture(path: Path) -> list[Repeats]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from activestereo.capture.capture import Capture, Frame
+from activestereo.capture.capture import Capture
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.meshes import Mesh, depth_triangles
 
@@ -48,13 +48,35 @@ def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2
     repeats = [
         f for f in capture.frames if f.depth_path is not None and np.allclose(f.camera_to_world, pose, atol=1e-9)
     ]
-    depth = _median(capture, repeats)
-    mesh, share = _mesh(depth, capture.rig.left.K, pose, step_px)
+    # 1. The median of each pixel's measured values; 0 where fewer than half of the frames have one.
+    stack = np.array([capture.depth(frame) for frame in repeats], dtype=np.float64)
+    known = stack > 0
+    often = known.sum(axis=0) * 2 > len(repeats)
+    depth = np.zeros(stack.shape[1:])
+    depth[often] = np.nanmedian(np.where(known, stack, np.nan)[:, often], axis=0)
+    smooth = median_filter(depth, _MEDIAN_PX)
+    depth = np.where((depth > 0) & (np.abs(smooth - depth) < _JUMP * depth), smooth, depth)
+    # 2. Triangles of neighbours that belong to one surface.
+    v, u = np.mgrid[0 : depth.shape[0] : step_px, 0 : depth.shape[1] : step_px]
+    z = depth[v, u]
+    triangles = depth_triangles(z, _JUMP * step_px)
+    share = len(triangles) / max(2.0 * (z.shape[0] - 1) * (z.shape[1] - 1), 1.0)
     if share < 0.01:
         raise ValueError(
             f"{with_depth[0].depth_path}: {100 * share:.2f} % of it is a surface: it has too few measured pixels"
         )
-    return HeightField(mesh, share, len(repeats))
+    # 3. Points in the world, and normals as the sum of the triangles' areas around them.
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(capture.rig.left.K).T
+    points = ((rays * z[..., None]) @ pose[:3, :3].T + pose[:3, 3]).reshape(-1, 3)
+    corners = points[triangles]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros((z.size, 3))
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], area)
+    used, triangles = np.unique(triangles, return_inverse=True)
+    own = normals[used] / np.maximum(np.linalg.norm(normals[used], axis=1, keepdims=True), 1e-30)
+    uvs = np.stack([u / depth.shape[1], v / depth.shape[0]], axis=-1).reshape(-1, 2)[used]
+    return HeightField(Mesh.of(points[used], own, uvs, triangles.reshape(-1, 3)), float(share), len(repeats))
 
 
 def write_height_field(path: Path, field: HeightField, capture: Capture, pose: NDArray[np.float64]) -> None:
@@ -73,38 +95,3 @@ def write_height_field(path: Path, field: HeightField, capture: Capture, pose: N
     angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
     writer.add_camera("camera", pose, angle, camera.width / camera.height)
     writer.write(path)
-
-
-def _median(capture: Capture, frames: list[Frame]) -> NDArray[np.float64]:
-    """The median of each pixel's measured values; 0 where fewer than half of the frames have one."""
-    stack = np.array([capture.depth(frame) for frame in frames], dtype=np.float64)
-    known = stack > 0
-    values = np.where(known, stack, np.nan)
-    often = known.sum(axis=0) * 2 > len(frames)
-    out = np.zeros(stack.shape[1:])
-    out[often] = np.nanmedian(values[:, often], axis=0)
-    smooth = median_filter(out, _MEDIAN_PX)
-    return np.where((out > 0) & (np.abs(smooth - out) < _JUMP * out), smooth, out)
-
-
-def _mesh(
-    depth: NDArray[np.float64], K: NDArray[np.float64], pose: NDArray[np.float64], step_px: int
-) -> tuple[Mesh, float]:
-    v, u = np.mgrid[0 : depth.shape[0] : step_px, 0 : depth.shape[1] : step_px]
-    z = depth[v, u]
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T
-    points = (rays * z[..., None]) @ pose[:3, :3].T + pose[:3, 3]
-    triangles = depth_triangles(z, _JUMP * step_px)
-    if not len(triangles):
-        return Mesh.of(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 3))), 0.0
-    corners3 = points.reshape(-1, 3)[triangles]
-    area = np.cross(corners3[:, 1] - corners3[:, 0], corners3[:, 2] - corners3[:, 0])
-    normals = np.zeros((z.size, 3))
-    for k in range(3):
-        np.add.at(normals, triangles[:, k], area)
-    used, triangles = np.unique(triangles, return_inverse=True)
-    triangles = triangles.reshape(-1, 3)
-    own = normals[used] / np.maximum(np.linalg.norm(normals[used], axis=1, keepdims=True), 1e-30)
-    uvs = np.stack([u / depth.shape[1], v / depth.shape[0]], axis=-1).reshape(-1, 2)[used]
-    share = len(triangles) / (2.0 * (z.shape[0] - 1) * (z.shape[1] - 1))
-    return Mesh.of(points.reshape(-1, 3)[used], own, uvs, triangles), float(share)

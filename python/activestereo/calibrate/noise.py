@@ -131,7 +131,19 @@ def calibrate_noise(
     max_dn = 2 ** bit_depth([*views, *darks]) - 1
     rng = np.random.default_rng(seed)
     pixels = _chosen_pixels(views, max_dn, rng)
-    dark_counts = _dark_counts(darks, views, rng)
+    dark_counts = []  # [pixel][repeat] of each dark view, pixels at random
+    if darks:
+        brightest, darkest = max(float(d.counts.mean()) for d in darks), min(float(v.counts.mean()) for v in views)
+        if brightest >= darkest:
+            raise ValueError(
+                f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without "
+                "any light to --dark"
+            )
+        flat = [view.counts.reshape(len(view.counts), -1) for view in darks]
+        most = _LARGEST_DARK // sum(len(own) for own in flat)
+        for own in flat:
+            some = own if own.shape[1] <= most else own[:, rng.choice(own.shape[1], most, replace=False)]
+            dark_counts.append(some.T)
     counts = Counts.of(pixels, dark_counts, max_dn)
     transfer = _transfer(views, max_dn)
     black = None if dark_counts else _black_of_exposures(views, max_dn)
@@ -177,24 +189,6 @@ def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) 
         number = min(-(-wanted // len(views)), len(usable))
         out.append(flat[:, rng.choice(usable, number, replace=False, p=weight / weight.sum())].T)
     return out
-
-
-def _dark_counts(darks: list[Repeats], views: list[Repeats], rng: np.random.Generator) -> list[np.ndarray]:
-    """[pixel][repeat] of each dark view, pixels at random."""
-    if not darks:
-        return []
-    brightest, darkest = max(float(d.counts.mean()) for d in darks), min(float(v.counts.mean()) for v in views)
-    if brightest >= darkest:
-        raise ValueError(
-            f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without any "
-            "light to --dark"
-        )
-    flat = [dark.counts.reshape(len(dark.counts), -1) for dark in darks]
-    most = _LARGEST_DARK // sum(len(counts) for counts in flat)
-    return [
-        (counts if counts.shape[1] <= most else counts[:, rng.choice(counts.shape[1], most, replace=False)]).T
-        for counts in flat
-    ]
 
 
 def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:

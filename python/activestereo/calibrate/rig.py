@@ -203,7 +203,12 @@ def _bundle(
     error = _INFLATION * deviations(solution, rest)
     K, lenses, (left_to_right, *poses) = unpacked(solution.x)
     errors = {side: error[n * own : n * own + 4] if own else np.zeros(4) for n, side in enumerate(SIDES)}
-    coverage = {side: _coverage([v.corners[side][1] for v in views if side in v.corners], size) for side in SIDES}
+    coverage = {}
+    for side in SIDES:
+        pixels = np.concatenate([view.corners[side][1] for view in views if side in view.corners])
+        cells = (pixels / np.array(size) * np.array(_COVERAGE_CELLS)).astype(int)
+        reached = np.unique(np.clip(cells, 0, np.array(_COVERAGE_CELLS) - 1), axis=0)
+        coverage[side] = len(reached) / float(np.prod(_COVERAGE_CELLS))
     result = Calibration(
         size, K, lenses, left_to_right, {view.name: pose for view, pose in zip(views, poses, strict=True)},
         errors | {"translation": error[2 * own + 3 : 2 * own + 6]}, float(np.sqrt(2.0 * np.mean(rest**2))), coverage,
@@ -245,12 +250,6 @@ def _drawn(
 ) -> NDArray[np.float64]:
     """Pixels [n][2] of points [n][3]; pose: 4x4 to the camera."""
     return np.asarray(cv2.projectPoints(points, *np.split(vector(pose), 2), K, lens)[0].reshape(-1, 2))
-
-
-def _coverage(pixels: list[NDArray[np.float64]], size: tuple[int, int]) -> float:
-    cells = np.concatenate(pixels) / np.array(size) * np.array(_COVERAGE_CELLS)
-    inside = np.clip(cells.astype(int), 0, np.array(_COVERAGE_CELLS) - 1)
-    return len(np.unique(inside, axis=0)) / float(np.prod(_COVERAGE_CELLS))
 
 
 def write_coverage(path: Path, result: Calibration) -> None:

@@ -29,6 +29,8 @@ _LARGEST_STEP_PX = 0.4
 _LSQR_STEPS = 40
 # A spot's middle lies at most this far outside the image, in sigmas.
 _OUTSIDE = 1.5
+# A spot ends so many sigmas from its middle.
+_REACH = 3.5
 # Two spots closer than this, in sigmas, are one.
 _ONE_SPOT = 0.9
 
@@ -49,7 +51,7 @@ class Spots:
     @property
     def border_px(self) -> int:
         """Nearer to the image's border a spot is cut by it."""
-        return _reach(self.sigma_px)
+        return int(np.ceil(_REACH * self.sigma_px))
 
     @property
     def is_whole(self) -> np.ndarray:
@@ -68,7 +70,13 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     ValueError where there are fewer than 50."""
     tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
-    sigma = _typical_sigma(image)
+    # 1. The scale at which the strong spots answer most (Lindeberg 1998: a Gaussian does at its own sigma).
+    first = -gaussian_laplace(image, 1.25)
+    v, u = _peaks(first, np.full(image.shape, 0.0))
+    order = np.argsort(-first[v, u])[: max(len(u) // 4, 1)]
+    answer = [np.median(-(scale**2) * gaussian_laplace(image, scale)[v[order], u[order]]) for scale in _SCALES_PX]
+    sigma = float(_SCALES_PX[int(np.argmax(answer))])
+    # 2. Peaks of the response at this scale, each moved to its parabola's top.
     size = int(np.ceil(12.0 * sigma)) | 1
     background = gaussian_filter(minimum_filter(gaussian_filter(image, 0.6 * sigma), size), 0.5 * size)
     response = -gaussian_laplace(image, sigma)
@@ -77,8 +85,11 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     v, u = _peaks(response, np.maximum(_LEAST_RESPONSE * strong, _SIGNIFICANT * noise))
     if len(u) < _LEAST_SPOTS:
         raise ValueError(f"only {len(u)} dots are seen: is the projector on, and the wall in focus?")
-    u, v = u + _vertex(response, v, u, 0, 1), v + _vertex(response, v, u, 1, 0)
-    fit = _Fit(image, background, variance, u.astype(float), v.astype(float), sigma)
+    wide = np.pad(response, 1, mode="edge")  # the border's last pixel is repeated
+    here = wide[v + 1, u + 1]
+    across, down = vertex(wide[v + 1, u], here, wide[v + 1, u + 2]), vertex(wide[v, u + 1], here, wide[v + 2, u + 1])
+    # 3. All of them fitted; what they leave is searched for merged ones.
+    fit = _Fit(image, background, variance, u + across, v + down, sigma)
     fit.run(_FIRST_STEPS)
     tell(0.3)
     for peel in range(_PEELS):
@@ -120,7 +131,7 @@ class _Fit:
 
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(pixel numbers, offsets in u and v, Gaussian, 0 outside the image) [spot][pixel of its patch]."""
-        reach, (height, width) = _reach(self.sigma), self.image.shape
+        reach, (height, width) = int(np.ceil(_REACH * self.sigma)), self.image.shape
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
         du, dv = column - self.u[:, None], row - self.v[:, None]
@@ -136,9 +147,10 @@ class _Fit:
         return self.image - self.background - model.reshape(self.image.shape)
 
     def run(self, steps: int) -> None:
+        """Gauss-Newton steps; after each, the background takes the smooth part of what is left."""
         for _ in range(steps):
             self._step()
-            self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)  # its smooth part
+            self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
 
     def _step(self) -> None:
         pixel, du, dv, gauss = self._patches()
@@ -180,20 +192,6 @@ class _Fit:
         self.u, self.v, self.amplitude = self.u[keep], self.v[keep], self.amplitude[keep]
 
 
-def _reach(sigma: float) -> int:
-    """Pixels from a spot's middle to where it ends."""
-    return int(np.ceil(3.5 * sigma))
-
-
-def _typical_sigma(image: np.ndarray) -> float:
-    """The scale at which the strong spots answer most (Lindeberg 1998: a Gaussian does at its own sigma)."""
-    first = -gaussian_laplace(image, 1.25)
-    v, u = _peaks(first, np.full(image.shape, 0.0))
-    order = np.argsort(-first[v, u])[: max(len(u) // 4, 1)]
-    answer = [np.median(-(scale**2) * gaussian_laplace(image, scale)[v[order], u[order]]) for scale in _SCALES_PX]
-    return float(_SCALES_PX[int(np.argmax(answer))])
-
-
 def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
     """Deviation of a Laplacian of Gaussian's answer to white noise: of the sampled filter's own energy, which for a
     sigma well above a pixel is 1 / (2 pi sigma^6)."""
@@ -223,11 +221,3 @@ def _peaks(response: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndar
     """(rows, columns) of local maxima above `least`."""
     rows, columns = np.nonzero((response == maximum_filter(response, 3)) & (response > least))
     return rows, columns
-
-
-def _vertex(image: np.ndarray, v: np.ndarray, u: np.ndarray, dv: int, du: int) -> np.ndarray:
-    """Offset of a parabola's top through three pixels, the last one of which is repeated at the border."""
-    height, width = image.shape
-    before, middle = image[np.maximum(v - dv, 0), np.maximum(u - du, 0)], image[v, u]
-    after = image[np.minimum(v + dv, height - 1), np.minimum(u + du, width - 1)]
-    return vertex(before, middle, after)

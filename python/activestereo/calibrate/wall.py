@@ -45,7 +45,10 @@ class Wall:
 
 def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, baseline_m: float, name: str) -> Wall:
     """The wall that rectified spots lie on. ValueError where too few match, or where what they lie on is not flat."""
-    pairs = _pairs(left, right)
+    # 1. Pairs of spots whose rows agree and whose disparity is not negative.
+    near_rows = cKDTree(right.v[:, None]).query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)
+    pairs = np.array([(i, j) for i, near in enumerate(near_rows) for j in near]).reshape(-1, 2)
+    pairs = pairs[left.u[pairs[:, 0]] > right.u[pairs[:, 1]] - 1.0]
     if len(pairs) < _LEAST_MATCHED:
         raise ValueError(
             f"{name}: only {len(pairs)} dots have a row in common: are the images rectified, and left and right not "
@@ -54,7 +57,12 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     i, j = pairs.T
     disparity = left.u[i] - right.u[j]
     column = np.column_stack([np.ones(len(left.u)), left.u - K[0, 2], left.v - K[1, 2]])
-    coefficients = np.array([_common_disparity(disparity), 0.0, 0.0])
+    # 2. The plane, from the most frequent disparity on; a tilted wall's are spread over a few pixels.
+    bins = np.arange(0.0, max(disparity.max(), 4.0) + 2.0, 0.5)
+    tally = np.histogram(disparity, bins)[0].astype(float)
+    chance = np.convolve(np.pad(tally, 40, mode="edge"), np.ones(81) / 81.0, mode="valid")
+    score = np.convolve(tally - chance, np.ones(5), mode="same")
+    coefficients = np.array([float(bins[int(np.argmax(score))] + 0.25), 0.0, 0.0])
     reach = 4.0
     for _ in range(_ROUNDS):
         off = disparity - column[i] @ coefficients
@@ -110,25 +118,6 @@ def _normal(coefficients: np.ndarray, K: np.ndarray, right_K: np.ndarray, baseli
     """n of n . X = 1: disparity = fx B / Z + cx - cx', so that a plane in it is a plane in space."""
     level = coefficients[0] - K[0, 2] + right_K[0, 2]
     return np.array([coefficients[1] * K[0, 0], coefficients[2] * K[1, 1], level]) / (K[0, 0] * baseline_m)
-
-
-def _pairs(left: Spots, right: Spots) -> np.ndarray:
-    """[pair][2] of spots whose rows agree and whose disparity is not negative."""
-    rows = cKDTree(right.v[:, None])
-    found = [
-        (i, j) for i, near in enumerate(rows.query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)) for j in near
-    ]
-    pairs = np.array(found).reshape(-1, 2)
-    return pairs[left.u[pairs[:, 0]] > right.u[pairs[:, 1]] - 1.0]
-
-
-def _common_disparity(disparity: np.ndarray) -> float:
-    """The most frequent one; a tilted wall's are spread over a few pixels."""
-    bins = np.arange(0.0, max(disparity.max(), 4.0) + 2.0, 0.5)
-    tally = np.histogram(disparity, bins)[0].astype(float)
-    chance = np.convolve(np.pad(tally, 40, mode="edge"), np.ones(81) / 81.0, mode="valid")
-    score = np.convolve(tally - chance, np.ones(5), mode="same")
-    return float(bins[int(np.argmax(score))] + 0.25)
 
 
 # Every so many pixels; so many pixels beside the image's and the pattern's borders have less background than their

@@ -58,8 +58,9 @@ class AutoExposure:
         begin = np.array([(now if self.mode == "converging" else self.start).light_s])
         follow = self._step if self.mode == "converging" else self._settled
         light_s = float(follow(begin, seen, black_dn, max_dn)[0])
-        exposure_s = _clipped(light_s / self.gain_limits[0], *self.exposure_limits_s)
-        return Setting(exposure_s, _clipped(light_s / exposure_s, *self.gain_limits))
+        (shortest_s, longest_s), (least, most) = self.exposure_limits_s, self.gain_limits
+        exposure_s = min(max(light_s / least, shortest_s), longest_s)
+        return Setting(exposure_s, min(max(light_s / exposure_s, least), most))
 
     def settled_light(
         self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
@@ -104,10 +105,6 @@ class AutoExposure:
         after = light_s * np.clip(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
         (shortest_s, longest_s), (least, most) = self.exposure_limits_s, self.gain_limits
         return np.asarray(np.clip(after, shortest_s * least, longest_s * most))
-
-
-def _clipped(value: float, low: float, high: float) -> float:
-    return min(max(value, low), high)
 
 
 def rgb_exposure(radiance: NDArray[np.float32]) -> float:

@@ -130,19 +130,20 @@ def _read(path: Path, chain: int) -> CameraData:
         if not isinstance(text, str) or not text:
             raise ValueError(f"{path}: {key}: is {text!r}, expected text")
     for section, entries in content.items():
-        _known(path, "section", section, FIELDS)
+        if section not in FIELDS:
+            raise ValueError(f"{path}: {_unknown('section', section, FIELDS)}")
         if not isinstance(entries, dict):
             raise ValueError(f"{path}: {section}: is {entries!r}, expected a section of figures")
         for key, entry in entries.items():
-            _known(path, f"figure of {section}", key, FIELDS[section])
+            if key not in FIELDS[section]:
+                raise ValueError(f"{path}: {_unknown(f'figure of {section}', key, FIELDS[section])}")
             figures[section][key] = _figure(f"{path}: {section}.{key}", entry, FIELDS[section][key])
     return CameraData(str(texts["name"]), str(texts["title"]), figures)
 
 
-def _known(path: Path, kind: str, name: str, known: dict[str, Any]) -> None:
-    if name not in known:
-        hint = did_you_mean(name, known) or f"; known: {', '.join(known)}"
-        raise ValueError(f"{path}: '{name}' is no {kind}{hint}")
+def _unknown(kind: str, name: str, known: dict[str, Any]) -> str:
+    hint = did_you_mean(name, known) or f"; known: {', '.join(known)}"
+    return f"'{name}' is no {kind}{hint}"
 
 
 def _figure(place: str, entry: Any, field: Field) -> Figure:

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from functools import partial
 from math import inf
 from os import PathLike
 from typing import Any, TypeAlias
@@ -109,21 +108,56 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 def check_field(name: str, value: Any) -> None:
     """Raises ValueError with a field's invalid value and the allowed ones."""
-    fault = None
-    if value is None and name in _MAY_BE_NONE:
-        return
-    if name in _FAULT_OF:
-        fault = _FAULT_OF[name](value)
-    elif name in _WINDOWS:
-        fault = Limits(1, _WINDOWS[name], "px", whole=True).fault(value)
-        if fault is None and not value % 2:
-            fault = f"is {value}, expected an odd number, 1 to {_WINDOWS[name]} px"
-    elif name in _CHOICES and value not in _CHOICES[name]:
-        fault = f"is {value!r} (known: {', '.join(_CHOICES[name])})"
-    elif name == "pattern_design" and not isinstance(value, PatternDesign):
-        fault = f"is {value!r}, expected a PatternDesign"
+    fault = None if value is None and name in _MAY_BE_NONE else _fault(name, value)
     if fault is not None:
         raise ValueError(f"{name} {fault}")
+
+
+def _fault(name: str, value: Any) -> str | None:
+    """The fault of a field's value, in words that follow the field's name."""
+    if name in _NUMBERS:
+        return _NUMBERS[name].fault(value)
+    if name in _LISTS:
+        return _list_fault(value, _LISTS[name])
+    if name in _WINDOWS:
+        fault = Limits(1, _WINDOWS[name], "px", whole=True).fault(value)
+        is_even = fault is None and not value % 2
+        return f"is {value}, expected an odd number, 1 to {_WINDOWS[name]} px" if is_even else fault
+    if name in _TABLE:
+        return _parameter_fault(_TABLE[name], value)
+    if name in _CHOICES and value not in _CHOICES[name]:
+        return f"is {value!r} (known: {', '.join(_CHOICES[name])})"
+    if name in _FLAGS:
+        return _flag_fault(value)
+    if name in _LENSES:
+        count = np.size(value)
+        if count not in LENGTHS:
+            return f"is {value!r}, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens"
+        return _list_fault(value, [DISTORTION] * count)
+    if name in _MATRICES:
+        return _matrix_fault(value)
+    if name in _POSES:
+        if not isinstance(value, Pose):
+            return f"is a {type(value).__name__}, expected a Pose"
+        return _list_fault(value.p.tolist(), [LENGTH] * 3)
+    if name in ("ir_optics", "rgb_optics"):
+        return _record_fault(value, *_OPTICS)
+    if name == "ir_signal":
+        if not isinstance(value, str):
+            return _record_fault(value, *_IMAGER)
+        simsense.signal_preset(value)  # type: ignore[arg-type]  # the engine knows them, and says so
+    elif name == "depth_maps":
+        return _names_fault(value, DEPTH_MAPS)
+    elif name == "light_dots":
+        return _dots_fault(value)
+    elif name == "light_pattern" and isinstance(value, np.ndarray):
+        is_image = value.ndim == 2 and value.size > 0 and value.dtype == np.uint8
+        return None if is_image else f"is {value.dtype} {list(value.shape)}, expected uint8 [height, width]"
+    elif name == "light_pattern" and not (value is None or isinstance(value, (str, PathLike))):
+        return f"is {value!r}, expected 'generated', an image, the path of one, or None"
+    elif name == "pattern_design" and not isinstance(value, PatternDesign):
+        return f"is {value!r}, expected a PatternDesign"
+    return None
 
 
 def _parameter_fault(p: Parameter, value: Any) -> str | None:
@@ -157,27 +191,6 @@ def _names_fault(names: Any, known: Sequence[str]) -> str | None:
         return f"is {names!r}, expected names out of {', '.join(known)}"
     odd = [one for one in names if one not in known]
     return f"has {odd[0]!r} (known: {', '.join(known)}){did_you_mean(odd[0], known)}" if odd else None
-
-
-def _pose_fault(value: Any) -> str | None:
-    if not isinstance(value, Pose):
-        return f"is a {type(value).__name__}, expected a Pose"
-    return _list_fault(value.p.tolist(), [LENGTH] * 3)
-
-
-def _pattern_fault(value: Any) -> str | None:
-    if isinstance(value, np.ndarray):
-        is_image = value.ndim == 2 and value.size > 0 and value.dtype == np.uint8
-        return None if is_image else f"is {value.dtype} {list(value.shape)}, expected uint8 [height, width]"
-    is_named = value is None or isinstance(value, (str, PathLike))
-    return None if is_named else f"is {value!r}, expected 'generated', an image, the path of one, or None"
-
-
-def _signal_fault(value: Any) -> str | None:
-    if isinstance(value, str):
-        simsense.signal_preset(value)  # type: ignore[arg-type]  # the engine knows them, and says so
-        return None
-    return _record_fault(value, *_IMAGER)
 
 
 def _record_fault(values: Any, table: Mapping[str, Parameter], lengths: Mapping[str, int]) -> str | None:
@@ -222,13 +235,6 @@ def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
     return faults[0] if faults else None
 
 
-def _lens_fault(values: Any) -> str | None:
-    count = np.size(values)
-    if count not in LENGTHS:
-        return f"is {values!r}, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens"
-    return _list_fault(values, [DISTORTION] * count)
-
-
 def _matrix_fault(value: Any) -> str | None:
     try:
         k = np.asarray(value, np.float64)
@@ -246,23 +252,6 @@ def _matrix_fault(value: Any) -> str | None:
     if k[1, 0] != 0 or not np.array_equal(k[2], [0, 0, 1]):
         return f"is {k.tolist()}, expected [fx s cx, 0 fy cy, 0 0 1]"
     return None
-
-
-# For each field: the fault of a value, in words that follow the field's name.
-_FAULT_OF: dict[str, Callable[[Any], str | None]] = {
-    **{name: partial(_parameter_fault, p) for name, p in _TABLE.items() if name not in _WINDOWS},
-    **{name: limits.fault for name, limits in _NUMBERS.items()},
-    **{name: partial(_list_fault, limits=limits) for name, limits in _LISTS.items()},
-    **dict.fromkeys(_LENSES, _lens_fault),
-    **dict.fromkeys(_MATRICES, _matrix_fault),
-    **dict.fromkeys(_POSES, _pose_fault),
-    **dict.fromkeys(_FLAGS, _flag_fault),
-    **dict.fromkeys(("ir_optics", "rgb_optics"), lambda values: _record_fault(values, *_OPTICS)),
-    "ir_signal": _signal_fault,
-    "depth_maps": partial(_names_fault, known=DEPTH_MAPS),
-    "light_pattern": _pattern_fault,
-    "light_dots": _dots_fault,
-}
 
 
 def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
@@ -290,11 +279,7 @@ def check_together(fields: Mapping[str, Any]) -> None:
     if fields["ir_intrinsic_right"] is not None:
         _check_middle("ir_intrinsic_right", fields["ir_intrinsic_right"], width, height, remedy)
     _check_light(fields)
-    _check_matcher(fields)
-
-
-def _check_matcher(fields: Mapping[str, Any]) -> None:
-    """Raises ValueError if the engine refuses this combination of matcher parameters."""
+    # The engine refuses these combinations of matcher parameters.
     if not fields["p1"] < fields["p2"]:
         raise ValueError(f"p1 is {fields['p1']} and p2 is {fields['p2']}, expected a larger p2")
     if not fields["min_depth_m"] < fields["max_depth_m"]:

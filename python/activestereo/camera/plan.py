@@ -83,8 +83,14 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
         for name, ((width, height), k, lens) in seen.items()
     }
     is_distorted = is_distorting(seen["left"][2]) or is_distorting(seen["right"][2])
-    shutter = _shutter(config.ir_line_time_s, config.ir_readout)
-    rgb_shutter = _shutter(config.rgb_line_time_s, config.rgb_readout) | {"exposure_s": config.rgb_exposure_s}
+    # A line time of 0 is a global shutter.
+    ir_shutter, rgb_shutter = (
+        {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else dict[str, Any]()
+        for line_time_s, readout in (
+            (config.ir_line_time_s, config.ir_readout),
+            (config.rgb_line_time_s, config.rgb_readout),
+        )
+    )
     lit = config.projector_intensity * (config.laser_power_mw / config.laser_power_nominal_mw)
     laser_w_sr = {"on": (lit, lit), "off": (0.0, 0.0), "alternating": (lit, 0.0)}[config.emitter]
     exposure = AutoExposure(
@@ -100,9 +106,9 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
     matching |= {"left_to_right": left_to["right"], "left_to_rgb": left_to["rgb"], "noise_seed": config.noise_seed}
     matching["rectified"] = config.rectified and not is_distorted
     return SensorPlan(
-        rgb=cameras["rgb"] | rgb_shutter,
-        left=cameras["left"] | shutter | {"camera_to_world": on_rig["left"]},
-        right=cameras["right"] | shutter | {"camera_to_world": on_rig["right"]},
+        rgb=cameras["rgb"] | rgb_shutter | {"exposure_s": config.rgb_exposure_s},
+        left=cameras["left"] | ir_shutter | {"camera_to_world": on_rig["left"]},
+        right=cameras["right"] | ir_shutter | {"camera_to_world": on_rig["right"]},
         left_to=left_to,
         ir_optics=dict(config.ir_optics or {}),
         rgb_optics=config.rgb_optics,
@@ -198,8 +204,3 @@ def _projector(config: StereoDepthSensorConfig, pattern: Pattern | None) -> dict
         dots |= {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
         return fields | dots | {"k": pattern_k(config, design.width, design.height)}
     return None if pattern is None else fields | {"k": pattern_k(config, *pattern.image.shape[::-1])}
-
-
-def _shutter(line_time_s: float, readout: str) -> dict[str, Any]:
-    """kuafu.Camera's arguments for a rolling shutter; empty for a global one."""
-    return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}

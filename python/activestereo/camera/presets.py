@@ -42,18 +42,6 @@ def _pose(camera: CameraData, name: str) -> Pose:
     return Pose(matrix)
 
 
-def _pattern_design(camera: CameraData) -> PatternDesign:
-    width, height = camera.value("projector", "pattern_size")
-    figures = {
-        name: camera.value("projector", name) for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")
-    }
-    half_view = np.deg2rad(0.5 * camera.value("projector", "field_of_view_deg"))
-    return PatternDesign(
-        width, height, seed=camera.value("projector", "pattern_seed"), focal_px=float(0.5 * width / np.tan(half_view)),
-        lattice_angles_deg=tuple(camera.value("projector", "lattice_angles_deg", ())), **figures,
-    )  # fmt: skip
-
-
 def _signal(camera: CameraData) -> dict[str, float] | None:
     """simsense's imager for counts. None if the camera's file has none; SAPIEN's noise is used then."""
     imager = camera.figures["imager"]
@@ -106,20 +94,6 @@ FIELD_OF_VIEW = Limits(1.0, 170.0, "degrees")
 _LEAST_BLOCK_PX = 7  # side of a block of summed costs: that of a census window
 
 
-def _is_equal(a: Any, b: Any) -> bool:
-    if isinstance(a, Pose) and isinstance(b, Pose):
-        return np.array_equal(as_matrix(a), as_matrix(b))
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return np.array_equal(a, b)
-    return bool(a == b)
-
-
-def _brief(value: Any) -> str:
-    if isinstance(value, np.ndarray) and value.size > 9:
-        return f"<{value.dtype} {list(value.shape)}>"
-    return repr(value.tolist() if isinstance(value, np.ndarray) else value)
-
-
 _OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
 
 
@@ -162,7 +136,16 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.light_pattern: NDArray[np.uint8] | str | PathLike[str] | None = "generated" if has_projector else None
         # 3x3 of the pattern image in place of active_light_fov.
         self.pattern_intrinsic: NDArray[np.float64] | None = None
-        self.pattern_design = _pattern_design(camera)
+        figures = {
+            name: camera.value("projector", name)
+            for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")
+        }
+        width, height = camera.value("projector", "pattern_size")
+        self.pattern_design = PatternDesign(
+            width, height, seed=camera.value("projector", "pattern_seed"),
+            focal_px=float(0.5 * width / np.tan(0.5 * self.active_light_fov)),
+            lattice_angles_deg=tuple(camera.value("projector", "lattice_angles_deg", ())), **figures,
+        )  # fmt: skip
         # Replaces light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
         # dot_sigma_px. A dot's power is the pattern's integral over it, in pixels squared. light_pattern_scale
         # magnifies the pattern about its middle; light_dot_background is the value of every pixel without dots.
@@ -268,11 +251,26 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             base = type(self)(self.model)
         except ValueError:  # the path of a user's file
             return f"<StereoDepthSensorConfig of '{self.model}', {self.ir_resolution[0]}x{self.ir_resolution[1]}>"
-        changed = [f"{name}={_brief(getattr(self, name))}" for name in self._differing(base)]
-        return f"StereoDepthSensorConfig({', '.join([repr(self.model), *changed])})"
+        changed = [repr(self.model)]
+        for name in self._differing(base):
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                value = value.tolist() if value.size <= 9 else f"<{value.dtype} {list(value.shape)}>"
+                changed.append(f"{name}={value}")
+            else:
+                changed.append(f"{name}={value!r}")
+        return f"StereoDepthSensorConfig({', '.join(changed)})"
 
     def _differing(self, other: StereoDepthSensorConfig) -> list[str]:
-        return [name for name in self._FIELDS if not _is_equal(getattr(self, name), getattr(other, name))]
+        """Names of the fields whose values differ."""
+        names = []
+        for name in self._FIELDS:
+            pair = getattr(self, name), getattr(other, name)
+            a, b = map(as_matrix, pair) if all(isinstance(value, Pose) for value in pair) else pair
+            is_array = isinstance(a, np.ndarray) or isinstance(b, np.ndarray)
+            if not (np.array_equal(a, b) if is_array else a == b):
+                names.append(name)
+        return names
 
     if not TYPE_CHECKING:  # type checkers know the fields by their own names alone, and so find misspelt ones
 

@@ -140,9 +140,9 @@ def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str)
 
 def _run_noise(args: argparse.Namespace) -> None:
     from activestereo.calibrate.emva1288 import Emva1288, calibrate_emva1288, is_emva1288
-    from activestereo.calibrate.model_section import replace_sections
     from activestereo.calibrate.noise import Noise, calibrate_noise
     from activestereo.common.progress_bar import ProgressBar
+    from activestereo.model.write import replace_sections
 
     check_out_file(args.out)
     measured: Emva1288 | Noise
@@ -158,7 +158,7 @@ def _run_noise(args: argparse.Namespace) -> None:
 
 def _run_drift(args: argparse.Namespace) -> None:
     from activestereo.calibrate.drift import calibrate_drift
-    from activestereo.calibrate.model_section import replace_sections
+    from activestereo.model.write import replace_sections
 
     check_out_file(args.out)
     drift = calibrate_drift(args.frames, args.temperatures)
@@ -167,10 +167,10 @@ def _run_drift(args: argparse.Namespace) -> None:
 
 
 def _run_pattern(args: argparse.Namespace) -> None:
-    from activestereo.calibrate.model_section import replace_sections
     from activestereo.calibrate.pattern import calibrate_pattern
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
+    from activestereo.model.write import replace_sections
 
     check_out_file(args.out)
     model = read_model(args.out) if args.out.is_file() else None
@@ -183,10 +183,10 @@ def _run_pattern(args: argparse.Namespace) -> None:
 def _run_rig(args: argparse.Namespace) -> None:
     from activestereo.calibrate.boards import Board
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
-    from activestereo.calibrate.model_section import replace_sections
     from activestereo.calibrate.rig import calibrate_rig, write_coverage
     from activestereo.common.output_files import replace_file
     from activestereo.common.progress_bar import ProgressBar
+    from activestereo.model.write import replace_sections
 
     check_out_file(args.out)
     robot = None if args.robot is None else read_poses(args.robot)

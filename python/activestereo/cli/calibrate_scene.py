@@ -74,9 +74,9 @@ def _run_scene(args: argparse.Namespace) -> None:
 
 def _run_materials(args: argparse.Namespace) -> None:
     from activestereo.calibrate.materials import calibrate_materials
-    from activestereo.calibrate.model_section import replace_sections
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
+    from activestereo.model.write import replace_sections
     from activestereo.report.screen import command
 
     check_out_file(args.out)

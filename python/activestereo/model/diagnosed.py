@@ -83,27 +83,19 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
 def found_effect(diagnosis: Mapping[str, Any], effect_id: str) -> tuple[dict[str, Quantity], tuple[str, ...]]:
     """({parameter: Quantity}, names of the surfaces that show it, () = all): as accepted into the model, else as
     ranked."""
-    accepted = [(e.get("id"), e) for e in diagnosis.get("model", {}).get("effects", [])]
     ranked = {e.get("effect"): e for e in diagnosis.get("ranking", [])}
-    for name, entry in [*accepted, *ranked.items()]:
-        if name == effect_id:
-            return _quantities(
-                entry["parameters"], ranked.get(effect_id, {}).get("parameters", {}), entry.get("surfaces")
-            )
-    raise ValueError(f"the diagnosis has no parameters of '{effect_id}'")
-
-
-def _quantities(
-    values: Mapping[str, Any], ranked: Mapping[str, Any], surfaces: list[str] | None
-) -> tuple[dict[str, Quantity], tuple[str, ...]]:
-    out = {}
-    for name, value in values.items():
+    accepted = {e.get("id"): e for e in reversed(diagnosis.get("model", {}).get("effects", []))}
+    found = accepted.get(effect_id) or ranked.get(effect_id)
+    if found is None:
+        raise ValueError(f"the diagnosis has no parameters of '{effect_id}'")
+    out, named = {}, found.get("surfaces")
+    for name, value in found["parameters"].items():
         if name != SURFACES.name:
             entry = value if isinstance(value, Mapping) else {"value": value}
-            out[name] = Quantity(
-                entry["value"], entry.get("low"), entry.get("high"), entry.get("unit", "1"), "diagnosis"
-            )
-    named = surfaces if surfaces is not None else ranked.get(SURFACES.name, {}).get("materials", [])
+            ends = entry.get("low"), entry.get("high")
+            out[name] = Quantity(entry["value"], *ends, entry.get("unit", "1"), "diagnosis")
+    if named is None:
+        named = ranked.get(effect_id, {}).get("parameters", {}).get(SURFACES.name, {}).get("materials", [])
     return out, tuple(named)
 
 
@@ -145,12 +137,16 @@ def diagnosed_model(
     def quantity(owner: str, name: str, value: float, unit: str) -> Quantity:
         return Quantity(float(value), *bounds.get((owner, name), (None, None)), unit=unit, source=source)
 
+    imager = None
+    if noise_model is not None:
+        terms = {name: float(getattr(noise_model, name)) for name in NOISE_TERMS}
+        imager = Imager(**{n: Quantity(v, unit=NOISE_TERMS[n], source=source) for n, v in terms.items()})
     model = SensorModel(
         rig=_rig(capture),
         pattern=Pattern(
             capture.rig.projector.K, file=capture.rig.projector.pattern_path, source=f"nominal, of {capture.name}"
         ),
-        imager=None if noise_model is None else _imager(noise_model, source),
+        imager=imager,
         materials={
             name: {"ir_albedo_factor": quantity(name, "ir_albedo_factor", factor, "1")}
             for name, factor in (albedo or {}).items()
@@ -181,10 +177,4 @@ def _rig(capture: Capture) -> Rig:
         usual.exposure_s,
         usual.gain,
         source=f"nominal, of {capture.name}",
-    )
-
-
-def _imager(terms: NoiseTerms, source: str) -> Imager:
-    return Imager(
-        **{name: Quantity(float(getattr(terms, name)), unit=unit, source=source) for name, unit in NOISE_TERMS.items()}
     )

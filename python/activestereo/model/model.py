@@ -144,7 +144,14 @@ class SensorModel:
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}
             if entry.surfaces:
-                values[SURFACES.name] = float(sum(2**n for n in _numbers(entry, material_names)))
+                numbers: set[int] = set()
+                for name in entry.surfaces:
+                    found = numbers_of(name, material_names)
+                    if not found:
+                        known = ", ".join(material_names) or "none"
+                        raise ValueError(f"{entry.effect.id}: the scene has no material '{name}' (there are: {known})")
+                    numbers.update(found)
+                values[SURFACES.name] = float(sum(2**n for n in numbers))
             model = model.with_effect(entry.effect, **values)
         return model
 
@@ -158,19 +165,15 @@ class SensorModel:
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
         )
-        albedo = {
-            number: fields["ir_albedo_factor"].value
-            for number, name in enumerate(material_names)
-            for fields in [self.materials.get(name) or self.materials.get(material_of(name)) or {}]
-            if "ir_albedo_factor" in fields
-        }
-        surfaces = {number: known for number, name in enumerate(material_names) if (known := self._surface(name))}
+        albedo, surfaces = {}, {}
+        for number, name in enumerate(material_names):
+            fields = self.materials.get(name) or self.materials.get(material_of(name)) or {}
+            values = {field: q.value for field, q in fields.items()}
+            if "ir_albedo_factor" in values:
+                albedo[number] = values.pop("ir_albedo_factor")
+            if values:
+                surfaces[number] = values
         return SceneMeasurement((left, right), albedo, surfaces)
-
-    def _surface(self, name: str) -> dict[str, float]:
-        """The known properties of a surface, without factors."""
-        fields = self.materials.get(name) or self.materials.get(material_of(name)) or {}
-        return {field: q.value for field, q in fields.items() if field != "ir_albedo_factor"}
 
 
 def with_surfaces(
@@ -185,14 +188,3 @@ def with_surfaces(
             f"{effect.id}: the scene has no material number {unknown[0]}, only 0 to {len(material_names) - 1}"
         )
     return {n: v for n, v in values.items() if n != SURFACES.name}, names_of(chosen, material_names)
-
-
-def _numbers(entry: ModelEffect, material_names: Sequence[str]) -> list[int]:
-    out: set[int] = set()
-    for name in entry.surfaces:
-        found = numbers_of(name, material_names)
-        if not found:
-            known = ", ".join(material_names) or "none"
-            raise ValueError(f"{entry.effect.id}: the scene has no material '{name}' (there are: {known})")
-        out.update(found)
-    return sorted(out)

@@ -8,7 +8,7 @@ from difflib import unified_diff
 from typing import Any
 
 from activestereo.common.lens import is_distorting
-from activestereo.model.model import ModelEffect, Quantity, SensorModel
+from activestereo.model.model import NOISE_TERMS, Quantity, SensorModel
 from activestereo.model.write import model_json
 
 _NUISANCE_WORDS = {
@@ -23,10 +23,36 @@ _NUISANCE_WORDS = {
 def show(model: SensorModel) -> str:
     """The model's sections, a line for each value."""
     lines = [f"a sensor model from {model.source}" if model.source else "a sensor model"]
-    lines += _rig(model) + _pattern(model) + _imager(model)
+    if model.rig is not None:
+        lines.append(f"rig (engine), {model.rig.source}" if model.rig.source else "rig (engine)")
+        for name, side in (("left", model.rig.left), ("right", model.rig.right)):
+            k = side.K
+            lens = f", lens {' '.join(f'{c:g}' for c in side.distortion)}" if is_distorting(side.distortion) else ""
+            lines.append(
+                f"  {name}: {side.width}x{side.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px,"
+                f" centre {k[0, 2]:.2f} {k[1, 2]:.2f} px{lens}"
+            )
+        baseline_m = float((model.rig.left_to_right[:3, 3] ** 2).sum()) ** 0.5
+        lines.append(f"  baseline {1000 * baseline_m:.3f} mm, {model.rig.bit_depth} bit")
+    if (pattern := model.pattern) is not None:
+        if pattern.dots is not None:
+            drawn = f"{len(pattern.dots)} dots" + (" with light between them" if pattern.background > 0.0 else "")
+        else:
+            drawn = f"image {pattern.file.name}" if pattern.file else "nothing"
+        source = f", {pattern.source}" if pattern.source else ""
+        lines.append(f"pattern (engine): {drawn}, focal {pattern.K[0, 0]:.1f} px{source}")
+    if model.imager is not None:
+        offset, shot, relative = (getattr(model.imager, name).value for name in NOISE_TERMS)
+        terms = f"{offset:.4g} DN^2 + {shot:.4g} DN x gain x signal + {relative:.4g} x signal^2"
+        lines.append(f"imager (engine): variance = {terms}")
     lines.append("effects" if model.effects else "effects: none")
     for entry in model.effects:
-        lines += _effect(entry)
+        effect, on = entry.effect, f" on {', '.join(entry.surfaces)}" if entry.surfaces else ""
+        lines += [f"  {effect.id}{on}: {_list(entry.parameters)}", f"    {effect.summary.splitlines()[0]}"]
+        if effect.engine:
+            lines.append(f"    engine: {', '.join(effect.engine_fields)}")
+        else:
+            lines.append(f"    image only: {effect.image_only or 'it brings no engine fields'}")
     if model.materials:
         lines.append("materials (engine)")
         lines += [f"  {name}: {_list(fields)}" for name, fields in model.materials.items()]
@@ -67,56 +93,7 @@ def quantity_text(q: Quantity) -> str:
     return f"{q.value:.5g}{interval}" + ("" if q.unit in ("", "1") else f" {q.unit}")
 
 
-def _effect(entry: ModelEffect) -> list[str]:
-    effect = entry.effect
-    where = (
-        f"engine: {', '.join(effect.engine_fields)}"
-        if effect.engine
-        else f"image only: {effect.image_only or 'it brings no engine fields'}"
-    )
-    on = f" on {', '.join(entry.surfaces)}" if entry.surfaces else ""
-    return [f"  {effect.id}{on}: {_list(entry.parameters)}", f"    {effect.summary.splitlines()[0]}", f"    {where}"]
-
-
 def _list(quantities: Mapping[str, Quantity]) -> str:
     return (
         ", ".join(f"{name} = {quantity_text(q)}" for name, q in quantities.items()) or "as the effect's neutral values"
     )
-
-
-def _rig(model: SensorModel) -> list[str]:
-    if model.rig is None:
-        return []
-    lines = [f"rig (engine), {model.rig.source}" if model.rig.source else "rig (engine)"]
-    for name, side in (("left", model.rig.left), ("right", model.rig.right)):
-        k = side.K
-        lens = f", lens {' '.join(f'{c:g}' for c in side.distortion)}" if is_distorting(side.distortion) else ""
-        lines.append(
-            f"  {name}: {side.width}x{side.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px,"
-            f" centre {k[0, 2]:.2f} {k[1, 2]:.2f} px{lens}"
-        )
-    baseline_m = float((model.rig.left_to_right[:3, 3] ** 2).sum()) ** 0.5
-    lines.append(f"  baseline {1000 * baseline_m:.3f} mm, {model.rig.bit_depth} bit")
-    return lines
-
-
-def _pattern(model: SensorModel) -> list[str]:
-    pattern = model.pattern
-    if pattern is None:
-        return []
-    if pattern.dots is not None:
-        what = f"{len(pattern.dots)} dots" + (" with light between them" if pattern.background > 0.0 else "")
-    else:
-        what = f"image {pattern.file.name}" if pattern.file else "nothing"
-    return [
-        f"pattern (engine): {what}, focal {pattern.K[0, 0]:.1f} px" + (f", {pattern.source}" if pattern.source else "")
-    ]
-
-
-def _imager(model: SensorModel) -> list[str]:
-    if model.imager is None:
-        return []
-    imager = model.imager
-    offset, shot, relative = (term.value for term in (imager.offset, imager.shot, imager.relative))
-    terms = f"{offset:.4g} DN^2 + {shot:.4g} DN x gain x signal + {relative:.4g} x signal^2"
-    return [f"imager (engine): variance = {terms}"]

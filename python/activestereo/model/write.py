@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import Camera
-from activestereo.common.input_files import open_file
-from activestereo.common.output_files import replace_file
+from activestereo.common.input_files import open_file, read_json
+from activestereo.common.output_files import replace_file, write_text
 from activestereo.model.model import NOISE_TERMS, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.read import FORMAT, VERSION
 
@@ -29,9 +29,43 @@ def write_model(path: str | Path, model: SensorModel) -> list[Path]:
             with open_file(source) as image:
                 replace_file(copy, lambda file: shutil.copyfileobj(image, file))
         written.append(copy)
-    text = json.dumps(model_json(model, pattern_name), indent=1) + "\n"
-    replace_file(path, lambda file: file.write(text.encode()))
+    write_text(path, json.dumps(model_json(model, pattern_name), indent=1) + "\n")
     return [path, *written]
+
+
+def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) -> None:
+    """Replaces sections of a model file and keeps the others as they are, those too that this program cannot read.
+
+    Writes what `measured` says of rig, pattern, imager, effects and materials into the model at `path`, made where
+    it does not exist. Effects, nuisances and materials that it names replace those of the same names. keep_rig: of a
+    rig that is there already, only the projector's place is replaced.
+
+    ValueError, with the file, where it is no model or one of another version: nothing is written then.
+    """
+    path = Path(path)
+    new = model_json(measured)
+    root: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    if path.exists():
+        root = read_json(path)
+        if not isinstance(root, dict) or root.get("format") != FORMAT:
+            raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
+        if root.get("version") != VERSION:
+            raise ValueError(
+                f"{path}: version is {root.get('version')}, sections are written into version {VERSION}: give another "
+                "file to -o"
+            )
+    if keep_rig and "rig" in root and "rig" in new:
+        new["rig"] = root["rig"] | {"left_to_projector": new["rig"]["left_to_projector"]}
+    root |= {name: new[name] for name in ("rig", "pattern", "imager") if name in new}
+    if new["effects"]:
+        names = {effect["id"] for effect in new["effects"]}
+        kept = [effect for effect in root.get("effects", []) if effect.get("id") not in names]
+        root["effects"] = kept + new["effects"]
+    if new.get("materials"):
+        root["materials"] = root.get("materials", {}) | new["materials"]
+    if new["nuisances"]:
+        root["nuisances"] = root.get("nuisances", {}) | new["nuisances"]
+    write_text(path, json.dumps(root, indent=1, allow_nan=False) + "\n")
 
 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pytest
 
 from activestereo import StereoDepthSensorConfig
 from activestereo.calibrate.frames import Repeats
-from activestereo.calibrate.model_section import replace_sections
+from activestereo.model.write import replace_sections
 from activestereo.calibrate.noise import calibrate_noise
 from activestereo.calibrate.noise_fit import GammaModel, ShotModel
 from activestereo.cli import main

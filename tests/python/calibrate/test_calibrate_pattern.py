@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from activestereo import StereoDepthSensorConfig
-from activestereo.calibrate.model_section import replace_sections
+from activestereo.model.write import replace_sections
 from activestereo.calibrate.pattern import _as_if_not_turned, _meeting_point, _variance_of_mean, calibrate_pattern
 from activestereo.calibrate.spots import Spots, find_spots
 from activestereo.calibrate.wall import ProjectorView, find_wall

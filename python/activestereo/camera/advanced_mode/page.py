@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of all keys: python3 -m activestereo.camera.advanced_mode.page > README.md (of this folder)."""
 
-from activestereo.camera.advanced_mode.settings import Key, keys
+from activestereo.camera.advanced_mode.settings import keys
 from activestereo.common.text_table import markdown
 
 _TEXT = """\
@@ -21,21 +21,18 @@ Settings without an effect here, whose values are checked all the same: {rest}.
 """
 
 
-def _row(key: Key) -> tuple[object, ...]:
-    name = f"`{key.name}`" + (f", `{key.alias}`" if key.alias else "")
-    low, high = key.range
-    possible = f"{low:g} to {high:g}" if key.words is None else ", ".join(key.words)
-    return name, key.default, possible, ", ".join(f"`{one}`" for one in key.to), key.meaning
-
-
 def page() -> str:
     """The page's text."""
-    mapped = [key for key in keys().values() if key.to]
+    mapped, rows = [key for key in keys().values() if key.to], []
+    for key in mapped:
+        possible = "{:g} to {:g}".format(*key.range) if key.words is None else ", ".join(key.words)
+        name = f"`{key.name}`" + (f", `{key.alias}`" if key.alias else "")
+        rows.append((name, key.default, possible, ", ".join(f"`{one}`" for one in key.to), key.meaning))
     return _TEXT.format(
         mapped=len(mapped),
         count=len(keys()),
         names=len(mapped) + sum(bool(key.alias) for key in mapped),
-        table="\n".join(markdown(("key", "default", "range", "sets", "what it is on the camera"), map(_row, mapped))),
+        table="\n".join(markdown(("key", "default", "range", "sets", "what it is on the camera"), rows)),
         rest=", ".join(f"`{key.name}`" for key in keys().values() if not key.to),
     )
 

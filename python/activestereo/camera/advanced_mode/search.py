@@ -27,7 +27,7 @@ _CHOICES: dict[str, tuple[float, ...]] = {
     "param-rsmremovethreshold": (0.1, 0.375, 0.8),
 }
 ROUNDS = 2
-# Fill is not bought with noise, nor less noise with holes: these times the start's are allowed.
+# Shares of the start's that a better setting may have.
 _MOST_NOISE, _LEAST_FILL = 1.1, 0.98
 _WINDOW_PX = 11
 _FLAT_PX = 1.0  # a larger residual from a plane means an edge in the window
@@ -93,14 +93,12 @@ def search(
                     continue
                 tried = AdvancedSettings({**best.values, name: choice})
                 found = evaluate(tried)
-                if _is_better(goal, found, best_score, first):
+                # Fill is not bought with noise, nor less noise with holes.
+                is_better = {
+                    "truth": found.wrong < best_score.wrong,
+                    "fill": found.fill > best_score.fill and found.noise_px <= _MOST_NOISE * first.noise_px,
+                    "noise": found.noise_px < best_score.noise_px and found.fill >= _LEAST_FILL * first.fill,
+                }[goal]
+                if is_better:
                     best, best_score = tried, found
     return best, first, best_score
-
-
-def _is_better(goal: Goal, found: Score, best: Score, first: Score) -> bool:
-    if goal == "truth":
-        return found.wrong < best.wrong
-    if goal == "fill":
-        return found.fill > best.fill and found.noise_px <= _MOST_NOISE * first.noise_px
-    return found.noise_px < best.noise_px and found.fill >= _LEAST_FILL * first.fill

@@ -96,10 +96,17 @@ def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
             faults.append(f"{name} is unknown{did_you_mean(name, names)}")
             continue
         key = names[name]
-        try:
-            value = _value(key, raw)
-        except ValueError as error:
-            faults.append(f"{name} {error}")
+        if key.words is not None:
+            value: Value = str(raw)
+            is_allowed, possible = not key.words or value in key.words, " or ".join(key.words)
+        else:
+            try:
+                value = float(raw) if not isinstance(raw, bool) else math.nan
+            except (TypeError, ValueError):
+                value = math.nan
+            is_allowed, possible = key.range[0] <= value <= key.range[1], "{:g} to {:g}".format(*key.range)
+        if not is_allowed:
+            faults.append(f"{name} is {raw!r}, expected {possible}")
             continue
         # The Viewer writes both names with one value; a file edited by hand may differ.
         if values.setdefault(key.name, value) != value:
@@ -107,21 +114,6 @@ def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
     if faults:
         raise ValueError(f"{source}: {'; '.join(faults)}")
     return AdvancedSettings(values)
-
-
-def _value(key: Key, raw: Any) -> Value:
-    if key.words is not None:
-        if key.words and str(raw) not in key.words:
-            raise ValueError(f"is {raw!r}, expected {' or '.join(key.words)}")
-        return str(raw)
-    try:
-        value = float(raw) if not isinstance(raw, bool) else math.nan
-    except (TypeError, ValueError):
-        value = math.nan
-    low, high = key.range
-    if not low <= value <= high:
-        raise ValueError(f"is {raw!r}, expected {low:g} to {high:g}")
-    return value
 
 
 def write_settings(path: str | Path, settings: AdvancedSettings) -> None:
