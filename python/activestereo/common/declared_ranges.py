@@ -20,7 +20,7 @@ class DeclaredRanges:
     LIMITS: ClassVar[dict[str, tuple[float, float]]] = {}
 
     def __post_init__(self) -> None:
-        for name in range_names(type(self)):
+        for name in (field.name for field in fields(self)):
             value = getattr(self, name)
             is_pair = isinstance(value, (tuple, list)) and len(value) == 2
             if not is_pair or not all(isinstance(v, (int, float)) and np.isfinite(v) for v in value):
@@ -44,20 +44,15 @@ class DeclaredRanges:
 Kind = TypeVar("Kind", bound=DeclaredRanges)
 
 
-def range_names(kind: type[DeclaredRanges]) -> list[str]:
-    """The names of a class's ranges."""
-    return [field.name for field in fields(kind)]
-
-
 def read_ranges(path: Path | None, kind: type[Kind]) -> Kind:
     """Reads ranges; the defaults without a file. Raises ValueError with the file and its fault."""
     if path is None:
         return kind()
     given = read_toml(path)
     try:
-        unknown = sorted(set(given) - set(range_names(kind)))
-        if unknown:
-            raise ValueError(f"there is no range '{unknown[0]}' (known: {', '.join(sorted(range_names(kind)))})")
+        known = sorted(field.name for field in fields(kind))
+        if unknown := sorted(set(given) - set(known)):
+            raise ValueError(f"there is no range '{unknown[0]}' (known: {', '.join(known)})")
         return kind(**given)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error

@@ -74,9 +74,10 @@ def read_json(path: str | Path) -> Any:
         raise ValueError(f"{path}: its brackets are nested deeper than {DEEPEST_JSON}") from None
     except ValueError as error:
         raise ValueError(f"{path}: is not JSON: {error}") from error
-    level = [value]
+    level = [value] if isinstance(value, (dict, list)) else []
     for _ in range(DEEPEST_JSON):
-        level = [inner for outer in level for inner in _inside(outer)]
+        entries = [outer.values() if isinstance(outer, dict) else outer for outer in level]
+        level = [inner for outer in entries for inner in outer if isinstance(inner, (dict, list))]
         if not level:
             return value
     raise ValueError(f"{path}: its brackets are nested deeper than {DEEPEST_JSON}")
@@ -107,11 +108,6 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise ValueError(f"{path}: its brackets are nested too deep") from None
     except ValueError as error:
         raise ValueError(f"{path}: is no TOML file: {error}") from error
-
-
-def _inside(value: Any) -> list[Any]:
-    entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return [entry for entry in entries if isinstance(entry, (dict, list))]
 
 
 def _check(status: os.stat_result, path: str | Path, most_bytes: int) -> None:

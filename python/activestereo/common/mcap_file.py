@@ -43,18 +43,14 @@ class McapFile:
     ) -> None:
         """depth, is_latched: the topic's quality of service: the number of messages kept, and whether late subscribers
         get the last one. All are reliable."""
+        from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
         if topic not in self._connections:
+            durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
+            never = QosTime(9223372036, 854775807)  # an infinite duration, as a recording stores it
+            kept = QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability
+            quality = Qos(*kept, never, never, QosLiveliness.AUTOMATIC, never, False)
             self._connections[topic] = self._writer.add_connection(
-                topic, kind, typestore=self._store, offered_qos_profiles=[_quality(depth, is_latched)]
+                topic, kind, typestore=self._store, offered_qos_profiles=[quality]
             )
         self._writer.write(self._connections[topic], time_ns, self._store.serialize_cdr(message, kind))
-
-
-def _quality(depth: int, is_latched: bool) -> Any:
-    """Quality of service as a recording stores it; durations are infinite."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-
-    durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
-    never = QosTime(9223372036, 854775807)
-    kept = QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability
-    return Qos(*kept, never, never, QosLiveliness.AUTOMATIC, never, False)

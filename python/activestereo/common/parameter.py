@@ -42,20 +42,25 @@ class Parameter:
         return "--" + (self.one or self.name).replace("_", "-")
 
 
-def _parameter(row: dict[str, Any]) -> Parameter:
-    kind = {"int": int, "float": float, "bool": bool, "str": str, "tuple": tuple}[row["kind"]]
-    default = row["default"] if row["default"] is None else kind(row["default"])
-    low, high = row.get("range", (None, None))
-    ends = (-inf if low is None else low, inf if high is None else high)
-    tuples: dict[str, Any] = {name: tuple(row.get(name, ())) for name in ("choices", "allowed")}
-    values: dict[str, Any] = (
-        row | tuples | {"kind": kind, "default": default, "range": ends if "range" in row else None}
-    )
-    return Parameter(**values)
+def _table(rows: list[dict[str, Any]]) -> tuple[Parameter, ...]:
+    kinds = {"int": int, "float": float, "bool": bool, "str": str, "tuple": tuple}
+    out = []
+    for row in rows:
+        kind, ends = kinds[row["kind"]], None
+        if "range" in row:
+            low, high = row["range"]
+            ends = -inf if low is None else low, inf if high is None else high
+        own = {
+            "kind": kind,
+            "default": row["default"] if row["default"] is None else kind(row["default"]),
+            "range": ends,
+        }
+        tuples = {name: tuple(row.get(name, ())) for name in ("choices", "allowed")}
+        out.append(Parameter(**(row | tuples | own)))
+    return tuple(out)
 
 
 _TABLES = read_json(Path(__file__).with_name("parameters.json"))
 MATCHER, RIG, SIGNAL, RENDERER, RENDER, OPTICS = (
-    tuple(_parameter(row) for row in _TABLES[name])
-    for name in ("MATCHER", "RIG", "SIGNAL", "RENDERER", "RENDER", "OPTICS")
+    _table(_TABLES[name]) for name in ("MATCHER", "RIG", "SIGNAL", "RENDERER", "RENDER", "OPTICS")
 )

@@ -60,22 +60,20 @@ def spots_image(x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float,
 
 def dots(design: PatternDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centres x, y in pattern pixels, inside the image, and peaks 0..1 of all dots."""
-    x, y = _lattices(design) if design.lattice_angles_deg else _cells(design)
+    if design.lattice_angles_deg:
+        x, y = _lattices(design)
+    else:
+        across = int(np.ceil(design.width / design.dot_pitch_px / 4)) * 4
+        down = int(np.ceil(design.height / design.dot_pitch_px))
+        column, row = np.meshgrid(np.arange(across), np.arange(down))
+        order = _random(design.seed, 0, (down, across // 4, 4))
+        quarter = np.argsort(order, axis=2).reshape(down, across)
+        # A tenth of the cell stays free on either side, so that neighbours do not merge.
+        x = (column + 0.1 + 0.8 * _random(design.seed, 1, column.shape)) * design.dot_pitch_px
+        y = (row + (quarter + _random(design.seed, 2, row.shape)) / 4) * design.dot_pitch_px
     peak = design.weakest_dot + (1.0 - design.weakest_dot) * _random(design.seed, 3, x.shape)
     inside = (x >= 0) & (y >= 0) & (x <= design.width - 1) & (y <= design.height - 1)
     return x[inside], y[inside], peak[inside]
-
-
-def _cells(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
-    across = int(np.ceil(design.width / design.dot_pitch_px / 4)) * 4
-    down = int(np.ceil(design.height / design.dot_pitch_px))
-    column, row = np.meshgrid(np.arange(across), np.arange(down))
-    order = _random(design.seed, 0, (down, across // 4, 4))
-    quarter = np.argsort(order, axis=2).reshape(down, across)
-    # A tenth of the cell stays free on either side, so that neighbours do not merge.
-    x = (column + 0.1 + 0.8 * _random(design.seed, 1, column.shape)) * design.dot_pitch_px
-    y = (row + (quarter + _random(design.seed, 2, row.shape)) / 4) * design.dot_pitch_px
-    return x, y
 
 
 def _lattices(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:

@@ -79,20 +79,16 @@ class Phases:
         here, names = self._clock() - self._begun, list(self._usual)
         spans = {name: usual.span_s(self.work) for name, usual in self._usual.items()}
         behind = names[names.index(self._phase) + 1 :]
-        pace = self._pace(spans, here, fraction)
+        # This run's time over the usual time, so far; a busy machine is slow in every phase.
+        done = [(spans[name][1], seconds) for name, seconds in self.taken_s.items() if name in spans]
+        done.append((spans[self._phase][1] * fraction, here))
+        told = [(usual, seconds) for usual, seconds in done if seconds > _KEPT * usual > 0.0]
+        trust_s = _TRUST * sum(likely for _, likely, _ in spans.values())
+        pace = (trust_s + sum(seconds for _, seconds in told)) / (trust_s + sum(usual for usual, _ in told))
+        pace = min(pace, _SLOWEST)
         out = []
         for usual, of in zip(spans[self._phase], range(3), strict=True):
             by_share = here * (1.0 - fraction) / fraction if fraction > 0.0 else pace * usual
             left = fraction * by_share + (1.0 - fraction) * max(pace * usual - here, _OVERTIME * here)
             out.append(left + pace * sum(spans[name][of] for name in behind))
         return out[0], out[1], out[2]
-
-    def _pace(self, spans: Mapping[str, tuple[float, float, float]], here: float, fraction: float) -> float:
-        """This run's time over the usual time, so far; a busy machine is slow in every phase."""
-        done = [(spans[name][1], seconds) for name, seconds in self.taken_s.items() if name in spans]
-        assert self._phase is not None
-        done.append((spans[self._phase][1] * fraction, here))
-        told = [(usual, seconds) for usual, seconds in done if seconds > _KEPT * usual > 0.0]
-        trust_s = _TRUST * sum(likely for _, likely, _ in spans.values())
-        pace = (trust_s + sum(seconds for _, seconds in told)) / (trust_s + sum(usual for usual, _ in told))
-        return min(pace, _SLOWEST)

@@ -55,14 +55,8 @@ class Pose:
 
     def to_transformation_matrix(self) -> NDArray[Any]:
         """4x4, body to parent."""
-        w, x, y, z = self.q
         out = np.eye(4)
-        out[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-        out[:3, 3] = self.p
+        out[:3, :3], out[:3, 3] = _rotation(self.q), self.p
         return out
 
     def inv(self) -> Pose:
@@ -158,6 +152,17 @@ def printed_motion(
     return pose
 
 
+def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[..., 3, 3] of unit quaternions [..., 4]."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
 def _quaternion(rotation: NDArray[Any]) -> NDArray[Any]:
     """(w, x, y, z) of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix, good at every angle (J. Guidance
     23(6), 2000)."""
@@ -203,13 +208,7 @@ def pose_matrices(poses: NDArray[np.float64], what: str) -> NDArray[np.float64]:
         raise ValueError(f"{what}: a pose has 7 numbers (x, y, z, w, x, y, z) or 4x4, not the shape {poses.shape}")
     out = np.zeros((*poses.shape[:-1], 4, 4))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        w, x, y, z = np.moveaxis(poses[..., 3:] / np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True), -1, 0)
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-        out[..., :3, :3] = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+        out[..., :3, :3] = _rotation(poses[..., 3:] / np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True))
     out[..., :3, 3] = poses[..., :3]
     out[..., 3, 3] = 1.0
     return out

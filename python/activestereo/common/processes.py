@@ -69,20 +69,15 @@ def forked(work: Callable[[Any], object], items: Sequence[Any], workers: int) ->
         return
     number = next(_numbers)
     _jobs[number] = work, items
+    # Python 3.12 warns where other threads are; the processes use none of what those may hold.
+    pool = partial(process_pool, min(workers, len(items)), signal.signal, signal.SIGINT, signal.SIG_DFL, method="fork")
     places = [(number, i) for i in range(len(items))]
     try:
-        yield from done_in_pools(partial(_forks, min(workers, len(items))), _done, places)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            yield from done_in_pools(pool, _done, places)
     finally:
         del _jobs[number]
-
-
-@contextmanager
-def _forks(processes: int) -> Iterator[ProcessPoolExecutor]:
-    with warnings.catch_warnings():
-        # Python 3.12 warns where other threads are; the processes use none of what those may hold.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        with process_pool(processes, signal.signal, signal.SIGINT, signal.SIG_DFL, method="fork") as pool:
-            yield pool
 
 
 def _done(place: tuple[int, int]) -> object:
