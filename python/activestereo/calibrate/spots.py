@@ -29,8 +29,6 @@ _LARGEST_STEP_PX = 0.4
 _LSQR_STEPS = 40
 # A spot's middle lies at most this far outside the image, in sigmas.
 _OUTSIDE = 1.5
-# A spot ends so many sigmas from its middle.
-_REACH = 3.5
 # Two spots closer than this, in sigmas, are one.
 _ONE_SPOT = 0.9
 
@@ -51,7 +49,7 @@ class Spots:
     @property
     def border_px(self) -> int:
         """Nearer to the image's border a spot is cut by it."""
-        return int(np.ceil(_REACH * self.sigma_px))
+        return _reach(self.sigma_px)
 
     @property
     def is_whole(self) -> np.ndarray:
@@ -131,7 +129,7 @@ class _Fit:
 
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(pixel numbers, offsets in u and v, Gaussian, 0 outside the image) [spot][pixel of its patch]."""
-        reach, (height, width) = int(np.ceil(_REACH * self.sigma)), self.image.shape
+        reach, (height, width) = _reach(self.sigma), self.image.shape
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
         du, dv = column - self.u[:, None], row - self.v[:, None]
@@ -190,6 +188,11 @@ class _Fit:
                 self.amplitude[strong] += self.amplitude[weak]
                 keep[weak] = False
         self.u, self.v, self.amplitude = self.u[keep], self.v[keep], self.amplitude[keep]
+
+
+def _reach(sigma: float) -> int:
+    """Pixels from a spot's middle to where it ends."""
+    return int(np.ceil(3.5 * sigma))
 
 
 def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
