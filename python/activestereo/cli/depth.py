@@ -23,7 +23,6 @@ from activestereo.cli.depth_maps import (
 )
 from activestereo.cli.engine_options import add_matching, given_matching, given_rig
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, rectified_pair
-from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     import simsense
@@ -81,7 +80,7 @@ def add_parser(commands: Commands) -> None:
     add_shared(parser, baseline=", where no file tells it")
     add_shared(parser, out={"required": False})
     depth_recording.add_options(parser)
-    add_shared(parser, json=True)
+    add_shared(parser, json=True, verbose="how it was matched, and times of the stages")
     text = (
         "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
         "textured things, engine for the engine's own defaults (default: active)"
@@ -127,12 +126,7 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar(f"matching {left.shape[1]}x{left.shape[0]}") as bar:
         result = engine.compute(left, right, ("depth", "disparity", "points", *wanted_maps(args)), progress=bar)
     _write(args, left, right, result)
-    if args.json:
-        print_json(_as_json(engine, result["depth"]) | {"hints": depth_hints(cameras, engine, left, right, result)})
-        return
-    _report(args, engine, result["depth"])
-    for hint in depth_hints(cameras, engine, left, right, result):
-        print(hint)
+    _report(args, cameras, engine, result["depth"], depth_hints(cameras, engine, left, right, result))
 
 
 def _make_engine(args: argparse.Namespace, cameras: RectifiedPair, left: np.ndarray) -> simsense.Engine:
@@ -169,32 +163,26 @@ def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result
         write_figure(out / "overview.png", matching_figure(title, left, right, disparity, depth))
 
 
-def _as_json(engine: simsense.Engine, depth: np.ndarray) -> dict[str, Any]:
+def _report(
+    args: argparse.Namespace, cameras: RectifiedPair, engine: simsense.Engine, depth: np.ndarray, hints: list[str]
+) -> None:
+    from activestereo.report.screen import command, screen
 
     valid = depth[depth > 0]
-    return {
-        "matching": matching_words(engine),
-        "stages_ms": {"depth": dict(engine.stage_times)},
-        "measured_share": valid.size / depth.size,
-        "median_depth_m": float(np.median(valid)) if valid.size else None,
-    }
+    share, median_m = valid.size / depth.size, float(np.median(valid)) if valid.size else None
+    stages_ms = {"depth": dict(engine.stage_times)}
+    if args.json:
+        found = {"measured_share": share, "median_depth_m": median_m, "hints": hints}
+        print_json({"matching": matching_words(engine), "stages_ms": stages_ms} | found)
+        return
+    middle = "" if median_m is None else f", in the median {median_m:.3f} m"
+    sentence = f"{100.0 * share:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels have depth{middle}."
+    K = ",".join(f"{value:.10g}" for value in cameras.left_K[[0, 1, 0, 1], [0, 1, 2, 2]])
+    rig = "--k", K, "--baseline", f"{cameras.baseline_m:.10g}", "-o", args.out / "pair"
+    leads = [] if cameras.offset_px else [command("pair", args.left, args.right, *rig)]
+    details = f"{matching_line(engine)}\n{stage_table(stages_ms)}"
+    print(screen(sentence, (), hints, leads, args.out / "overview.png", details, args.verbose))
 
-
-def _report(args: argparse.Namespace, engine: simsense.Engine, depth: np.ndarray) -> None:
-
-    valid = depth[depth > 0]
-    print(matching_line(engine))
-    print(stage_table({"depth": engine.stage_times}))
-    middle = f", median depth {np.median(valid):.3f} m" if valid.size else ""
-    print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels{middle}")
-    more = "".join(f", {name}.png" for name in wanted_maps(args))
-    files = f"depth.png, depth.npy, disparity.npy, disparity.png, cloud.ply, overview.png{more}"
-    print(f"written: {files} in {printable(args.out)}")
-
-
-if TYPE_CHECKING:
-    import simsense
-    from activestereo.cli.import_calibration import RectifiedPair
 
 # Matched the other way round at least so many times as much, and more than half of the image: the cameras are
 # exchanged.

@@ -16,7 +16,7 @@ import numpy as np
 from activestereo.cli.arguments import CommandError, check_out_file, make_folder, print_json
 from activestereo.cli.engine_options import given_matching, given_rig
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
-from activestereo.common.shown import printable
+from activestereo.report.screen import screen
 
 if TYPE_CHECKING:
     from activestereo.camera.advanced_mode import AdvancedSettings
@@ -91,24 +91,29 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     if args.json:
         print_json(result)
         return
-    for line in assumed:
-        print(f"assumed: {line}")
-    if unmapped := settings.unmapped():
-        print(f"without effect here: {', '.join(unmapped)}")
+    unmapped = settings.unmapped()
+    notes = [f"without effect here: {', '.join(unmapped)}"] if unmapped else []
+    notes += [f"assumed: {line}" for line in assumed]
     before = f", {len(done)} were there already" if done else ""
-    measured = f", measured {100 * fill / number:.1f} %" if number else ""
-    print(f"{number} pairs matched{before}{measured}")
-    print(f"written: {_RUN} and 16-bit depth, one PNG a pair, in {printable(args.out)}")
+    measured = f"; {100 * fill / number:.1f} % of the pixels have depth" if number else ""
+    sentence = f"{number} pair{'' if number == 1 else 's'} matched{before}{measured}. 16-bit depth is in {args.out}."
+    print(screen(sentence, (), notes, see=args.out / _RUN, verbose=args.verbose))
 
 
 def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
     """(both cameras, what was assumed) of the rectified pairs."""
+    from activestereo.capture.capture import read_capture
     from activestereo.capture.importers.bag import is_bag, read_calibration
+    from activestereo.capture.importers.realsense_text import DeviceText
 
     height, width = first.left.shape
     assumed: list[str] = []
     if is_bag(args.left):
         device = own_device(args, args.left, (width, height)) or read_calibration(args.left, args.baseline)
+    elif (stated := args.left / "capture.json").is_file():
+        rig = read_capture(args.left).rig
+        own = DeviceText.of_pair(stated, (rig.left, rig.right), rig.left_to_right)
+        device = own_device(args, stated, (width, height)) or own
     else:
         device, assumed = folder_device(args, (width, height))
     return rectified_pair(device, width, height), assumed

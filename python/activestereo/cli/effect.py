@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from activestereo.cli.arguments import add_shared, check_out_file, print_json
+from activestereo.cli.arguments import CommandError, Finding, add_shared, check_out_file, print_json
 from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
@@ -95,6 +95,8 @@ def run_show(args: argparse.Namespace) -> None:
     from activestereo.report.lettering import write_figure
     from activestereo.report.strips import strip_figure, strip_page
 
+    if args.out.suffix.lower() not in (".png", ".html"):
+        raise CommandError(f"--out {args.out}: a picture's name ends in .png, a page's in .html")
     check_out_file(args.out)
     chosen = _chosen(args.effects)
     world = StripWorld(KuafuRenderer(args.device))
@@ -111,11 +113,10 @@ def run_show(args: argparse.Namespace) -> None:
         return
     for name, change in changes.items():
         print(f"{name}: changes the picture by {change['rms']:.3g} {change['unit']} (root mean square)")
-    print(f"written: {printable(args.out)}")
+    print(f"see: {printable(args.out)}")
 
 
 def run_check(args: argparse.Namespace) -> None:
-    from activestereo.cli.arguments import CommandError, Finding
     from activestereo.common.output_files import write_text
     from activestereo.compare.surrogate import differences
     from activestereo.effects import broken_laws, builtin

@@ -117,11 +117,13 @@ def run(args: argparse.Namespace) -> None:
     by = f"{workers} worker{'' if workers == 1 else 's'}" if ray is None else f"Ray at {args.ray}"
     with ProgressBar(f"{args.count} frames with {by}") as bar:
         done = generate(settings, args.out, args.count, workers, args.part, bar, ray)
-    rate = f"{done.made} frames in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
+    frames = f"{done.made} frame{'' if done.made == 1 else 's'}"
+    rate = f"{frames} in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []
     if not done.missing:
-        notes += [f"measured {done.measured:.1%} of what is there; {done.invented:.1%} of the depths are invented"]
+        measured, invented = 100.0 * done.measured, 100.0 * done.invented
+        notes += [f"{measured:.1f} % of what is there is measured; {invented:.1f} % of the depths are invented"]
     unseen = [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
     if args.also and not done.missing:

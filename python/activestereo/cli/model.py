@@ -5,6 +5,7 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import add_shared, integer_from, make_folder, names_of, print_json
+from activestereo.report.screen import wrapped_lines
 
 EXPORTS = ("isaac", "gazebo", "mujoco_ros2_control", "elevation_mapping", "open3d")
 
@@ -60,10 +61,9 @@ def run_show(args: argparse.Namespace) -> None:
     if args.json:
         print_json([{"file": str(file)} | model_json(read_model(file, effects)) for file in args.files])
         return
-    texts = [show(read_model(file, effects)) for file in args.files]
-    print(
-        "\n\n".join(f"{file}: {text}" if len(texts) > 1 else text for file, text in zip(args.files, texts, strict=True))
-    )
+    many = len(args.files) > 1
+    texts = [f"{file}: " * many + show(read_model(file, effects)) for file in args.files]
+    print(wrapped_lines("\n\n".join(texts).splitlines()))
 
 
 def run_diff(args: argparse.Namespace) -> None:
@@ -76,7 +76,7 @@ def run_diff(args: argparse.Namespace) -> None:
     if args.json:
         print_json(differences(*models))
     else:
-        print(diff(*models) or "the two say the same")
+        print(wrapped_lines((diff(*models) or "the two say the same").splitlines()))
 
 
 def run_export(args: argparse.Namespace) -> None:

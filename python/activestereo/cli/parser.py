@@ -106,7 +106,10 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, after a look for unknown options: it would first ask for those that seem to be missing."""
         self._refuse_unknown_options(args or ())
-        return super().parse_known_args(args, namespace)
+        found, rest = super().parse_known_args(args, namespace)
+        if rest and self._subparsers is None:  # in the words of this command, not of the whole program
+            self.error(f"unrecognized arguments: {' '.join(rest)}")
+        return found, rest
 
     def _refuse_unknown_options(self, arguments: Sequence[str]) -> None:
         own = takewhile(lambda a: a != "--", arguments)

@@ -18,7 +18,7 @@ from activestereo.diagnose.answer.verdict_words import (
     next_steps,
     rival_words,
 )
-from activestereo.report.screen import COLUMNS, Figure, Step, screen, wrapped
+from activestereo.report.screen import Figure, Step, screen, wrapped
 
 _WORDS = {
     "any matcher": "what any matcher makes of these images",
@@ -104,7 +104,7 @@ def diagnosis_table(result: Mapping[str, Any]) -> str:
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
     if result.get("residual_model"):
         lines.append(f"model of the residual ({result['residual_model']['stage']}): {result['residual_model']['text']}")
-    return "\n".join(line for told in lines for line in (wrapped(told) if len(told) > COLUMNS else [told]))
+    return "\n".join(lines)
 
 
 def _notes(result: Mapping[str, Any]) -> list[str]:

@@ -63,7 +63,7 @@ def screen(
     shown = f"see: {printable(see)}" if see else ""
     is_short = shown and more and len(shown) + len(more) + 3 <= COLUMNS
     lines += [f"{shown} ({more})"] if is_short else [line for line in (shown, more) if line]
-    return "\n".join([*lines, *(["", details] if verbose and details else [])])
+    return "\n".join([*lines, *(["", wrapped_lines(details.splitlines())] if verbose and details else [])])
 
 
 def command(*words: object, label: str = "next") -> Step:
@@ -99,7 +99,8 @@ def wrapped(text: str, indent: str = "") -> list[str]:
 
 def wrapped_lines(lines: Sequence[str]) -> str:
     """Lines of text, each wrapped behind its own indentation."""
-    return "\n".join(part for line in lines for part in wrapped(line.lstrip(), " " * (len(line) - len(line.lstrip()))))
+    indented = [(line.lstrip(), " " * (len(line) - len(line.lstrip()))) for line in lines]
+    return "\n".join(part for text, indent in indented for part in wrapped(text, indent) or [""])
 
 
 def _command_lines(step: Step) -> list[str]:

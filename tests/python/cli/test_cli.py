@@ -215,9 +215,11 @@ def test_depth_takes_equal_channels_and_arrays_like_gray(run, pair, tmp_path):
 def test_depth_hints_at_exchanged_cameras_and_tells_what_it_cut(run, pair, tmp_path):
     rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
     result = run("depth", pair / "right.png", pair / "left.png", *rest)
-    assert result.returncode == 0 and "is LEFT the right camera's image?" in result.stdout, result.stdout
+    told = " ".join(result.stdout.split())
+    assert result.returncode == 0 and "is LEFT the right camera's image?" in told, result.stdout
     result = run("depth", pair / "left.png", pair / "right.png", *rest, "--max-depth-m", "0.4")
-    (line,) = (line for line in result.stdout.splitlines() if line.startswith("cut off"))
+    line = " ".join(result.stdout.split()).partition("cut off: ")[2]
+    line = f"cut off: {line.partition(')')[0]}"
     count, share = int(line.split()[2]), float(line.split()[8])
     assert (
         "--max-depth-m 0.4" in line
@@ -228,14 +230,11 @@ def test_depth_hints_at_exchanged_cameras_and_tells_what_it_cut(run, pair, tmp_p
 
 def test_depth_of_a_passive_pair_has_a_profile_and_options_go_before_it(run, pair, tmp_path):
     rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--profile", "passive", "--out", tmp_path)
+    rest += ("--verbose",)
     for options, words in (((), "block 5x5"), (("--block", "3x3"), "block 3x3")):
         result = run("depth", pair / "left.png", pair / "right.png", *rest, *options)
-        assert (
-            result.returncode == 0
-            and words in result.stdout
-            and "uniqueness 5 %" in result.stdout
-            and "median 5" in result.stdout
-        )
+        told = " ".join(result.stdout.split())
+        assert result.returncode == 0 and all(said in told for said in (words, "uniqueness 5 %", "median 5")), told
 
 
 def test_profiles_of_depth_are_for_dots_for_textures_and_the_engine_itself(run, pair, tmp_path):
@@ -249,8 +248,8 @@ def test_profiles_of_depth_are_for_dots_for_textures_and_the_engine_itself(run, 
         maps = []
         for count, images in enumerate(((pair / "left.png", pair / "right.png"), deep)):
             out = tmp_path / f"{name}{count}"
-            result = run("depth", *images, *rest, "--profile", name, "--out", out)
-            assert result.returncode == 0 and words in result.stdout, result.stderr
+            result = run("depth", *images, *rest, "--profile", name, "--out", out, "--verbose")
+            assert result.returncode == 0 and words in " ".join(result.stdout.split()), result.stderr
             maps.append(np.load(out / "disparity.npy"))
         assert np.mean(maps[0] == maps[1]) > 0.99, "counts of 16 bits mean what those of 8 do"
 
@@ -261,7 +260,6 @@ def test_depth_explains_itself_where_asked(run, pair, tmp_path):
         "depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", *options, "--out", tmp_path
     )
     assert result.returncode == 0, result.stderr
-    assert "confidence.png, reason.png" in result.stdout
     depth, confidence, reason = (
         np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("depth", "confidence", "reason")
     )
@@ -297,12 +295,10 @@ def test_depth_of_a_dim_16_bit_pair_with_one_bright_pixel(run, pair, tmp_path):
         Image.fromarray(dim).save(tmp_path / f"{name}.png")
     result = run(
         "depth", tmp_path / "left.png", tmp_path / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity",
-        "32", "--out", tmp_path,
+        "32", "--out", tmp_path, "--verbose",
     )  # fmt: skip
-    assert result.returncode == 0, result.stderr
-    assert (
-        "p1 12, p2 32" in result.stdout and "disparities 0..31" in result.stdout and "matching 160x96" in result.stderr
-    )
+    assert result.returncode == 0 and "matching 160x96" in result.stderr, result.stderr
+    assert all(said in " ".join(result.stdout.split()) for said in ("p1 12, p2 32", "disparities 0..31"))
     depth = np.asarray(Image.open(tmp_path / "depth.png"))
     assert np.median(depth[depth > 0]) == 500 and (depth > 0).mean() > 0.8
 
