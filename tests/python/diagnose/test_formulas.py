@@ -2,8 +2,10 @@
 """The part of a named effect that a formula misses is no other effect's gain."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
@@ -15,8 +17,6 @@ from activestereo.diagnose.search.linear import linearised
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
-
-NAMED = builtin()["vignetting"]
 
 
 @effect(
@@ -41,34 +41,60 @@ def clean(tmp_path_factory):
     return gather(capture, render_frames(capture, WorldRenderer(world), cache=LayerCache(folder / "cache")))
 
 
-def seen(clean, falloff, gain):
-    """Images that fall off to their corners by 1 - 0.3 (r^2 + falloff r^4), of a right camera with another gain."""
+@effect(
+    "haloes",
+    stage=Stage.OPTICS,
+    family="f",
+    source="s",
+    parameters=[Parameter("amount", "1", neutral=0.0, low=0.0, high=0.5, typical=0.1)],
+)
+def haloes(image, view, amount):
+    """Bright places shine on what is near them."""
+    return image + amount * (near(image) - image.mean())
+
+
+def near(image):
+    return gaussian_filter(image, 0.12 * image.shape[1], mode="nearest")
+
+
+def corners(image, view, falloff, gain):
+    """Falls off to its corners by 1 - 0.3 (r^2 + falloff r^4); a right camera has another gain."""
+    u, v = view.field()
+    square = (u**2 + v**2) / 2
+    return image * (1.0 - 0.3 * (square + falloff * square**2)) * (1.0 + gain * view.is_right)
+
+
+def fading_glare(image, view):
+    return 0.7 * image + 0.15 * (image.mean() + near(image))
+
+
+def seen(clean, bent):
+    """The evidence where images are bent(image, view), DN above black."""
 
     def exposed(o):
-        u, v = o.view.field()
-        square = (u**2 + v**2) / 2
         dn = Model().signal(Light.of(o.layers), o.view, clean.nuisances) - clean.nuisances.black_dn
-        dn = dn * (1.0 - 0.3 * (square + falloff * square**2)) * (1.0 + gain * o.view.is_right)
-        return replace(o, measured=(dn + clean.nuisances.black_dn).astype("float32"))
+        return replace(o, measured=(bent(dn, o.view) + clean.nuisances.black_dn).astype("float32"))
 
     return replace(clean, train=tuple(map(exposed, clean.train)))
 
 
 @pytest.mark.parametrize(
-    "falloff, gain, second, low, high",
-    [(0.6, 0.0, dark_corners, 0.0, 0.3), (0.0, 0.1, builtin()["gain_mismatch"], 0.7, 1.1)],
-    ids=["the formula's own error", "another effect"],
+    "bent, first, second, low, high",
+    [
+        (partial(corners, falloff=0.6, gain=0.0), builtin()["vignetting"], dark_corners, 0.0, 0.3),
+        (partial(corners, falloff=0.0, gain=0.1), builtin()["vignetting"], builtin()["gain_mismatch"], 0.7, 1.1),
+        (fading_glare, builtin()["veiling_glare"], haloes, 0.0, 0.3),
+    ],
+    ids=["the formula's own error", "another effect", "glare that fades with distance"],
 )
-def test_a_further_name_explains_what_the_formula_of_the_first_cannot_look_like(
-    clean, falloff, gain, second, low, high
-):
-    evidence = seen(clean, falloff, gain)
+def test_a_further_name_explains_what_the_formula_of_the_first_cannot_look_like(clean, bent, first, second, low, high):
+    evidence = seen(clean, bent)
     fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
-    first = ParameterSpace.of(Model(), NAMED)
-    named = fitter.refine(first, first.start + 0.5, fitter.phi0(evidence.nuisances), 6)
+    alone = ParameterSpace.of(Model(), first)
+    named = fitter.refine(alone, alone.start + 0.3, fitter.phi0(evidence.nuisances), 6)
     space = ParameterSpace.of(named.model, second)
     start = space.start.copy()
     start[len(named.theta)] += 0.05
     fit = fitter.refine(space, start, named.phi, 6)
-    beyond = gain_beyond(freed(linearised(fitter, named), [NAMED], 0.035), fit)
+    beyond = gain_beyond(freed(linearised(fitter, named), [first], 0.035), fit)
     assert low <= beyond / (named.sums.total - fit.sums.total) <= high

@@ -155,6 +155,16 @@ def test_a_capture_that_stands_as_stated_is_left_as_it_is(lab_world, lab_cache):
     assert evidence.capture is capture and geometry_json(evidence.geometry) == []
 
 
+def test_a_search_that_went_astray_begins_again_where_the_capture_is_stated(lab_world, lab_cache):
+    """As one does that took an effect for geometry, before the effect was named."""
+    capture = read_capture(lab_world.capture_path)
+    render = partial(render_frames, renderer=RememberingRenderer(WorldRenderer(lab_world, grid=3)), cache=lab_cache)
+    stated = Geometry.as_stated(capture)
+    astray = stated.moved(stated.focal, np.append(5.0 * PROJECTOR, stated.poses))
+    near = gather(astray.capture(), render(astray.capture()), geometry=astray)
+    assert gather_where_it_stands(capture, render, Model(), near=near).geometry.is_as_stated()
+
+
 def test_a_test_view_is_found_after_all_else_and_moves_nothing_else(lab_world, lab_cache):
     capture = read_capture(lab_world.capture_path)
     first = capture.frames[0].camera_to_world

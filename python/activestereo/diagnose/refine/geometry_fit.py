@@ -60,12 +60,13 @@ Render = Callable[[Capture], LayersOfFrames]
 @dataclass(frozen=True)
 class _Step:
     """Corrections from where the evidence was rendered, as of Geometry.moved(), with the standard errors of both;
-    misfit: Geometry's."""
+    misfit: Geometry's; left: the mean square that stays, noise variances."""
 
     focal: np.ndarray
     twists: np.ndarray
     deviations: np.ndarray
     misfit: float
+    left: float
 
 
 def gather_where_it_stands(
@@ -91,11 +92,23 @@ def gather_where_it_stands(
             return near
         capture = geometry.capture()
         return gather(capture, render(capture), seed, geometry)
-    start = near or gather(capture, render(capture), seed)
-    evidence = _searched(start, render, model, _BLURS_PX if near is None else ())
+    if near is None:
+        evidence = _searched(gather(capture, render(capture), seed), render, model, _BLURS_PX)
+    else:
+        evidence = _searched(_start(near, capture, render, model), render, model, ())
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
     return near if near is not None and _is_same(evidence.geometry, near.geometry) else evidence
+
+
+def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> Evidence:
+    """From where to search on: near, or where the capture is stated. A rig that was searched without the model takes
+    what it can of the model's effects, moves dots beyond their width, and so holds the effects back."""
+    step = _step(near, model)
+    if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
+        return near
+    stated = gather(capture, render(capture), near.seed)
+    return stated if _step(stated, model).left < step.left else near
 
 
 def _is_same(a: Geometry, b: Geometry) -> bool:
@@ -160,7 +173,7 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
         phi[SCALES + own] += moved
     focal, twists = np.split(_without_albedos(phi[SCALES:], evidence), [len(SIDES)])
     deviations = np.sqrt(_misfit(fitter, solution) * _without_albedos(variance, evidence))
-    return _Step(focal, twists, deviations, misfit)
+    return _Step(focal, twists, deviations, misfit, solution.sums.total / fitter.tile_pixels().sum())
 
 
 def _own_step(

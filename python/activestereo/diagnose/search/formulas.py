@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The freedom of formulas: what the formula of a named effect misses looks like the effect itself, weighed by place or
-by brightness, and is not another effect's."""
+by brightness, or like its smooth part (glare that fades with distance), and is not another effect's."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -16,7 +16,8 @@ from activestereo.effects import Effect
 
 def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
     """The linear model with nuisances for the formulas of effects in it: their changes, weighed by the square of the
-    distance from the image's centre, and by brightness. share: of the squared change, that each may be."""
+    distance from the image's centre and by brightness, and their means over tiles. share: of the squared change, that
+    each may be."""
     model = linear.solution.model
     here = linear.images(model)
     fields = [p.observation.view.field() for p in linear.fitter.pixels()]
@@ -24,6 +25,7 @@ def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
     weights = [np.concatenate(by) for by in (radii, here)]
     rows = [-linear.change(model.without_effect(e.id), here) for e in effects]
     added = [row * standard for row in rows for weight in weights if (standard := _standard(weight, row)) is not None]
+    added += [_smooth(linear, row) for row in rows]
     if not added:
         return linear
     return replace(
@@ -41,6 +43,15 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
     change = linear.residual - np.concatenate([p.of(row.residual) * p.root_weight for p, row in pairs])
     information, score, _ = scores(linear, change[None].astype(np.float32)).of(slice(0, 1))
     return float(score[0] ** 2 / max(information[0, 0], 1e-9))
+
+
+def _smooth(linear: Linear, row: Columns) -> Columns:
+    """A change's means over tiles, as large as the change itself."""
+    pixels = linear.fitter.pixels()
+    tile, root = (np.concatenate(x) for x in ([p.tile for p in pixels], [p.root_weight for p in pixels]))
+    mean = np.bincount(tile, row / np.maximum(root, 1e-12)) / np.maximum(np.bincount(tile), 1)
+    smooth = mean[tile] * root
+    return np.asarray(smooth * np.sqrt(float(row @ row) / max(float(smooth @ smooth), 1e-12)), np.float32)
 
 
 def _standard(weight: NDArray[np.float64], change: Columns) -> NDArray[np.float64] | None:

@@ -232,8 +232,8 @@ class Search:
                 self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self) -> float:
-        """The fall of chi2 that a name needs."""
-        return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * self._excess)
+        """The fall of chi2 that a name needs: a part of what is left, or of what is overstated of the noise."""
+        return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
         """Whether a fit explains more than the names so far may have missed: by its size, or beyond what their formulas
@@ -306,6 +306,9 @@ class Search:
             there, self._rendering = self._settings.located(with_own_functions(fit.model, self._effects), evidence)
             if there is not evidence:  # of the capture's own images
                 evidence = self._less_draws(there, self._drawn)
+                self._look_at(evidence)
+                phi = np.append(fit.phi[:SCALES], np.zeros(len(fit.phi) - SCALES))
+                fit = self._fitter.refine(fit.space, fit.theta, phi, _SETTLING, _SETTLED)
         self._look_at(evidence)
         rows = self._whole.residuals(fit)
         self._look_at(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
