@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from activestereo.common.shown import printable
+from activestereo.common.shown import listed, printable
+from activestereo.effects.core.scene_surfaces import material_of
 from activestereo.report.screen import Figure
 from activestereo.scene_io.gltf_document import size_hint
 from activestereo.scene_io.staging import ROOM_LUX
@@ -17,6 +18,7 @@ from activestereo.scene_io.staging import ROOM_LUX
 if TYPE_CHECKING:
     import kuafu
     from activestereo.common.accuracy import Accuracy
+    from activestereo.model import SensorModel
     from activestereo.sensor.light_share import LightShare
 
 # The projector's share of the infrared light at the dots below which depth is coarser. (The example scene, whose table
@@ -66,6 +68,15 @@ def warn_of_light(share: LightShare | None) -> None:
         return
     light = f"{share.brightest} gives {_percent(share.brightest_share)} of their light"
     _say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
+
+
+def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
+    """Names materials on stderr whose values a model states and the scene lacks. Factors of a diagnosis are of its own
+    capture's scene."""
+    own = [scene.material_name(number) or "" for number in range(scene.summary.material_count)]
+    stated = {name for name, fields in model.materials.items() if set(fields) - {"ir_albedo_factor"}}
+    if absent := sorted(stated - set(own) - set(map(material_of, own))):
+        _say(f"the model's {listed(absent)}: the scene has no such material (there are: {', '.join(own) or 'none'})")
 
 
 def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummary) -> None:

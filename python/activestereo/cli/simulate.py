@@ -148,10 +148,13 @@ def run(args: argparse.Namespace) -> None:
     if not args.scene.exists():
         raise CommandError(f"{args.scene}: there is no such file")
     view = _view_of_capture(args) if args.scene.is_dir() else None
+    from activestereo.cli.scene_report import warn_of_materials
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.sensor.sensor import StereoDepthSensor
 
     scene, added = _load_scene(args, config)
+    if model is not None:
+        warn_of_materials(model, scene)
     sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene, config, view), model=model)
     if args.velocity is not None:
         sensor.set_velocity(args.velocity[:3], args.velocity[3:])

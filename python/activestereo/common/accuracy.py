@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NOTHING = "nothing there"
+NOTHING, NAMELESS = "nothing there", "no material"
 INVENTED_SHARE = 0.05  # of the true depth
 
 
@@ -49,7 +49,7 @@ def accuracy_by_material(
     in_range = (true > 0) & (true < max_depth)
     known, counts = np.unique(ids[in_range], return_counts=True)
     rows = [
-        accuracy(name_of(int(material)) or f"material {material}", measured, true, in_range & (ids == material))
+        accuracy(name_of(int(material)) or NAMELESS, measured, true, in_range & (ids == material))
         for material, count in zip(known, counts, strict=True)
         if count >= least_pixels
     ]

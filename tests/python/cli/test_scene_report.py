@@ -10,6 +10,7 @@ from pathlib import Path
 import command_line
 import numpy as np
 import pytest
+from PIL import Image
 
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
@@ -104,3 +105,24 @@ def test_a_scene_without_light_is_a_room(run, tmp_path: Path) -> None:
     dark = json.loads(run("simulate", room, *_QUICK, "--ambient", "0", "--json", "--out", tmp_path / "dark").stdout)
     assert dark["added_radiance"] is None
     assert dark["light"]["projector"] == pytest.approx(1.0) and dark["light"]["brightest"] is None
+
+
+def test_a_model_states_infrared_albedos_by_the_names_of_materials(run, tmp_path: Path) -> None:
+    """As examples/guide/infrared_materials.md says; a name that the scene lacks is told, and so are files without."""
+    wedge = _tetrahedron(tmp_path / "a.obj", 0.2)
+    corners = [(0, 0, 0), (0.2, 0, 0), (0, 0.2, 0)]
+    facet = "\n".join(f"vertex {x} {y} {z}" for x, y, z in corners)
+    solid = f"solid a\nfacet normal 0 0 1\nouter loop\n{facet}\nendloop\nendfacet\nendsolid a\n"
+    (tmp_path / "a.stl").write_text(solid)
+    means, told = [], []
+    for scene, name, albedo in ((wedge, "m", 0.05), (wedge, "m", 0.9), (wedge, "cloth", 0.9), ("a.stl", "m", 0.9)):
+        model = {"format": "active-stereo-model", "version": 2, "materials": {name: {"ir_albedo": albedo}}}
+        (tmp_path / "model.json").write_text(json.dumps(model))
+        quick = (*(word for word in _QUICK if word not in ("--resolution", "106x60")), "--ir-exposure", "0.001")
+        result = run("simulate", tmp_path / scene, "--model", tmp_path / "model.json", *quick, "-o", tmp_path / "out")
+        assert result.returncode == 0, result.stderr
+        means.append(np.asarray(Image.open(tmp_path / "out/ir_left.png"))[200:280, 380:460].mean())
+        told.append(" ".join(f"{result.stdout} {result.stderr}".split()))
+    assert means[1] > 1.2 * means[0]
+    assert "no such material" not in told[0] and "cloth: the scene has no such material (there are: m)" in told[2]
+    assert "(there are: none)" in told[3] and "no material" in told[3]
