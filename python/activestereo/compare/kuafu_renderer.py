@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.compare import matt_world
-from activestereo.compare.cache import scene_digest
+from activestereo.compare.cache import request_key, scene_digest
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
 from activestereo.effects.core.room_light import BOUNCED_VERSION
 from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer, engine_version
@@ -24,14 +24,27 @@ from activestereo.effects.engines.smooth import SMOOTH_VERSION
 
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
+# First surfaces are kept of poses that have no more squares than these together: some 6 poses of 424 x 240.
+_KEPT_SQUARES = 25_000_000
+
+
+class _FirstSurfaces(NamedTuple):
+    """First surfaces of a matt world. light: of each camera, off them with the pattern and without. albedo: [camera]
+    [height][width][1] at squares FINER times finer; seen: images of matt_world.SURFACE."""
+
+    light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+    albedo: NDArray[np.float32]
+    seen: dict[str, NDArray]
 
 
 class _World(NamedTuple):
-    """A loaded scene. is_matt: see matt_world.py."""
+    """A loaded scene. is_matt: see matt_world.py. first: first surfaces of the latest requests, by all but their seed:
+    they have no noise."""
 
     digest: str
     renderer: SceneRenderer
     is_matt: bool
+    first: dict[str, _FirstSurfaces]
 
 
 class KuafuRenderer:
@@ -58,7 +71,7 @@ class KuafuRenderer:
             world = self._load(request)
             with world.renderer.alone():
                 if world.is_matt:
-                    return _matt_layers(world.renderer, request, progress)
+                    return _matt_layers(world, request, progress)
                 return _traced_layers(world.renderer, request, progress)
 
     def _load(self, request: RenderRequest) -> _World:
@@ -67,7 +80,7 @@ class KuafuRenderer:
             renderer = SceneRenderer(request.scene_path, self._device, self._smooth)
             may_be_matt = self._smooth and not self._traced
             is_matt = may_be_matt and matt_world.is_matt_world(renderer.scene, renderer.has_room_light)
-            self._world = _World(digest, renderer, is_matt)
+            self._world = _World(digest, renderer, is_matt, {})
         return self._world
 
 
@@ -94,35 +107,27 @@ def _traced_layers(
 
 
 def _matt_layers(
-    world: SceneRenderer, request: RenderRequest, progress: Callable[[float], object] | None
+    world: _World, request: RenderRequest, progress: Callable[[float], object] | None
 ) -> tuple[Layers, ...]:
     """The layers of a world as matt_world.py makes them."""
-    finer, wide = ([_resized(c, size) for c in request.cameras] for size in (matt_world.FINER, 1.0 / matt_world.FINER))
-    bounces = matt_world.bounced_share(request.cameras[0])
-    few, of_sky, fewer = (
-        _share(request, matt_world.FINER**2 * share)
-        for share in (bounces, matt_world.SKY_SHARE * bounces, matt_world.FIRST_SHARE)
-    )
-
-    def render(
-        cameras: Sequence[ViewCamera], outputs: tuple[str, ...], spp: int, max_bounces: int = 0,
-        progress: Callable[[float], object] | None = None,
-    ) -> dict[str, NDArray]:  # fmt: skip
-        return world.images(list(map(_camera, cameras)), outputs, spp, max_bounces, progress, seed=request.seed)
-
-    spp, seed = request.samples_per_pixel, request.seed
-    room = world.room_light(list(map(_camera, request.cameras)), spp, seed=seed) if world.has_room_light else None
-    even = LIGHT[2:] if room is None else ()
-    with world.lit([(_projector(request), request.pattern)]):
-        bounced = render(wide, matt_world.SURFACE + LIGHT[1:2] + even, few, request.max_bounces, progress)
-        sky = render(wide, even, of_sky)["ambient"] if room is None else room
-        first = render(finer, matt_world.FIRST, fewer)
-        seen = render(request.cameras, matt_world.SURFACE, fewer)
+    images, spp, seed = world.renderer.images, request.samples_per_pixel, request.seed
+    wide = [_resized(camera, 1.0 / matt_world.FINER) for camera in request.cameras]
+    bounces = matt_world.FINER**2 * matt_world.bounced_share(request.cameras[0])
+    few, of_sky = _share(request, bounces), _share(request, matt_world.SKY_SHARE * bounces)
+    room = None
+    if world.renderer.has_room_light:
+        room = world.renderer.room_light(list(map(_camera, request.cameras)), spp, seed=seed)
+    even, wider = LIGHT[2:] if room is None else (), list(map(_camera, wide))
+    with world.renderer.lit([(_projector(request), request.pattern)]):
+        surfaces = matt_world.SURFACE + LIGHT[1:2] + even
+        bounced = images(wider, surfaces, few, request.max_bounces, progress, seed=seed)
+        sky = images(wider, even, of_sky, 0, seed=seed)["ambient"] if room is None else room
+        first = _first_surfaces(world, request)
     light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
 
     def layers(i: int) -> Layers:
-        albedo = first["albedo"][i, ..., 0]
-        own = matt_world.surfaces_of(seen, i, request.cameras[i], albedo)
+        albedo = first.albedo[i, ..., 0]
+        own = matt_world.surfaces_of(first.seen, i, request.cameras[i], albedo)
         spread = matt_world.bounced_light(
             np.stack([image[i, ..., 0] for image in light]), matt_world.surfaces_of(bounced, i, wide[i], albedo), own,
             wide[i].K[0, 0],
@@ -131,12 +136,28 @@ def _matt_layers(
             indirect, ambient, direct_sky = spread
         else:
             [indirect], ambient, direct_sky = spread, sky[i, ..., 0], sky[i, ..., 0]
-        direct, flat = matt_world.first_light(first, i, request.pattern)
-        depth_m, normal, material = (seen[name][i].copy() for name in matt_world.SURFACE)
+        direct, flat = first.light[i]
+        depth_m, normal, material = (first.seen[name][i].copy() for name in matt_world.SURFACE)
         return Layers(direct, indirect, ambient, flat, depth_m[..., 0], normal, material[..., 0], direct_sky)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return tuple(pool.map(layers, range(len(request.cameras))))
+
+
+def _first_surfaces(world: _World, request: RenderRequest) -> _FirstSurfaces:
+    """The first surfaces of a request under its projector, which the world has been lit with."""
+    key = request_key(replace(request, seed=0), "first surfaces")
+    if key not in world.first:
+        images, fewer = world.renderer.images, _share(request, matt_world.FINER**2 * matt_world.FIRST_SHARE)
+        finer = [_camera(_resized(camera, matt_world.FINER)) for camera in request.cameras]
+        seen = images(list(map(_camera, request.cameras)), matt_world.SURFACE, fewer, 0)
+        first = images(finer, matt_world.FIRST, fewer, 0)
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            light = pool.map(lambda i: matt_world.first_light(first, i, request.pattern), range(len(finer)))
+            world.first[key] = _FirstSurfaces(list(light), first["albedo"].copy(), seen)
+        while len(world.first) > 1 and sum(known.albedo.size for known in world.first.values()) > _KEPT_SQUARES:
+            world.first.pop(next(iter(world.first)))
+    return world.first[key]
 
 
 def _camera(camera: ViewCamera) -> kuafu.Camera:

@@ -47,17 +47,38 @@ def render_frames(
     calibration, motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay.
     ValueError for a nominal lens that distorts too much.
     """
+    [layers] = _rendered(capture, renderer, samples_per_pixel, max_bounces, (seed,), cache, progress, scale, frames)
+    return layers
+
+
+def render_halves(
+    capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
+    cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
+    frames: Sequence[Frame] | None = None,
+) -> Halves:  # fmt: skip
+    """render_frames() twice with half of the samples each, from independent random numbers (render_noise.py)."""
+    half, seeds = half_samples(samples_per_pixel), half_seeds(seed)
+    first, second = _rendered(capture, renderer, half, max_bounces, seeds, cache, progress, scale, frames)
+    return first, second
+
+
+def _rendered(
+    capture: Capture, renderer: Renderer, samples_per_pixel: int, max_bounces: int, seeds: Sequence[int],
+    cache: LayerCache | None, progress: Callable[[float], object] | None, scale: int, frames: Sequence[Frame] | None,
+) -> list[LayersOfFrames]:  # fmt: skip
+    """render_frames() with each seed, pose by pose: a renderer may keep what seeds do not change."""
     cache = cache or LayerCache()
     try:
         sampling = sampling_of(capture.rig, scale)
     except ValueError as error:
         raise CaptureError(f"{capture.path / 'capture.json'}: rig: {error}") from error
     requests: dict[str, RenderRequest] = {}
-    keys = {}
+    keys: list[dict[int, str]] = [{} for _ in seeds]
     for frame in capture.frames if frames is None else frames:
-        request = rig_request(capture, frame, samples_per_pixel, max_bounces, seed, sampling)
-        keys[frame.id] = key = request_key(request, renderer.version)
-        requests.setdefault(key, request)
+        for seed, of_seed in zip(seeds, keys, strict=True):
+            request = rig_request(capture, frame, samples_per_pixel, max_bounces, seed, sampling)
+            of_seed[frame.id] = key = request_key(request, renderer.version)
+            requests.setdefault(key, request)
     rendered = {}
     for done, (key, request) in enumerate(requests.items()):
         layers = cache.get(key)
@@ -71,20 +92,4 @@ def render_frames(
         rendered[key] = dict(zip(SIDES, layers, strict=True))
         if progress:
             progress((done + 1) / len(requests))
-    return {frame_id: rendered[key] for frame_id, key in keys.items()}
-
-
-def render_halves(
-    capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
-    cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
-    frames: Sequence[Frame] | None = None,
-) -> Halves:  # fmt: skip
-    """render_frames() twice with half of the samples each, from independent random numbers (render_noise.py)."""
-    first, second = (
-        render_frames(
-            capture, renderer, half_samples(samples_per_pixel), max_bounces, own_seed, cache,
-            part_of(progress, half / 2, (half + 1) / 2), scale, frames,
-        )
-        for half, own_seed in enumerate(half_seeds(seed))
-    )  # fmt: skip
-    return first, second
+    return [{number: rendered[key] for number, key in of_seed.items()} for of_seed in keys]

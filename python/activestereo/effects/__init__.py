@@ -16,6 +16,7 @@ effect.
 
 import importlib
 import pkgutil
+from functools import cache
 
 from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage, effect
 from activestereo.effects.core.laws import broken_laws
@@ -27,6 +28,11 @@ from activestereo.effects.core.view import View
 
 def builtin() -> dict[str, Effect]:
     """The built-in effects in the order of the pipeline: {id: Effect}."""
+    return dict(_found())
+
+
+@cache
+def _found() -> dict[str, Effect]:
     modules = [importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__) if not m.ispkg]
     found = [value for module in modules for value in vars(module).values() if isinstance(value, Effect)]
     return {e.id: e for e in sorted(found, key=lambda e: (e.stage, e.id))}

@@ -54,6 +54,6 @@ def share_bar(share: float, interval: Sequence[float] | None = None, mark: float
 def chart(figure: Figure, alt: str) -> str:
     """A matplotlib Figure as SVG, letters as shapes, so that it looks alike everywhere."""
     file = io.BytesIO()
-    save_figure(figure, file, format="svg", bbox_inches="tight", pad_inches=0.06, metadata={"Date": None})
+    save_figure(figure, file, format="svg", metadata={"Date": None})
     content = base64.b64encode(file.getvalue()).decode()
     return f'<figure><img alt="{text(alt)}" src="data:image/svg+xml;base64,{content}"></figure>'
