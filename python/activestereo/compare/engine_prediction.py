@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A capture's expected images under a model by the engines themselves: effects with engine fields act inside of kuafu
-and simsense."""
+and simsense. Effects behind the lens change no ray: the base model's light is theirs."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ from activestereo.compare.layers import Layers
 from activestereo.effects import Light, Model, View
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, scene_renderer
 from activestereo.effects.engines.smooth import HALVES, half_samples
+
+# Albedos within so much of the scene's hardly change bounced light but by the surface that sends it to the camera.
+_NEAR_ALBEDO = 0.05
 
 
 def engines_of(
@@ -107,3 +110,28 @@ def engine_lights(
         halves.append(lights)
     means = {key: Light.of_images(0.5 * (halves[0][key].images + halves[1][key].images)) for key in views}
     return [means, *halves]
+
+
+def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
+    """Whether a model's light is the base model's, but for the shares that surfaces reflect."""
+    near = all(abs(factor - 1.0) <= _NEAR_ALBEDO for factor in scene_measurement.albedo.values())
+    moved = any(scene_measurement.focal) or scene_measurement.surfaces
+    return near and not moved and all(effect.engine is None for effect, _ in model.on_light())
+
+
+def reflected_lights(
+    model: Model,
+    scene_measurement: SceneMeasurement,
+    layers: Mapping[int, Mapping[str, Layers]],
+    views: Mapping[ImageKey, View],
+) -> dict[ImageKey, Light]:
+    """engine_lights() of one half, of a model that changes no ray. layers: the base model's."""
+
+    def light(number: int, side: str, view: View) -> Light:
+        own = layers[number][side]
+        gain = np.ones(view.shape)
+        for material, factor in scene_measurement.albedo.items():
+            gain[own.material == material] = factor
+        return model.light(Light.of_images(gain * np.stack([own.direct, own.indirect, own.ambient, own.flat])), view)
+
+    return {(number, side): light(number, side, view) for (number, side), view in views.items()}

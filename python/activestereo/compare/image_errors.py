@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
-from activestereo.compare.engine_prediction import engine_lights
+from activestereo.compare.engine_prediction import changes_no_ray, engine_lights, reflected_lights
 from activestereo.compare.noise import NoiseModel, noise_variances_of
 from activestereo.compare.nuisances import Fit, predict_under_model
 from activestereo.compare.render import Halves, LayersOfFrames
@@ -108,10 +108,12 @@ def image_errors(
         for side in SIDES
     }
     counted = {key: _where_known(view, measured[key]) for key, view in views.items()}
+    known = scene_measurement or SceneMeasurement()
     if engines is None:
         lights = [{(f, e): model.light(of[f][e], view) for (f, e), view in views.items()} for of in (layers, *halves)]
+    elif changes_no_ray(model, known):
+        lights = [reflected_lights(model, known, of, views) for of in (layers, *halves)]
     else:
-        known = scene_measurement or SceneMeasurement()
         lights = engine_lights(model, known, engines(capture), layers, views, cache or LayerCache(), progress)
     fit, expected = predict_under_model(capture, model, lights, views, counted)
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
