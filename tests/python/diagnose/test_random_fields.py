@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects import builtin
-from activestereo.diagnose.channels.field_fit import field_parameters, fit_fields, has_extended_draws
+from activestereo.diagnose.channels.field_fit import field_parameters, fit_fields, has_extended_draws, level_means
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.refine import ImageResidual
 
@@ -36,13 +36,17 @@ def rows_with(pattern_dn, hot_dn):
     return tuple(rows)
 
 
+def fitted(effect, rows):
+    return fit_fields(effect, rows, [level_means(row) for row in rows], 0.0, NUMBERS)
+
+
 def test_hot_pixels_are_found_with_their_share():
     effect, rows = builtin()["hot_pixels"], rows_with(0.0, HOT_DN)
-    fit = fit_fields(effect, rows, 0.0, NUMBERS)
+    fit = fitted(effect, rows)
     assert 0.3 * HOT_SHARE < field_parameters(effect, fit)["share"].value < 1.1 * HOT_SHARE
     before, after = (sum((r**2).sum() for r in images) for images in ([row.residual for row in rows], fit.residuals))
     assert after < 0.9 * before
-    assert fit_fields(effect, rows_with(0.0, 0.0), 0.0, NUMBERS) is None
+    assert fitted(effect, rows_with(0.0, 0.0)) is None
 
 
 def test_an_error_of_the_tone_curve_is_no_grain():
@@ -56,7 +60,7 @@ def test_an_error_of_the_tone_curve_is_no_grain():
             for r in rows
         ]
         for name in ("prnu", "fixed_pattern_noise"):
-            fit = fit_fields(builtin()[name], bent, 0.0, NUMBERS)
+            fit = fitted(builtin()[name], bent)
             left = bent if fit is None else [r._replace(residual=x) for r, x in zip(bent, fit.residuals, strict=True)]
             before, after = (np.mean([r.residual**2 for r in some]) for some in (bent, left))
             share[name, error] = 1.0 - after / before

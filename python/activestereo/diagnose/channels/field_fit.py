@@ -59,13 +59,15 @@ def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
     return within_ranges(effect, found, has_floor=True)
 
 
-def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, numbers: Numbers) -> FieldFit | None:
+def fit_fields(
+    effect: Effect, train: Sequence[ImageResidual], curves: Sequence[np.ndarray], black_dn: float, numbers: Numbers
+) -> FieldFit | None:
     """The fields of a random effect, each fitted to the residual of those before it; None where the residual does not
     repeat or is not random.
 
-    A residual that depends on the expected value alone, such as an error of the tone curve, is no random field.
+    curves: level_means() of train. What depends on the expected value alone, such as an error of the tone curve, is no
+    random field.
     """
-    curves = [_level_means(row) for row in train]
     train = _with_residuals(train, [row.residual - curve for row, curve in zip(train, curves, strict=True)])
     index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False
     sigma, error = {}, {}
@@ -98,7 +100,7 @@ def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, 
     return FieldFit(residuals, sigma, error, share, unforeseen) if found else None
 
 
-def _level_means(row: ImageResidual) -> np.ndarray:
+def level_means(row: ImageResidual) -> np.ndarray:
     """The mean residual of the pixels of about the same expected value, [height][width]."""
     between = np.quantile(row.expected, np.arange(1, _LEVELS) / _LEVELS)
     level = np.searchsorted(between, row.expected.ravel())

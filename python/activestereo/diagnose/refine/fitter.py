@@ -189,7 +189,7 @@ class Fitter:
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
-            return pixels, columns, pixels.measured - image - _displacement(pixels, phi)
+            return pixels, columns, pixels.measured - _moved(image, pixels, phi)
 
         seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)))
         yield from map(one, seen)  # no more than one is in memory at a time
@@ -278,8 +278,8 @@ class Fitter:
         """refine() as arrays."""
         lights = self.lights(space, theta)
         damping, n = _DAMPING, len(theta)
-        chi2 = self.chi2(space, theta, phi, lights)
         sums = self.linearise(space, theta, phi, lights)
+        chi2 = sums.total + float((self.sigmas(phi) ** 2).sum())
         for _ in range(iterations):
             step = self.solve(sums, phi, n, space, theta, damping)
             moved = np.where(space.given, theta, np.clip(theta + step[:n], space.low, space.high))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from activestereo.diagnose.channels.draws import pose_key
-from activestereo.diagnose.channels.field_fit import FieldFit, fit_fields
+from activestereo.diagnose.channels.field_fit import FieldFit, fit_fields, level_means
 from activestereo.diagnose.evidence.model_discrepancy import edges
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine import ImageResidual
@@ -19,12 +19,15 @@ def fields_of(
 ) -> dict[str, tuple[float, FieldFit]]:
     """{effect: (share of chi2 that its draws explain, its fit)} of effects whose draws other frames predict. Draws that
     last while the rig stands are white over the image."""
+    chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
+    if not chosen:
+        return {}
     whole, is_white, out = _chi2(rows), _is_white(rows, numbers.neighbours), {}
-    for effect in effects:
-        lasts_a_view = any(term.shared_by is SharedBy.VIEW for term in effect.random_terms)
-        if effect.channel is not Channel.STATIC_FIELD or (lasts_a_view and not is_white):
+    curves = [level_means(row) for row in rows]
+    for effect in chosen:
+        if not is_white and any(term.shared_by is SharedBy.VIEW for term in effect.random_terms):
             continue
-        fit = fit_fields(effect, rows, black_dn, numbers)
+        fit = fit_fields(effect, rows, curves, black_dn, numbers)
         if fit is not None:
             left = [row._replace(residual=residual) for row, residual in zip(rows, fit.residuals, strict=True)]
             out[effect.id] = 1.0 - _chi2(left) / whole, fit

@@ -92,13 +92,13 @@ def _side_by_side(
 def _from_starts(
     fitter: Fitter, space: ParameterSpace, starts: Sequence[Mapping[str, float]], phi: np.ndarray, base_chi2: float
 ) -> Solution:
-    """The best fit from the starts and from neutral, each looked at once."""
+    """The best fit from the starts, each looked at once, and from neutral, which leaves what the model does."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for start in starts]
-    thetas.append(space.start)
     look = lambda: {"chi2": np.array([fitter.nuisance_fit(space, theta, phi)[1] for theta in thetas])}  # noqa: E731
-    seen = fitter.remembered(look, space, thetas, phi)["chi2"]
+    seen = np.append(fitter.remembered(look, space, thetas, phi)["chi2"], base_chi2)
+    thetas.append(space.start)
     best, *others = np.argsort(seen)
     gain, fit = base_chi2 - seen, fitter.refine(space, thetas[best], phi, _STEPS)
     left = fit.sums.total - sum(o.pixels for o in fitter.observations)
