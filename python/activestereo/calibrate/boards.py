@@ -63,16 +63,15 @@ class Board:
     def find(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """(board points [n][3] in metres, pixels [n][2]) of the corners that an 8-bit image shows; None where it shows
         fewer than 8."""
-        found = self._find_chessboard(image) if self.kind == "chessboard" else self._find_markers(image)
-        return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None
-
-    def _find_chessboard(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        if self.kind != "chessboard":
+            found = self._find_markers(image)
+            return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None
         # The sector-based detector (Duda and Frese 2018) finds every corner; its places are up to 0.08 px off to one
         # side where squares are small (0.6 % of a focal length at 424x240), which Foerstner's saddle points are not.
         is_found, corners = cv2.findChessboardCornersSB(
             image, (self.columns, self.rows), flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE
         )
-        if not is_found:
+        if not is_found or len(corners) < _LEAST_CORNERS:
             return None
         corners = np.ascontiguousarray(corners.reshape(-1, 2), np.float32)
         apart = np.linalg.norm(np.diff(corners.reshape(self.rows, self.columns, 2), axis=1), axis=2).min()

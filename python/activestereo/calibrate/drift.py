@@ -115,8 +115,21 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
     weighted = columns * weight
     square = weighted @ columns.T
     sizes = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), weighted @ changes.T).T
-    slopes = tuple(_slope(name, celsius, sizes[:, j]) for j, name in enumerate(names) if "." in name)
-    return Drift(slopes, (float(celsius.min()), float(celsius.max())), len(lit), f"{len(lit)} frames of {capture.name}")
+    # The line of a parameter's size over temperature; neighbours in time err alike (AR(1): Bartlett 1935).
+    slopes, x = [], celsius - celsius.mean()
+    for name, size in zip(names, sizes.T, strict=True):
+        if "." in name:
+            effect, key = name.split(".")
+            unit = next(p.unit for p in builtin()[effect].parameters if p.name == key)
+            value = float(x @ size / (x @ x))
+            rest = size - size.mean() - value * x
+            alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-30), 0.0, 0.9))
+            variance = float(rest @ rest) / (len(size) - 2) * (1.0 + alike) / (1.0 - alike)
+            deviation = float(np.hypot(np.sqrt(variance / (x @ x)), _COLUMNS * value))
+            slopes.append(Slope(name, value, deviation, unit))
+    return Drift(
+        tuple(slopes), (float(celsius.min()), float(celsius.max())), len(lit), f"{len(lit)} frames of {capture.name}"
+    )
 
 
 def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Frame]:
@@ -195,15 +208,3 @@ def _smooth(capture: Capture, frame: Frame, side: str) -> Matrix:
 
 def _picked(image: Matrix) -> Matrix:
     return np.asarray(image[1:-1:_STEP_PX, 1:-1:_STEP_PX], float).ravel()
-
-
-def _slope(name: str, celsius: Matrix, size: Matrix) -> Slope:
-    """The line of a parameter's size over temperature; neighbours in time err alike (AR(1): Bartlett 1935)."""
-    effect, key = name.split(".")
-    unit = next(p.unit for p in builtin()[effect].parameters if p.name == key)
-    x = celsius - celsius.mean()
-    value = float(x @ size / (x @ x))
-    rest = size - size.mean() - value * x
-    alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-30), 0.0, 0.9))
-    variance = float(rest @ rest) / (len(size) - 2) * (1.0 + alike) / (1.0 - alike)
-    return Slope(name, value, float(np.hypot(np.sqrt(variance / (x @ x)), _COLUMNS * value)), unit)

@@ -126,7 +126,14 @@ class MaterialFit:
         if not free.any():
             return theta
         chosen = [p for p in self._pictures if p.band == "visible"]
-        white, gray = (self._visible(np.where(free, value, theta), chosen, samples) for value in (1.0, _GRAY))
+        stacks = []
+        for value in (1.0, _GRAY):
+            self.set(np.where(free, value, theta))
+            rendered = [self._scene.lights(p, samples, self._seed + k) for k, p in enumerate(chosen)]
+            around = [replace(p, usable=p.usable & (p.surface == 0)) for p in chosen]
+            intensities = light_intensities(list(zip(around, rendered, rendered, strict=True)))
+            stacks.append([np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered])
+        white, gray = stacks
         out = theta.copy()
         for place, number in enumerate(self._surfaces):
             own = [p.usable & (p.surface == 1 + place) for p in chosen]
@@ -144,18 +151,19 @@ class MaterialFit:
                     out[row] = np.clip(np.median(value), self.low[row], self.high[row])
         return out
 
-    def _visible(self, theta: NDArray[np.float64], chosen: Sequence[Picture], samples: int) -> list[NDArray]:
-        """The colour images under the lights that the surroundings tell."""
-        self.set(theta)
-        rendered = [self._scene.lights(p, samples, self._seed + k) for k, p in enumerate(chosen)]
-        around = [replace(p, usable=p.usable & (p.surface == 0)) for p in chosen]
-        intensities = light_intensities(list(zip(around, rendered, rendered, strict=True)))
-        return [np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered]
-
     def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
-        """Differences in deviations, and those of the filter bank."""
+        """Differences in deviations, and those of the filter bank. They are linear in the image, for only then do two
+        halves' noises cancel in the mean."""
         rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
-        return np.concatenate([rest.ravel(), *(np.sqrt(_PERCEPTUAL) * part.ravel() for part in _filtered(rest))])
+        parts = [rest.ravel()]
+        for size in _SIZES_PX:
+            across, down = (gaussian_filter(rest, (size, size, 0), order=(*order, 0)) for order in ((0, 1), (1, 0)))
+            norm = size * np.sqrt(8.0 * np.pi) * size  # white noise keeps its deviation
+            share = norm / np.sqrt(len(_SIZES_PX) * _DIRECTIONS)
+            for angle in np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
+                part = share * (np.cos(angle) * across + np.sin(angle) * down)
+                parts.append(np.sqrt(_PERCEPTUAL) * part.ravel())
+        return np.concatenate(parts)
 
     def set(self, theta: NDArray[np.float64]) -> None:
         for number, material in self._materials.items():
@@ -197,19 +205,6 @@ def _not_negative(H: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.
             return out
         kept = np.delete(kept, int(np.argmin(x * size)))
     return np.zeros(len(b))
-
-
-def _filtered(rest: NDArray) -> list[NDArray[np.float64]]:
-    """Differences as the filter bank sees them: linear in the image, for only then do two halves' noises cancel in the
-    mean."""
-    parts = []
-    for size in _SIZES_PX:
-        across, down = (gaussian_filter(rest, (size, size, 0), order=(*order, 0)) for order in ((0, 1), (1, 0)))
-        norm = size * np.sqrt(8.0 * np.pi) * size  # white noise keeps its deviation
-        share = norm / np.sqrt(len(_SIZES_PX) * _DIRECTIONS)
-        angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-        parts += [share * (np.cos(angle) * across + np.sin(angle) * down) for angle in angles]
-    return parts
 
 
 # Neighbouring pixels err alike, and the model errs beside the noise: so many residuals tell as much as one.

@@ -56,14 +56,7 @@ class MaterialScene:
         load_scene_file(self.scene, capture.scene_path)
         split_surfaces(self.scene, capture.scene_path)
         self.scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0, light_group=0)
-        self._group_lights()
-        projector = capture.rig.projector
-        texture = self.scene.add_texture(projector.pattern(), name="pattern")
-        self._projector = kuafu.Light(kind="projector", ir_intensity=1.0, texture=texture, k=projector.K)
-        self._projector_id = self.scene.add_light(self._projector)
-
-    def _group_lights(self) -> None:
-        """Each lamp has a group of its own, as far as there are groups; their colours are found by the fit."""
+        # Each lamp has a group of its own, as far as there are groups; the fit finds their colours.
         lamps = 0
         for number in range(self.scene.summary.light_count):
             lamp = self.scene.get_light(number)
@@ -71,7 +64,7 @@ class MaterialScene:
             brightest = max(lamp.intensity)
             lamp.intensity, lamp.ir_intensity = (brightest, brightest, brightest), brightest
             self.scene.set_light(number, lamp)
-        for known in self._capture.lights:
+        for known in capture.lights:
             pose = np.eye(4)
             pose[:3, 3] = known.position_m
             lamp = kuafu.Light(kind="point", intensity=(1.0, 1.0, 1.0), ir_intensity=1.0, radius_m=known.radius_m)
@@ -79,6 +72,10 @@ class MaterialScene:
             lamps += 1
             self.scene.add_light(lamp)
         self.group_count = 1 + min(lamps, _GROUPS - 1)
+        projector = capture.rig.projector
+        texture = self.scene.add_texture(projector.pattern(), name="pattern")
+        self._projector = kuafu.Light(kind="projector", ir_intensity=1.0, texture=texture, k=projector.K)
+        self._projector_id = self.scene.add_light(self._projector)
 
     def lights(self, picture: Picture, samples: int, seed: int) -> NDArray[np.float32]:
         """[height][width][channel][light]: the projector first, 0 where it was off or the camera does not see it, then
@@ -137,7 +134,9 @@ def pictures(scene: MaterialScene, capture: Capture, surfaces: Sequence[int], mo
                 )
         with_color = [f for f in frames if f.color_path is not None]
         if with_color and capture.rig.color is not None:
-            color: NDArray = np.mean([_linear(np.asarray(capture.color(f))) for f in with_color], axis=0)
+            coded = np.array([capture.color(f) for f in with_color], np.float32) / 255.0
+            linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+            color: NDArray = np.mean(list(linear), axis=0)
             name = f"frames[id={with_color[0].id}].color"
             pose: NDArray = frames[0].camera_to_world @ np.linalg.inv(capture.rig.color.left_to_color)
             out += _picture(scene, capture.rig.color, name, color, None, pose, surfaces, 1.0)
@@ -200,8 +199,3 @@ def _box(
     margin = int(_MARGIN * max(np.ptp(u), np.ptp(v)))
     low = max(int(u.min()) - margin, 0), max(int(v.min()) - margin, 0)
     return *low, min(int(u.max()) + margin, whole.width), min(int(v.max()) + margin, whole.height)
-
-
-def _linear(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    value = srgb.astype(np.float32) / 255.0
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)

@@ -63,12 +63,6 @@ class CountModel:
         below[row, column] = self.cumulative(signal[row], edges[column])
         return _log_shares(below)
 
-    def dark_log_probabilities(self, offset: np.ndarray, max_dn: int, bin_dn: int = 1) -> np.ndarray:
-        """log_probabilities() without light, [offset][bin], of pixels with offsets of their own."""
-        edges = np.arange(bin_dn, max_dn + 1, bin_dn) - 0.5
-        below = ndtr((edges - self.black_dn - np.asarray(offset)[:, None]) / self.sigma_dn)
-        return _log_shares(below)
-
     def _upper_tail(self) -> float:
         """By how many deviations the upper tail reaches farther than a Gaussian's."""
         return 8.0
@@ -103,19 +97,16 @@ class GammaModel(CountModel):
                 weight * np.interp(x - node * y, grid, table) for node, weight in zip(_NODES, _WEIGHTS, strict=True)
             )
         if not wide.all():  # the other way round
-            factors, weights = self._factors()
+            # A Gauss quadrature over the factor: Laguerre's, or Hermite's of Wilson and Hilferty's cube root.
+            if self.shape < _LARGE_SHAPE:
+                nodes, weights = roots_genlaguerre(_FACTORS, self.shape - 1.0)
+                factors, weights = nodes / self.shape, weights / weights.sum()
+            else:
+                spread = 1.0 / (9.0 * self.shape)
+                factors, weights = np.maximum(1.0 - spread + np.sqrt(spread) * _NODES, 0.0) ** 3, _WEIGHTS
             x, y = above[~wide] / self.sigma_dn, signal[~wide] / self.sigma_dn
             out[~wide] = sum(weight * ndtr(x - y * factor) for factor, weight in zip(factors, weights, strict=True))
         return out
-
-    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes and weights of a Gauss quadrature over the factor: Laguerre's, or Hermite's of Wilson and Hilferty's
-        cube root."""
-        if self.shape < _LARGE_SHAPE:
-            nodes, weights = roots_genlaguerre(_FACTORS, self.shape - 1.0)
-            return nodes / self.shape, weights / weights.sum()
-        spread = 1.0 / (9.0 * self.shape)
-        return np.maximum(1.0 - spread + np.sqrt(spread) * _NODES, 0.0) ** 3, _WEIGHTS
 
     def _upper_tail(self) -> float:
         return 40.0 / np.sqrt(self.shape)
@@ -220,7 +211,19 @@ class NoiseFit:
 
 def log_density(counts: Counts, noise_model: CountModel) -> np.ndarray:
     """Nats of each pixel under a noise model, its mean integrated out."""
-    grid, width = _signal_grid(counts, noise_model)
+    # Means above black as finely spaced as a pixel's mean is known, and the width of each.
+    repeats = counts.histograms[0].sum()
+    top = 1.1 * max(float(counts.means.max()) - noise_model.black_dn, 1.0) + 6.0 * np.sqrt(
+        noise_model.variance(np.array([counts.means.max()]))[0] / repeats
+    )
+    middles: list[float] = []
+    at = 0.0
+    while at < top:
+        step = np.sqrt((noise_model.variance(np.array([at]))[0] + counts.bin_dn**2 / 12.0) / repeats)
+        middles.append(at + 0.5 * step)
+        at += step
+    grid = np.array(middles)
+    width = np.gradient(grid) if len(grid) > 1 else np.ones(1)
     table = noise_model.log_probabilities(grid, counts.max_dn, counts.bin_dn)
     return np.asarray(logsumexp(counts.histograms @ table.T + np.log(width), axis=1))
 
@@ -235,24 +238,9 @@ def dark_log_density(counts: Counts, noise_model: CountModel) -> float:
     steps = int(np.ceil(_OFFSETS * counts.dsnu_dn / spacing))
     offsets = spacing * np.arange(-steps, steps + 1)
     weight = -0.5 * (offsets / (counts.dsnu_dn or 1.0)) ** 2
-    table = noise_model.dark_log_probabilities(offsets, counts.max_dn, counts.bin_dn)
+    edges = np.arange(counts.bin_dn, counts.max_dn + 1, counts.bin_dn) - 0.5
+    table = _log_shares(ndtr((edges - noise_model.black_dn - offsets[:, None]) / noise_model.sigma_dn))
     return float(logsumexp(counts.dark @ table.T + weight - logsumexp(weight), axis=1).sum())
-
-
-def _signal_grid(counts: Counts, noise_model: CountModel) -> tuple[np.ndarray, np.ndarray]:
-    """Means above black as finely spaced as a pixel's mean is known, and the width of each."""
-    repeats = counts.histograms[0].sum()
-    top = 1.1 * max(float(counts.means.max()) - noise_model.black_dn, 1.0) + 6.0 * np.sqrt(
-        noise_model.variance(np.array([counts.means.max()]))[0] / repeats
-    )
-    middles: list[float] = []
-    at = 0.0
-    while at < top:
-        step = np.sqrt((noise_model.variance(np.array([at]))[0] + counts.bin_dn**2 / 12.0) / repeats)
-        middles.append(at + 0.5 * step)
-        at += step
-    grid = np.array(middles)
-    return grid, np.gradient(grid) if len(grid) > 1 else np.ones(1)
 
 
 def fit_noise_model(

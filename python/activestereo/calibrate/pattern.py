@@ -258,7 +258,18 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     if len(walls) > 1:
         projector, error, pairs = _meeting_point(near.wall, far.wall, projector)
     # 2. The dots of both, then those that borders cut where nothing else is.
-    dots, *others = (_dots_of(view, rig, projector) for view in walls)
+    K, right_m = eyes["right"]
+    all_dots = []
+    for view in walls:
+        # The left camera's spots in their order, then those of the right camera that lie out of the left one's sight.
+        left, right = view.spots["left"], view.spots["right"]
+        points = wall_points(view.wall.plane, K, right_m, right.u, right.v)
+        pixel = points[:, :2] / points[:, 2:] * np.diag(rig.left.K)[:2] + rig.left.K[:2, 2]
+        end = np.array([rig.left.width, rig.left.height]) - 1 - left.border_px
+        outside = ((pixel <= left.border_px) | (pixel >= end)).any(axis=1)
+        parts = [(view.wall.points, np.zeros(3), left.flux), (points[outside], right_m, right.flux[outside])]
+        all_dots.append(np.vstack([_as_dots(*part, view.wall, projector) for part in parts]))
+    dots, *others = all_dots
     for other in others:
         scales.append(float(np.median(dots[pairs[:, 0], 2] / other[pairs[:, 1], 2])))
         other[:, 2] *= scales[-1]
@@ -275,19 +286,19 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     if len(walls) > 1 and far.exposure_s == near.exposure_s:
         lights = []
         for side in SIDES:
-            parts = [
+            samples = [
                 background_samples(view.spots[side].background, view.wall.plane, *eyes[side], scale, projector)
                 for view, scale in zip(walls, scales, strict=True)
             ]
-            counts, shares = (np.concatenate(part) for part in zip(*parts, strict=True))
+            counts, shares = (np.concatenate(part) for part in zip(*samples, strict=True))
             lights.append(light_between_dots(counts, shares))
         background = max(float(np.mean(lights)), 0.0), float(0.5 * np.ptp(lights))
     # 4. The unit: where dots are seen, the light of the nominal pattern, dots and background together; without one a
     # dot's mean is 1.
-    left, top = np.rint(dots[:, :2].min(axis=0)).astype(int)
-    right, bottom = np.rint(dots[:, :2].max(axis=0)).astype(int) + 1
-    light = dots[:, 2].sum() + (0.0 if background is None else background[0] * (right - left) * (bottom - top))
-    unit = (float(image[top:bottom, left:right].sum()) if image.any() else float(len(dots))) / light
+    first, top = np.rint(dots[:, :2].min(axis=0)).astype(int)
+    last, bottom = np.rint(dots[:, :2].max(axis=0)).astype(int) + 1
+    light = dots[:, 2].sum() + (0.0 if background is None else background[0] * (last - first) * (bottom - top))
+    unit = (float(image[top:bottom, first:last].sum()) if image.any() else float(len(dots))) / light
     dots[:, 2] *= unit
     if background is not None:
         background = (unit * background[0], unit * background[1])
@@ -303,18 +314,6 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
         dots, (width, height), projector.K, projector.position_m, error, left_to_projector, sigma, background, views,
         len(pairs), rig,
     )  # fmt: skip
-
-
-def _dots_of(view: WallView, rig: CaptureRig, projector: ProjectorView) -> np.ndarray:
-    """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left camera's
-    spots in their order, then those of the right camera that lie out of the left one's sight."""
-    left, right, (K, right_m) = view.spots["left"], view.spots["right"], _eyes(rig)["right"]
-    points = wall_points(view.wall.plane, K, right_m, right.u, right.v)
-    pixel = points[:, :2] / points[:, 2:] * np.diag(rig.left.K)[:2] + rig.left.K[:2, 2]
-    end = np.array([rig.left.width, rig.left.height]) - 1 - left.border_px
-    outside = ((pixel <= left.border_px) | (pixel >= end)).any(axis=1)
-    parts = [(view.wall.points, np.zeros(3), left.flux), (points[outside], right_m, right.flux[outside])]
-    return np.vstack([_as_dots(*part, view.wall, projector) for part in parts])
 
 
 def _as_dots(

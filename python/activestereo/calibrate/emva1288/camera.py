@@ -3,6 +3,8 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import mul
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +42,7 @@ class Emva1288:
     hot_pixels: dict[str, Quantity]
 
     def model(self) -> SensorModel:
-        """model.json's imager, black level and effects, but for those that _left_out() names."""
+        """model.json's imager, black level and effects, but for those that summary() names."""
         noise = self.transfer.dark_noise
         offset = _map(noise, lambda sigma: sigma**2 + ROUNDING_VARIANCE, "DN^2")
         imager = Imager(offset, self.transfer.gain, Quantity(0.0, unit="1"))
@@ -52,7 +54,21 @@ class Emva1288:
 
     def summary(self) -> str:
         """The summary that the command prints."""
-        return "\n".join([*_transfer_lines(self), *_spatial_lines(self), *self._left_out()])
+        lines = [*_transfer_lines(self), *_spatial_lines(self)]
+        for name, parameters in self._effects():
+            if beyond := _beyond(name, parameters):
+                lines.append(f"not in model.json: {name}, for {beyond}")
+        response, why = (
+            self.transfer.response,
+            "not in model.json: the bent response, which no power law (response_gamma)",
+        )
+        if response is not None and len(response.coefficients) > 1:
+            lines.append(f"{why} follows from its origin on")
+        if self.spatial is None:
+            lines.append("DSNU, PRNU and defects: record 3 or more frames, better 100, of one lit and one dark step")
+        elif self.spatial.dark.waves or self.spatial.light.waves:
+            lines.append("not in model.json: waves, and columns and rows of PRNU, for which there is no effect")
+        return "\n".join(lines)
 
     def _effects(self) -> Iterator[tuple[str, dict[str, Quantity]]]:
         if self.dark_current is not None:
@@ -64,17 +80,6 @@ class Emva1288:
         yield "fixed_pattern_noise", {"column_dn": dark.column, "row_dn": dark.row, "pixel_dn": dark.pixel}
         if self.hot_pixels:
             yield "hot_pixels", self.hot_pixels
-
-    def _left_out(self) -> Iterator[str]:
-        for name, parameters in self._effects():
-            if beyond := _beyond(name, parameters):
-                yield f"not in model.json: {name}, for {beyond}"
-        if self.transfer.response is not None and len(self.transfer.response.coefficients) > 1:
-            yield "not in model.json: the bent response, which no power law (response_gamma) follows from its origin on"
-        if self.spatial is None:
-            yield "DSNU, PRNU and defects: record 3 or more frames, better 100, of one lit and one dark step"
-        elif self.spatial.dark.waves or self.spatial.light.waves:
-            yield "not in model.json: waves, and columns and rows of PRNU, for which there is no effect"
 
 
 def calibrate_emva1288(
@@ -114,8 +119,14 @@ def measure(recording: Recording) -> Emva1288:
     # A bent response shows less of a pixel's own sensitivity.
     response, photons = transfer.response, spatial.photons
     bend = 1.0 if response is None or photons is None else response.bend(photons)
-    prnu = _scaled(spatial.light.pixel, 1.0 / bend)
-    return Emva1288(transfer, spatial, responsivity, prnu, _black(spatial, current), current, hot)
+    prnu = _map(spatial.light.pixel, lambda share: share * (1.0 / bend), "1")
+    # The averaged dark, less what its current adds in its exposure.
+    black = spatial.dark.mean
+    if current is not None and black.high is not None and current.high is not None:
+        value = black.value - current.value * spatial.exposure_s
+        half = float(np.hypot(black.high - black.value, (current.high - current.value) * spatial.exposure_s))
+        black = replace(black, value=value, low=value - half, high=value + half)
+    return Emva1288(transfer, spatial, responsivity, prnu, black, current, hot)
 
 
 def is_emva1288(frames: Path) -> bool:
@@ -124,16 +135,6 @@ def is_emva1288(frames: Path) -> bool:
         counts = [sum(1 for _ in folder.glob("*.png")) for folder in frames.iterdir() if folder.is_dir()]
         return bool(counts) and max(counts) > 1 and min(counts) < LEAST_REPEATS
     return frames.is_file() and frames.suffix != ".npy" and frames.name != "capture.json"
-
-
-def _black(spatial: Nonuniformity, current: Quantity | None) -> Quantity:
-    """The averaged dark, less what its current adds in its exposure."""
-    mean = spatial.dark.mean
-    if current is None or mean.high is None or current.high is None:
-        return mean
-    value = mean.value - current.value * spatial.exposure_s
-    half = float(np.hypot(mean.high - mean.value, (current.high - current.value) * spatial.exposure_s))
-    return replace(mean, value=value, low=value - half, high=value + half)
 
 
 def _hot_pixels(spatial: Nonuniformity) -> dict[str, Quantity]:
@@ -167,10 +168,6 @@ def _map(q: Quantity, function: Callable[[float], float], unit: str) -> Quantity
     """A rising function of a quantity and of its interval's ends."""
     low, high = (None if end is None else function(end) for end in (q.low, q.high))
     return Quantity(function(q.value), low, high, unit, q.source)
-
-
-def _scaled(q: Quantity, factor: float, unit: str = "") -> Quantity:
-    return _map(q, lambda value: factor * value, unit or q.unit)
 
 
 def _ratio(q: Quantity, divisor: Quantity, unit: str, factor: float = 1.0) -> Quantity:
@@ -240,7 +237,7 @@ def _spatial_lines(camera: Emva1288) -> Iterator[str]:
         electrons = f"{value / camera.transfer.gain_1288:.4g} e-" if np.isfinite(value) else "below noise"
         place = f"fixed_pattern_noise.{name.strip()[:-1]}_dn" if ours else ""
         yield _line(f"DSNU{name}", electrons, quantity_text(ours) if ours else "", place)
-    percent = [None if q is None else _scaled(q, 100.0, "%") for q in (None, light.column, light.row, prnu)]
+    percent = [None if q is None else _map(q, lambda v: 100.0 * v, "%") for q in (None, light.column, light.row, prnu)]
     for name, value, part in zip(names, spatial.prnu_1288, percent, strict=True):
         share = f"{100 * value:.4g} %" if np.isfinite(value) else "below noise"
         yield _line(f"PRNU{name}", share, quantity_text(part) if part else "", "prnu" if name == " pixels" else "")
@@ -248,7 +245,7 @@ def _spatial_lines(camera: Emva1288) -> Iterator[str]:
     yield _line("light across the image", f"{100 * lowest:.4g} to {100 * highest:.4g} %")
     for where, found, scale, unit in (("dark", dark, 1.0, "DN"), ("light", light, 100.0, "%")):
         for wave in found.waves:
-            amplitude = quantity_text(_scaled(wave.amplitude, scale, unit))
+            amplitude = quantity_text(_map(wave.amplitude, partial(mul, scale), unit))
             yield _line(f"wave in the {where}", f"{wave.u:.4f}, {wave.v:.4f} cycles/px", amplitude)
         if len(found.excess):
             mean = f"{scale * float(found.excess.mean()):+.3g} {unit} in the mean"

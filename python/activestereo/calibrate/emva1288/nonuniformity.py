@@ -109,10 +109,18 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
     difference = of_light - of_dark
     field = _field(difference, np.ones(difference.shape, bool))
     light = split(difference / field, sum(noise) / signal**2, "1")
-    # Defects change the mean, not the light.
-    lowest, highest = (end / (1.0 + light.excess.sum() / bright.pixels) for end in _range(field, light.pixel.value))
+    # The field's lowest and highest over its mean, each farther out by its error. Defects change the mean, not the light.
+    degrees = np.arange(_DEGREE + 1)
+    relative, ends = field / field.mean(), []
+    for place, sign in ((int(np.argmin(relative)), -1.0), (int(np.argmax(relative)), 1.0)):
+        at = 2.0 * np.array(np.unravel_index(place, field.shape)) / (np.array(field.shape) - 1.0) - 1.0
+        down, across = np.polynomial.legendre.legvander(at, _DEGREE) ** 2 * (2.0 * degrees + 1.0)
+        terms = np.outer(down, across)[np.add.outer(degrees, degrees) <= _DEGREE]
+        error = light.pixel.value * float(np.sqrt(terms.sum() / field.size))
+        end = float(relative.flat[place]) + sign * DEVIATIONS * error
+        ends.append(end / (1.0 + light.excess.sum() / bright.pixels))
     return Nonuniformity(
-        dsnu, prnu, split(of_dark, noise[1], "DN"), light, (lowest, highest), bright.pixels, bright.photons, signal,
+        dsnu, prnu, split(of_dark, noise[1], "DN"), light, (ends[0], ends[1]), bright.pixels, bright.photons, signal,
         bright.exposure_s,
     )  # fmt: skip
 
@@ -185,20 +193,6 @@ def _field(image: Array, good: NDArray[np.bool_]) -> Array:
     return np.asarray(field)
 
 
-def _range(field: Array, deviation: float) -> tuple[float, float]:
-    """The field's lowest and highest over its mean, each farther out by its error. deviation: of a pixel's share."""
-    orders = 2.0 * np.arange(_DEGREE + 1) + 1.0
-    relative = field / field.mean()
-    ends = []
-    for place, sign in ((int(np.argmin(relative)), -1.0), (int(np.argmax(relative)), 1.0)):
-        at = 2.0 * np.array(np.unravel_index(place, field.shape)) / (np.array(field.shape) - 1.0) - 1.0
-        down, across = np.polynomial.legendre.legvander(at, _DEGREE) ** 2 * orders
-        terms = np.outer(down, across)[np.add.outer(np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)) <= _DEGREE]
-        error = deviation * float(np.sqrt(terms.sum() / field.size))
-        ends.append(float(relative.flat[place]) + sign * DEVIATIONS * error)
-    return ends[0], ends[1]
-
-
 def _without_lines(rest: Array, good: NDArray[np.bool_]) -> Array:
     """Pixels less the means of their column and row."""
     for axis in (0, 1):
@@ -219,7 +213,14 @@ def _waves(image: Array, unit: str) -> list[tuple[Wave, Array]]:
     found: list[tuple[Wave, Array]] = []
     while len(found) < _MOST_WAVES:
         power = np.where(lines | slow, 0.0, np.abs(np.fft.rfft2(rest)) ** 2 / rest.size)
-        ratio = power / _surroundings(power)
+        # The noise around each bin has a mean power by the median of its block; without any it is infinite.
+        around = np.full(power.shape, np.inf)
+        for top in range(0, power.shape[0], _BLOCK):
+            for left in range(0, power.shape[1], _BLOCK):
+                block = (slice(top, top + _BLOCK), slice(left, left + _BLOCK))
+                if (inside := power[block][power[block] > 0.0]).size:
+                    around[block] = np.median(inside) / np.log(2.0)
+        ratio = power / around
         place = np.unravel_index(int(np.argmax(ratio)), power.shape)
         if ratio[place] < np.log(power.size / _CHANCE):
             break
@@ -252,15 +253,3 @@ def _sinusoid(image: Array, u: float, v: float) -> tuple[tuple[float, float], Ar
     # At half a cycle per pixel the sine vanishes: a weight on it would be noise.
     weights = np.linalg.lstsq(np.stack([turn.real, turn.imag], axis=1), image.ravel(), rcond=1e-2)[0]
     return (float(best[0]), float(best[1])), (turn.real * weights[0] + turn.imag * weights[1]).reshape(m, n)
-
-
-def _surroundings(power: Array) -> Array:
-    """Mean power of the noise around each bin, from the median of its block; infinite where there is none."""
-    m, n = power.shape
-    out = np.full(power.shape, np.inf)
-    for top in range(0, m, _BLOCK):
-        for left in range(0, n, _BLOCK):
-            block = (slice(top, top + _BLOCK), slice(left, left + _BLOCK))
-            if (inside := power[block][power[block] > 0.0]).size:
-                out[block] = np.median(inside) / np.log(2.0)
-    return out

@@ -89,14 +89,11 @@ _SOURCE = "EMVA 1288 photon transfer"
 
 @dataclass(frozen=True)
 class Response:
-    """Mean above black of n photons, DN: n (c_0 + c_1 x + c_2 x^2 ...), x = n / largest."""
+    """Mean above black of n photons, DN: n (c_0 + c_1 x + c_2 x^2 ...), x = n / largest. s = c_0 n is the mean of a
+    straight response with this one's slope at its origin."""
 
     largest: float
     coefficients: np.ndarray
-
-    def linear_dn(self, photons: np.ndarray) -> np.ndarray:
-        """s: the mean of a straight response, whose slope is this one's at its origin."""
-        return self.coefficients[0] * photons
 
     def slope(self, photons: np.ndarray) -> np.ndarray:
         """f'(s)."""
@@ -107,7 +104,7 @@ class Response:
         """f'(s) s / f(s): a relative change of the light shows as so much of it."""
         n = np.array([photons])
         mean = photons * np.polynomial.Polynomial(self.coefficients)(photons / self.largest)
-        return float(self.slope(n)[0] * self.linear_dn(n)[0] / mean)
+        return float(self.slope(n)[0] * (self.coefficients[0] * n)[0] / mean)
 
 
 @dataclass(frozen=True)
@@ -178,7 +175,14 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     dark_at_used = at_used @ dark_variance.values
     excess, signal = levels.variance[used] - dark_at_used, levels.signal[used]
     gain, dark_noise = _gain(levels, used, dark_variance, dark_at_used, response)
-    known = response is not None
+    known, linearity = response is not None, None
+    if known:  # deviations from the straight line of least relative squares, as shares of it (6.7)
+        low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
+        inside = (levels.signal >= low) & (levels.signal <= high)
+        means = levels.signal[inside]
+        line = np.polyval(np.polyfit(levels.photons[inside], means, 1, w=1.0 / means), levels.photons[inside])
+        deviation = means / line - 1.0
+        linearity = float(deviation.min()), float(deviation.max())
     photons = levels.photons[used]
     return PhotonTransfer(
         gain_1288=float(signal @ excess / (signal @ signal)),
@@ -193,7 +197,7 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
         responsivity_1288=float(photons @ signal / (photons @ photons)) if known else None,
         responsivity=response[1].quantity(0, "DN", _SOURCE) if response else None,
         response=response[0] if response else None,
-        linearity_1288=_linearity(levels, top) if known else None,
+        linearity_1288=linearity,
         saturation_photons=float(levels.photons[top]) if known else None,
         dark_current=black.quantity(1, "DN/s", _SOURCE) if several else None,
     )
@@ -277,16 +281,6 @@ def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response
     return response, chosen
 
 
-def _linearity(levels: _Levels, top: int) -> tuple[float, float]:
-    """Least and largest deviation from the straight line of least relative squares, as shares of it (6.7)."""
-    low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
-    inside = (levels.signal >= low) & (levels.signal <= high)
-    photons, signal = levels.photons[inside], levels.signal[inside]
-    line = np.polyval(np.polyfit(photons, signal, 1, w=1.0 / signal), photons)
-    deviation = signal / line - 1.0
-    return float(deviation.min()), float(deviation.max())
-
-
 def _gain(
     levels: _Levels, used: np.ndarray, dark: WeightedFit, dark_at_used: np.ndarray,
     response: tuple[Response, WeightedFit] | None,
@@ -305,7 +299,7 @@ def _gain(
         if curve is None:
             linear, slope = levels.signal[used], np.ones(used.sum())
         else:
-            linear, slope = curve.linear_dn(levels.photons[used]), curve.slope(levels.photons[used])
+            linear, slope = curve.coefficients[0] * levels.photons[used], curve.slope(levels.photons[used])
         columns = np.stack([linear, np.ones_like(linear)][: 1 + hidden], axis=1) * slope[:, None] ** 2
         rest = variance - ROUNDING_VARIANCE - (0.0 if hidden else (dark_at_used - ROUNDING_VARIANCE) * slope**2)
         return fit_weighted(columns[well], rest[well], error[well], variance[well])
