@@ -58,12 +58,10 @@ class Emva1288:
         for name, parameters in self._effects():
             if beyond := _beyond(name, parameters):
                 lines.append(f"not in model.json: {name}, for {beyond}")
-        response, why = (
-            self.transfer.response,
-            "not in model.json: the bent response, which no power law (response_gamma)",
-        )
+        response = self.transfer.response
         if response is not None and len(response.coefficients) > 1:
-            lines.append(f"{why} follows from its origin on")
+            why = "no power law (response_gamma) follows it from its origin on"
+            lines.append(f"not in model.json: the bent response, for {why}")
         if self.spatial is None:
             lines.append("DSNU, PRNU and defects: record 3 or more frames, better 100, of one lit and one dark step")
         elif self.spatial.dark.waves or self.spatial.light.waves:

@@ -109,7 +109,7 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
     difference = of_light - of_dark
     field = _field(difference, np.ones(difference.shape, bool))
     light = split(difference / field, sum(noise) / signal**2, "1")
-    # The field's lowest and highest over its mean, each farther out by its error. Defects change the mean, not the light.
+    # Ends of the field over its mean, each farther out by its error. Defects change the mean, not the light.
     degrees = np.arange(_DEGREE + 1)
     relative, ends = field / field.mean(), []
     for place, sign in ((int(np.argmin(relative)), -1.0), (int(np.argmax(relative)), 1.0)):
