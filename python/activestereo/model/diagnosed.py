@@ -141,8 +141,20 @@ def diagnosed_model(
     if noise_model is not None:
         terms = {name: float(getattr(noise_model, name)) for name in NOISE_TERMS}
         imager = Imager(**{n: Quantity(v, unit=NOISE_TERMS[n], source=source) for n, v in terms.items()})
+    rig, frames = capture.rig, capture.split("train") or list(capture.frames)
+    usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
     model = SensorModel(
-        rig=_rig(capture),
+        rig=Rig(
+            rig.left,
+            rig.right,
+            rig.left_to_right,
+            rig.projector.left_to_projector,
+            rig.bit_depth,
+            rig.line_time_s,
+            usual.exposure_s,
+            usual.gain,
+            source=f"nominal, of {capture.name}",
+        ),  # fmt: skip
         pattern=Pattern(
             capture.rig.projector.K, file=capture.rig.projector.pattern_path, source=f"nominal, of {capture.name}"
         ),
@@ -162,19 +174,3 @@ def diagnosed_model(
         values, surfaces = with_surfaces(effect, parameters, material_names)
         model = model.with_effect(effect, {n: quantity(effect.id, n, v, units[n]) for n, v in values.items()}, surfaces)
     return model
-
-
-def _rig(capture: Capture) -> Rig:
-    rig, frames = capture.rig, capture.split("train") or list(capture.frames)
-    usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
-    return Rig(
-        rig.left,
-        rig.right,
-        rig.left_to_right,
-        rig.projector.left_to_projector,
-        rig.bit_depth,
-        rig.line_time_s,
-        usual.exposure_s,
-        usual.gain,
-        source=f"nominal, of {capture.name}",
-    )

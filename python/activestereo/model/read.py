@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture.capture import Camera
+from activestereo.capture.capture import SIDES, Camera
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.common.nearest import unknown
@@ -52,7 +52,13 @@ def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> Se
     if not 1 <= version <= VERSION:
         root.fail("version", f"is {version}; this program reads versions 1 to {VERSION}")
     known = builtin() if effects is None else effects
-    model = _read_first(root, known) if version == 1 else _read(root, known)
+    if version == 2:
+        model = _read(root, known)
+    else:  # effects with plain numbers, surfaces by number, and three nuisances without intervals
+        nuisances = root.object("nuisances", optional=True)
+        names = [name for name in nuisances.keys() if name in NUISANCES] if nuisances else []
+        quantities = {name: Quantity(nuisances.number(name), unit=NUISANCES[name][0]) for name in names}
+        model = SensorModel(effects=_effects(root, known), nuisances=quantities, source="a model file of version 1")
     for key in root.unknown_keys():
         if key.rsplit(".", 1)[-1] not in _NOTES:
             raise ValueError(f"{path}: {key}: this version knows no such key")
@@ -81,21 +87,6 @@ def _read(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
     )
 
 
-def _read_first(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
-    """Version 1: effects with plain numbers, surfaces by number, and three nuisances without intervals."""
-    nuisances = root.object("nuisances", optional=True)
-    quantities = (
-        {
-            name: Quantity(nuisances.number(name), unit=NUISANCES[name][0])
-            for name in nuisances.keys()
-            if name in NUISANCES
-        }
-        if nuisances
-        else {}
-    )
-    return SensorModel(effects=_effects(root, effects), nuisances=quantities, source="a model file of version 1")
-
-
 def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect, ...]:
     found: list[ModelEffect] = []
     for entry in root.objects("effects") if root.has("effects") else []:
@@ -105,23 +96,18 @@ def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect,
         if name in (e.effect.id for e in found):
             entry.fail("id", f"the effect '{name}' is there twice")
         entry.name = f"effects[{name}]"
-        found.append(_effect(entry, effects[name]))
+        parameters = entry.object("parameters", optional=True)
+        known = {p.name: p for p in effects[name].parameters}
+        values: dict[str, Quantity] = {}
+        for key in parameters.keys() if parameters else ():
+            if key not in known:
+                parameters.fail(key, f"{name} has no such parameter (known: {', '.join(known)})")
+            values[key] = _quantity(parameters, key, known[key].unit, known[key].low, known[key].high)
+        surfaces = tuple(entry.texts("surfaces")) if entry.has("surfaces") else ()
+        if surfaces and SURFACES not in effects[name].parameters:
+            entry.fail("surfaces", f"{name} is not an effect of surfaces")
+        found.append(ModelEffect(effects[name], values, surfaces))
     return tuple(found)
-
-
-def _effect(entry: JsonObject, effect: Effect) -> ModelEffect:
-    parameters = entry.object("parameters", optional=True)
-    known = {p.name: p for p in effect.parameters}
-    values: dict[str, Quantity] = {}
-    if parameters is not None:
-        for name in parameters.keys():
-            if name not in known:
-                parameters.fail(name, f"{effect.id} has no such parameter (known: {', '.join(known)})")
-            values[name] = _quantity(parameters, name, known[name].unit, known[name].low, known[name].high)
-    surfaces = tuple(entry.texts("surfaces")) if entry.has("surfaces") else ()
-    if surfaces and SURFACES not in effect.parameters:
-        entry.fail("surfaces", f"{effect.id} is not an effect of surfaces")
-    return ModelEffect(effect, values, surfaces)
 
 
 def _fields(entry: JsonObject, known: dict[str, tuple[str, float, float]]) -> dict[str, Quantity]:
@@ -154,24 +140,22 @@ def _source(entry: JsonObject) -> str:
 
 
 def _rig(entry: JsonObject) -> Rig:
-    to_projector = entry.rigid_transform("left_to_projector") if entry.has("left_to_projector") else None
+    cameras = []
+    for side in SIDES:
+        own = entry.object(side)
+        width, height = own.integer("width", _IMAGE_SIDE), own.integer("height", _IMAGE_SIDE)
+        lens = own.lens("distortion") if own.has("distortion") else np.zeros(5)
+        cameras.append(Camera(width, height, own.camera_matrix("K"), lens))
     return Rig(
-        left=_side(entry.object("left")),
-        right=_side(entry.object("right")),
+        *cameras,
         left_to_right=entry.rigid_transform("left_to_right"),
-        left_to_projector=to_projector,
+        left_to_projector=entry.rigid_transform("left_to_projector") if entry.has("left_to_projector") else None,
         bit_depth=entry.integer("bit_depth", _BIT_DEPTH) if entry.has("bit_depth") else 8,
         line_time_s=entry.number("line_time_s", LINE_TIME, optional=True),
         exposure_s=entry.number("exposure_s", EXPOSURE, optional=True),
         gain=entry.number("gain", GAIN, optional=True),
         source=_source(entry),
     )
-
-
-def _side(entry: JsonObject) -> Camera:
-    width, height = entry.integer("width", _IMAGE_SIDE), entry.integer("height", _IMAGE_SIDE)
-    lens = entry.lens("distortion") if entry.has("distortion") else np.zeros(5)
-    return Camera(width, height, entry.camera_matrix("K"), lens)
 
 
 def _pattern(entry: JsonObject) -> Pattern:

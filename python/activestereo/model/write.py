@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import Camera
 from activestereo.common.input_files import open_file, read_json
 from activestereo.common.output_files import replace_file, write_text
-from activestereo.model.model import NOISE_TERMS, Pattern, Quantity, Rig, SensorModel
+from activestereo.model.model import NOISE_TERMS, Quantity, SensorModel
 from activestereo.model.read import FORMAT, VERSION
 
 
@@ -71,18 +70,40 @@ def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:
     """The content of the file. pattern_file: name of the pattern's image beside it. Each part says whether the engines
     simulate it."""
-    root: dict[str, Any] = {"format": FORMAT, "version": VERSION}
-    if model.source:
-        root["source"] = model.source
-    if model.rig is not None:
-        root["rig"] = _rig(model.rig) | {"simulated": "engine"}
-    if model.pattern is not None:
-        root["pattern"] = _pattern(model.pattern, pattern_file) | {"simulated": "engine"}
-    if model.imager is not None:
-        root["imager"] = {name: _quantity(getattr(model.imager, name)) for name in NOISE_TERMS} | {
-            "simulated": "engine"
+    root: dict[str, Any] = {"format": FORMAT, "version": VERSION, **_source(model.source)}
+    if (rig := model.rig) is not None:
+        cameras = {"left": rig.left, "right": rig.right}
+        root["rig"] = {
+            side: {"width": c.width, "height": c.height, "K": _numbers(c.K), "distortion": _numbers(c.distortion)}
+            for side, c in cameras.items()
         }
-    root["effects"] = [_effect(entry) for entry in model.effects]
+        root["rig"]["left_to_right"] = _numbers(rig.left_to_right)
+        if rig.left_to_projector is not None:
+            root["rig"]["left_to_projector"] = _numbers(rig.left_to_projector)
+        root["rig"] |= {name: getattr(rig, name) for name in ("bit_depth", "line_time_s", "exposure_s", "gain")}
+        root["rig"] |= _source(rig.source) | {"simulated": "engine"}
+    if (pattern := model.pattern) is not None:
+        root["pattern"] = {"K": _numbers(pattern.K)}
+        if pattern.dots is None:
+            root["pattern"]["file"] = pattern_file or str(pattern.file)
+        else:
+            width, height = pattern.size or (0, 0)
+            root["pattern"] |= {"width": width, "height": height, "dot_sigma_px": pattern.dot_sigma_px}
+            root["pattern"] |= {"background": pattern.background, "dots": np.asarray(pattern.dots).tolist()}
+        root["pattern"] |= _source(pattern.source) | {"simulated": "engine"}
+    if model.imager is not None:
+        root["imager"] = {name: _quantity(getattr(model.imager, name)) for name in NOISE_TERMS}
+        root["imager"]["simulated"] = "engine"
+    root["effects"] = []
+    for entry in model.effects:
+        effect, values = entry.effect, {name: _quantity(q) for name, q in entry.parameters.items()}
+        out: dict[str, Any] = {"id": effect.id, "parameters": values}
+        if entry.surfaces:
+            out["surfaces"] = list(entry.surfaces)
+        out["simulated"] = "image" if effect.engine is None else "engine"
+        if effect.engine is None:
+            out["image_only"] = effect.image_only or "it brings no engine fields"
+        root["effects"].append(out)
     root["materials"] = {name: {f: _quantity(q) for f, q in fields.items()} for name, fields in model.materials.items()}
     root["nuisances"] = {name: _quantity(q) for name, q in model.nuisances.items()}
     if model.poses:
@@ -90,56 +111,12 @@ def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str,
     return root
 
 
-def _effect(entry: Any) -> dict[str, Any]:
-    effect = entry.effect
-    out: dict[str, Any] = {"id": effect.id, "parameters": {name: _quantity(q) for name, q in entry.parameters.items()}}
-    if entry.surfaces:
-        out["surfaces"] = list(entry.surfaces)
-    if effect.engine is None:
-        return out | {"simulated": "image", "image_only": effect.image_only or "it brings no engine fields"}
-    return out | {"simulated": "engine"}
-
-
 def _quantity(q: Quantity) -> dict[str, Any]:
-    out: dict[str, Any] = {"value": q.value, "low": q.low, "high": q.high, "unit": q.unit}
-    return out | ({"source": q.source} if q.source else {})
+    return {"value": q.value, "low": q.low, "high": q.high, "unit": q.unit, **_source(q.source)}
 
 
-def _rig(rig: Rig) -> dict[str, Any]:
-    out: dict[str, Any] = {
-        "left": _side(rig.left),
-        "right": _side(rig.right),
-        "left_to_right": _numbers(rig.left_to_right),
-    }
-    if rig.left_to_projector is not None:
-        out["left_to_projector"] = _numbers(rig.left_to_projector)
-    out |= {"bit_depth": rig.bit_depth, "line_time_s": rig.line_time_s, "exposure_s": rig.exposure_s, "gain": rig.gain}
-    return out | ({"source": rig.source} if rig.source else {})
-
-
-def _side(side: Camera) -> dict[str, Any]:
-    return {
-        "width": side.width,
-        "height": side.height,
-        "K": _numbers(side.K),
-        "distortion": list(map(float, side.distortion)),
-    }
-
-
-def _pattern(pattern: Pattern, file: str | None) -> dict[str, Any]:
-    out: dict[str, Any] = {"K": _numbers(pattern.K)}
-    if pattern.dots is None:
-        out["file"] = file or str(pattern.file)
-    else:
-        width, height = pattern.size or (0, 0)
-        out |= {
-            "width": width,
-            "height": height,
-            "dot_sigma_px": pattern.dot_sigma_px,
-            "background": pattern.background,
-            "dots": np.asarray(pattern.dots).tolist(),
-        }
-    return out | ({"source": pattern.source} if pattern.source else {})
+def _source(source: str) -> dict[str, str]:
+    return {"source": source} if source else {}
 
 
 def _numbers(matrix: Any) -> list[float]:

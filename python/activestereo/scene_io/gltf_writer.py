@@ -53,12 +53,8 @@ class GltfWriter:
     ) -> None:
         """A mesh and a node that places it, turned about y."""
         half = np.deg2rad(yaw_deg) / 2
-        self._node(
-            name,
-            mesh=self.add_shape(name, mesh, material),
-            translation=list(translation),
-            rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
-        )
+        shape, turn = self.add_shape(name, mesh, material), [0.0, float(np.sin(half)), 0.0, float(np.cos(half))]
+        self._node(name, mesh=shape, translation=list(translation), rotation=turn)
 
     def add_placed_mesh(self, name: str, mesh: Mesh, material: int, local_to_world: np.ndarray) -> None:
         """A mesh and a node with a 4x4."""

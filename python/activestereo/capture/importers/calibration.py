@@ -32,33 +32,29 @@ _MOST_ROUNDING_PX = 0.01
 
 def read_middlebury(path: Path) -> DeviceText:
     """The DeviceText of both rectified cameras. Raises ValueError with file, key and value."""
-    values = dict(_LINE.findall(read_text(path)))
-    K = []
+    values, K = dict(_LINE.findall(read_text(path))), []
+
+    def numbers(key: str, is_matrix: bool = False) -> list[float]:
+        if not values.get(key):
+            raise ValueError(f"{path}: {key}: is missing")
+        out = []
+        for word in values[key].strip("[]").replace(";", " ").split() if is_matrix else [values[key]]:
+            try:
+                number = float(word)
+            except ValueError:
+                raise ValueError(f"{path}: {key}: is {shown(word)}, expected a number") from None
+            out.append(float(LENGTH.check(f"{path}: {key}:", number)))
+        return out
+
     for key in ("cam0", "cam1"):
-        words = _value(path, values, key).strip("[]").replace(";", " ").split()
-        K.append(camera_matrix_of(path, key, [_number(path, key, word) for word in words]))
-    doffs = _number(path, "doffs", values.get("doffs", f"{K[1][0, 2] - K[0][0, 2]}"))
+        K.append(camera_matrix_of(path, key, numbers(key, is_matrix=True)))
+    (doffs,) = numbers("doffs") if "doffs" in values else [float(K[1][0, 2] - K[0][0, 2])]
     if abs(K[1][0, 2] - K[0][0, 2] - doffs) > _MOST_ROUNDING_PX:
         raise ValueError(f"{path}: doffs: is {doffs:g}, expected cx1 - cx0, which is {K[1][0, 2] - K[0][0, 2]:g} px")
-    width, height = (_number(path, key, _value(path, values, key)) for key in ("width", "height"))
+    (width,), (height,), (baseline_mm,) = numbers("width"), numbers("height"), numbers("baseline")
     for key, side in (("width", width), ("height", height)):
         SIDE.check(f"{path}: {key}:", int(side) if side.is_integer() else side)
-    baseline_m = 1e-3 * _number(path, "baseline", _value(path, values, "baseline"))
-    return DeviceText.of_pair(path, [Camera(int(width), int(height), own) for own in K], baseline_m)
-
-
-def _value(path: Path, values: dict[str, str], key: str) -> str:
-    if not values.get(key):
-        raise ValueError(f"{path}: {key}: is missing")
-    return values[key]
-
-
-def _number(path: Path, key: str, text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        raise ValueError(f"{path}: {key}: is {shown(text)}, expected a number") from None
-    return float(LENGTH.check(f"{path}: {key}:", number))
+    return DeviceText.of_pair(path, [Camera(int(width), int(height), own) for own in K], 1e-3 * baseline_mm)
 
 
 # JSON is YAML, and OpenCV's FileStorage writes both.

@@ -94,9 +94,17 @@ def read_device_text(path: Path) -> DeviceText:
             key = found["stream"], int(found["width"]), int(found["height"])
             intrinsics.setdefault(key, _intrinsic(path, key, lines[number + 1 : number + 12]))
         elif found := _EXTRINSIC.search(line):
-            extrinsics.setdefault(
-                (found["first"], found["second"]), _extrinsic(path, line.strip(), lines[number + 1 : number + 8])
-            )
+            name = f"{path}: {line.strip()}"
+            turn, _, shift = "\n".join(lines[number + 1 : number + 8]).partition("Translation Vector")
+            rotation = [float(n) for n in _NUMBER.findall(turn)]
+            translation = [float(n) for n in _NUMBER.findall(shift.partition("\n")[0])]
+            if len(rotation) < 9 or len(translation) < 3:
+                raise ValueError(
+                    f"{name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and "
+                    "3"
+                )
+            motion = printed_motion(rotation[:9], translation[:3], name)
+            extrinsics.setdefault((found["first"], found["second"]), motion)
     if not intrinsics:
         raise ValueError(f'{path}: "Intrinsic of": is nowhere in it: give the output of rs-enumerate-devices -c')
     return DeviceText(path, intrinsics, extrinsics)
@@ -129,19 +137,3 @@ def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Camer
         )
     K = np.array([[numbers["Fx"], 0.0, numbers["PPX"]], [0.0, numbers["Fy"], numbers["PPY"]], [0.0, 0.0, 1.0]])
     return Camera(width, height, K, coefficients)
-
-
-def _extrinsic(path: Path, name: str, lines: list[str]) -> NDArray[np.float64]:
-    text = "\n".join(lines)
-    rotation = [float(n) for n in _NUMBER.findall(text.split("Translation Vector")[0])]
-    translation = (
-        [float(n) for n in _NUMBER.findall(text.split("Translation Vector")[-1].splitlines()[0])]
-        if "Translation Vector" in text
-        else []
-    )
-    if len(rotation) < 9 or len(translation) < 3:
-        raise ValueError(
-            f"{path}: {name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and "
-            "3"
-        )
-    return printed_motion(rotation[:9], translation[:3], f"{path}: {name}")
