@@ -15,9 +15,9 @@ from activestereo.camera.advanced_mode import (
     read_settings,
     write_settings,
 )
-from activestereo.camera.advanced_mode.page import page
 from activestereo.camera.advanced_mode.settings import keys, parse_settings
 from activestereo.camera.plan import matcher_parameters as of_config
+from advanced_mode_page import page
 from activestereo.camera.presets import StereoDepthSensorConfig
 
 BASE = of_config(StereoDepthSensorConfig("D415"))

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.camera.advanced_mode.parameters import DepthTable, depth_table, matcher_parameters
-from activestereo.camera.advanced_mode.settings import AdvancedSettings
+from activestereo.camera.advanced_mode.settings import AdvancedSettings, DepthTable, depth_table, matcher_parameters
 
 _DISPARITY_STEPS = 32  # of a pixel, the step of disparities in images
 _IN_COUNTS_OF_8_BITS = ("p2_full_gradient_dn", "min_texture_dn", "low_texture_dn", "census_noise_dn")

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of all keys: python3 -m activestereo.camera.advanced_mode.page > README.md (of this folder)."""
+"""The page of all keys of the advanced mode, camera/advanced_mode/README.md:
+
+    PYTHONPATH=build/python python3 tests/python/shared/advanced_mode_page.py > README.md
+"""
 
 from activestereo.camera.advanced_mode.settings import keys
 from activestereo.common.text_table import markdown
@@ -7,8 +10,8 @@ from activestereo.common.text_table import markdown
 _TEXT = """\
 # Advanced-mode keys
 `activestereo depth RECORDING --settings FILE.json` matches a recording's infrared pairs as its camera would under a
-D400's advanced-mode JSON, and `--search fill|noise|truth FILE.json` writes one for the camera. This page is written by
-`page.py` from `keys.toml`.
+D400's advanced-mode JSON, and `--search fill|noise|truth FILE.json` writes one for the camera. This page is
+written from `keys.toml`.
 
 {mapped} of {count} settings set something here, {names} names with those of older files. Nobody outside of Intel knows
 the D400's matcher: a key that has the camera's default leaves the matcher as the camera's preset has it, another moves
