@@ -104,13 +104,17 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
         raise ValueError(
             f"{folder}: frames span {np.ptp(celsius):.2g} K: record from switching on, {_LEAST_K:g} K or more"
         )
+
+    def smooth(frame: Frame, side: str) -> Matrix:
+        return np.asarray(gaussian_filter(capture.ir(frame, side).astype(float), _SMOOTH_PX))
+
     layers: dict[str, Layers] = {}
     for side in SIDES:
-        room, both = (np.mean([_smooth(capture, f, side) for f in frames], axis=0) for frames in (dark, lit))
+        room, both = (np.mean([smooth(f, side) for f in frames], axis=0) for frames in (dark, lit))
         layers[side] = both - room, room
     names, columns, weight = _columns(capture, lit[0], layers)
     mean = np.concatenate([_picked(layers[side][0] + layers[side][1]) for side in SIDES])
-    pixels = [np.concatenate([_picked(_smooth(capture, frame, side)) for side in SIDES]) for frame in lit]
+    pixels = [np.concatenate([_picked(smooth(frame, side)) for side in SIDES]) for frame in lit]
     changes = np.stack(pixels) - mean
     weighted = columns * weight
     square = weighted @ columns.T
@@ -200,10 +204,6 @@ def _flow(image: Matrix, dx: Matrix | float, dy: Matrix | float) -> Matrix:
     """The change of an image that moves by so many pixels."""
     down, across = (correlate1d(image, _DERIVATIVE, axis, mode="nearest") for axis in (0, 1))
     return np.asarray(-(dx * across + dy * down))
-
-
-def _smooth(capture: Capture, frame: Frame, side: str) -> Matrix:
-    return np.asarray(gaussian_filter(capture.ir(frame, side).astype(float), _SMOOTH_PX))
 
 
 def _picked(image: Matrix) -> Matrix:

@@ -189,22 +189,17 @@ def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> N
             one, two = (half[picture.usable][:, channel] * weight[:, None] for half in (first, second))
             H += 0.5 * (one.T @ two + two.T @ one)
             b += 0.5 * (one + two).T @ (picture.seen[picture.usable][:, channel] * weight)
-        out.append(_not_negative(H, b))
+        # H x = b; an intensity below 0, or of a light that lights nothing, is 0 and the rest solved again.
+        x, kept = np.zeros(count), np.flatnonzero(np.diag(H) > 1e-12 * max(float(np.diag(H).max()), 1e-300))
+        while len(kept):
+            size = np.sqrt(np.diag(H)[kept])
+            found = np.linalg.lstsq(H[np.ix_(kept, kept)] / np.outer(size, size), b[kept] / size, rcond=1e-9)[0] / size
+            if (found >= 0).all():
+                x[kept] = found
+                break
+            kept = np.delete(kept, int(np.argmin(found * size)))
+        out.append(x)
     return np.array(out)
-
-
-def _not_negative(H: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solves H x = b; what is below 0, or lights nothing, is 0 and the rest solved again."""
-    kept = np.flatnonzero(np.diag(H) > 1e-12 * max(float(np.diag(H).max()), 1e-300))
-    while len(kept):
-        size = np.sqrt(np.diag(H)[kept])
-        x = np.linalg.lstsq(H[np.ix_(kept, kept)] / np.outer(size, size), b[kept] / size, rcond=1e-9)[0] / size
-        if (x >= 0).all():
-            out = np.zeros(len(b))
-            out[kept] = x
-            return out
-        kept = np.delete(kept, int(np.argmin(x * size)))
-    return np.zeros(len(b))
 
 
 # Neighbouring pixels err alike, and the model errs beside the noise: so many residuals tell as much as one.
@@ -244,7 +239,24 @@ def refine(
     best = fit.residuals(theta, 4 * samples)
     for number, reach in enumerate(reaches):
         part = part_of(tell, number / len(reaches), (number + 1) / len(reaches))
-        J1, J2 = _derivatives(fit, theta, reach, samples, best.weights, part)
+        # Derivatives [half][residual][parameter], around the place nearest to theta whose design lies within the range.
+        size = len(theta)
+        half = hadamard(1 << (size - 1).bit_length())[:, :size]
+        signs, steps = np.concatenate([half, -half]), np.full(size, reach)
+        for k, (_, name) in enumerate(fit.parameters):
+            if name == "roughness":
+                steps[k] *= min(1.0, theta[k] / _LINEAR_ROUGHNESS)
+        middle = np.clip(theta, fit.low + steps, fit.high - steps)
+        J, apart = np.zeros((2, len(best.weights), size)), np.zeros(len(best.weights))
+        for done, row in enumerate(signs):
+            rendered = fit.residuals(middle + row * steps, samples, best.weights)
+            J[0] += rendered.first[:, None] * row
+            J[1] += rendered.second[:, None] * row
+            np.maximum(apart, np.abs(rendered.first - rendered.second), out=apart)
+            part((done + 1) / len(signs))
+        J /= len(signs) * steps
+        J[:, apart > _WILD] = 0.0
+        J1, J2 = J
         # Products of two halves here, too: noise in the derivatives does not shrink the step.
         H = 0.5 * (J1.T @ J2 + J2.T @ J1)
         noise = float(np.mean((best.first - best.second) ** 2)) / 4.0
@@ -263,37 +275,8 @@ def refine(
                 break
             theta, best = moved, other
     # Each half of the samples alone would lead elsewhere: that is what the renderer's noise does.
-    apart = J2.T @ best.first - J1.T @ best.second
-    rendered = 0.5 * (vectors @ ((vectors.T @ apart) / values))
+    elsewhere = J2.T @ best.first - J1.T @ best.second
+    by_noise = 0.5 * (vectors @ ((vectors.T @ elsewhere) / values))
     floors = np.array([_FLOORS.get(name, _COLOR_FLOOR) for _, name in fit.parameters])
-    sigma = np.sqrt(unit * np.sum(vectors**2 / values, axis=1) + rendered**2 + floors**2)
+    sigma = np.sqrt(unit * np.sum(vectors**2 / values, axis=1) + by_noise**2 + floors**2)
     return Refined(theta, best, sigma)
-
-
-def _derivatives(
-    fit: MaterialFit,
-    theta: NDArray[np.float64],
-    reach: float,
-    samples: int,
-    weights: NDArray[np.float64],
-    tell: Callable[[float], object],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """[residual][parameter] of each half, around the place nearest to theta whose design lies within the range."""
-    size = len(theta)
-    half = hadamard(1 << (size - 1).bit_length())[:, :size]
-    signs = np.concatenate([half, -half])
-    reaches = np.full(size, reach)
-    for k, (_, name) in enumerate(fit.parameters):
-        if name == "roughness":
-            reaches[k] *= min(1.0, theta[k] / _LINEAR_ROUGHNESS)
-    middle = np.clip(theta, fit.low + reaches, fit.high - reaches)
-    J, apart = np.zeros((2, len(weights), size)), np.zeros(len(weights))
-    for number, row in enumerate(signs):
-        rendered = fit.residuals(middle + row * reaches, samples, weights)
-        J[0] += rendered.first[:, None] * row
-        J[1] += rendered.second[:, None] * row
-        np.maximum(apart, np.abs(rendered.first - rendered.second), out=apart)
-        tell((number + 1) / len(signs))
-    J /= len(signs) * reaches
-    J[:, apart > _WILD] = 0.0
-    return J[0], J[1]

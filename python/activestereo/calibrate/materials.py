@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from activestereo.calibrate.least_squares import INTERVAL_90
-from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, Refined, refine
+from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, refine
 from activestereo.calibrate.material_views import MaterialScene, pictures
 from activestereo.capture.capture import read_capture
 from activestereo.common.progress_bar import part_of
@@ -113,16 +113,7 @@ def calibrate_materials(
     best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.8, 1.0))
     before = fit.residuals(scenes_own, _FINE_SAMPLES).loss
     source = f"calibrate materials: {len(seen)} pictures of {capture.name}"
-    found, undetermined, colors = _judged(fit, best, names, source)
-    tell(1.0)
-    losses = before, best.residuals.loss
-    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
-
-
-def _judged(
-    fit: MaterialFit, best: Refined, names: list[str], source: str
-) -> tuple[dict[str, dict[str, Quantity]], dict[str, tuple[str, ...]], dict[str, list[float]]]:
-    """(found, undetermined, colours), as Materials has them; names: of all surfaces."""
+    # What is found, and what these pictures do not determine.
     told = dict.fromkeys(names[number] for number, _ in fit.parameters)
     found: dict[str, dict[str, Quantity]] = {surface: {} for surface in told}
     open_: dict[str, list[str]] = {surface: [] for surface in told}
@@ -145,7 +136,10 @@ def _judged(
         if any(name in COLORS for name in open_[surface]):
             colors.pop(surface, None)
             open_[surface] = [name for name in open_[surface] if name not in COLORS] + ["colour"]
-    return found, {surface: tuple(fields) for surface, fields in open_.items()}, colors
+    tell(1.0)
+    undetermined = {surface: tuple(fields) for surface, fields in open_.items()}
+    losses = before, best.residuals.loss
+    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
 
 
 def _wide(

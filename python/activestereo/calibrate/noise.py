@@ -145,7 +145,14 @@ def calibrate_noise(
             some = own if own.shape[1] <= most else own[:, rng.choice(own.shape[1], most, replace=False)]
             dark_counts.append(some.T)
     counts = Counts.of(pixels, dark_counts, max_dn)
-    transfer = _transfer(views, max_dn)
+    transfer = []
+    known = sorted((v for v in views if v.exposure_gain is not None), key=lambda view: view.exposure_gain or 0.0)
+    if len({view.exposure_gain for view in known}) > 1:
+        for view in known:
+            values = view.counts.astype(np.float64)
+            clear = ((values > 0) & (values < max_dn)).all(axis=0)
+            mean, variance = values.mean(axis=0)[clear], values.var(axis=0, ddof=1)[clear]
+            transfer.append(TransferPoint(view.exposure_gain or 0.0, float(mean.mean()), float(variance.mean())))
     black = None if dark_counts else _black_of_exposures(views, max_dn)
     held = rng.random(len(counts.means)) < 0.5
     halves, density = {}, {}
@@ -164,7 +171,7 @@ def calibrate_noise(
         fit, margin, len(counts.means), int(max(len(view.counts) for view in views)),
         float(np.mean([np.mean((c == 0) | (c == max_dn)) for c in every])),
         "dark frames" if darks else "the exposures' intercept" if black is not None else "the views' darkest pixels",
-        transfer,
+        tuple(transfer),
     )  # fmt: skip
 
 
@@ -189,21 +196,6 @@ def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) 
         number = min(-(-wanted // len(views)), len(usable))
         out.append(flat[:, rng.choice(usable, number, replace=False, p=weight / weight.sum())].T)
     return out
-
-
-def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:
-    known = [(view.exposure_gain, view) for view in views if view.exposure_gain is not None]
-    if len({exposure_gain for exposure_gain, _ in known}) < 2:
-        return ()
-    points = []
-    for exposure_gain, view in sorted(known, key=lambda one: one[0]):
-        counts = view.counts.astype(np.float64)
-        clear = ((counts > 0) & (counts < max_dn)).all(axis=0)
-        variance = counts.var(axis=0, ddof=1)
-        points.append(
-            TransferPoint(exposure_gain, float(counts.mean(axis=0)[clear].mean()), float(variance[clear].mean()))
-        )
-    return tuple(points)
 
 
 def _black_of_exposures(views: list[Repeats], max_dn: int) -> float | None:

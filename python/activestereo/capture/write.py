@@ -2,18 +2,23 @@
 """Writes captures (capture format, version 1): for recorders and for programs that make worlds with a known answer."""
 
 import json
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import FORMAT, SIDES, VERSION, Capture, Frame, Uncertainty
+from activestereo.capture.capture import FORMAT, SIDES, VERSION, Capture, Uncertainty
 from activestereo.capture.images import write_gray
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import new_folder, write_bytes, write_png, write_text
 
+# Fields of a frame that the file has under the same name.
+_FRAME_FIELDS = (
+    "gripper_to_base", "timestamp_s", "exposure_s", "gain", "projector_power", "ambient", "temperature_c",
+    "camera_to_world", "camera_velocity", "repeat_group", "split",
+)  # fmt: skip
 _EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}\n'
 
 
@@ -49,13 +54,27 @@ def write_capture(
         for (frame_id, side), known in (masks or {}).items():
             (out / "mask" / side).mkdir(parents=True, exist_ok=True)
             write_gray(out / "mask" / side / f"{frame_id:06d}.png", known.astype(np.uint8) * 255)
-        with_infrared = {frame_id for frame_id, _ in images}
-        entries = [_frame_json(f, with_infrared, depths or {}, colors or {}, masks or {}) for f in capture.frames]
-        text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)
-        write_text(out / "capture.json", text + "\n")
+        root = _capture_json(capture)
+        root["frames"] = []
+        for frame in capture.frames:
+            name = f"{frame.id:06d}.png"
+            entry: dict[str, Any] = {"id": frame.id}
+            entry |= {side: f"{side}/{name}" for side in SIDES if (frame.id, side) in images}
+            if frame.id in (depths or {}):
+                entry |= {"depth": f"depth/{name}", "depth_scale": frame.depth_scale}
+            if frame.id in (colors or {}):
+                entry["color"] = f"color/{name}"
+            entry |= {f"{side}_mask": f"mask/{side}/{name}" for side in SIDES if (frame.id, side) in (masks or {})}
+            for key in _FRAME_FIELDS:
+                value = getattr(frame, key)
+                if value is not None or key != "gripper_to_base":
+                    entry[key] = _flat(value) if np.ndim(value) else value
+            root["frames"].append(entry)
+        write_text(out / "capture.json", json.dumps(root, indent=1) + "\n")
 
 
 def _capture_json(capture: Capture) -> dict[str, Any]:
+    """The file's content without its frames."""
     rig = capture.rig
     cameras = {
         name: {"width": camera.width, "height": camera.height}
@@ -96,35 +115,6 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
     if capture.uncertainty != Uncertainty():
         root["uncertainty"] = asdict(capture.uncertainty)
     return root
-
-
-def _frame_json(
-    frame: Frame, with_infrared: Container[int], depths: Container[int], colors: Container[int],
-    masks: Container[tuple[int, str]],
-) -> dict[str, Any]:  # fmt: skip
-    name = f"{frame.id:06d}.png"
-    entry: dict[str, Any] = {"id": frame.id}
-    if frame.id in with_infrared:
-        entry |= {"left": f"left/{name}", "right": f"right/{name}"}
-    if frame.id in depths:
-        entry |= {"depth": f"depth/{name}", "depth_scale": frame.depth_scale}
-    if frame.id in colors:
-        entry["color"] = f"color/{name}"
-    entry |= {f"{side}_mask": f"mask/{side}/{name}" for side in SIDES if (frame.id, side) in masks}
-    if frame.gripper_to_base is not None:
-        entry["gripper_to_base"] = _flat(frame.gripper_to_base)
-    return entry | {
-        "timestamp_s": frame.timestamp_s,
-        "exposure_s": frame.exposure_s,
-        "gain": frame.gain,
-        "projector_power": frame.projector_power,
-        "ambient": frame.ambient,
-        "temperature_c": frame.temperature_c,
-        "camera_to_world": _flat(frame.camera_to_world),
-        "camera_velocity": _flat(frame.camera_velocity),
-        "repeat_group": frame.repeat_group,
-        "split": frame.split,
-    }
 
 
 def _flat(array: np.ndarray) -> list[float]:

@@ -62,7 +62,7 @@ class Split:
 class Nonuniformity:
     """dsnu_1288_dn, prnu_1288: the standard's of [whole, columns, rows, pixels], DN and shares of the signal; NaN where
     the variance is below temporal noise's. dark: DN; light: shares. field: lowest and highest light over its mean.
-    pixels: of a frame. photons, signal_dn (above the dark), exposure_s: of the lit frames."""
+    pixels: of a frame. photons, exposure_s: of the lit frames."""
 
     dsnu_1288_dn: Array
     prnu_1288: Array
@@ -71,7 +71,6 @@ class Nonuniformity:
     field: tuple[float, float]
     pixels: int
     photons: float | None
-    signal_dn: float
     exposure_s: float
 
 
@@ -120,7 +119,7 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
         end = float(relative.flat[place]) + sign * DEVIATIONS * error
         ends.append(end / (1.0 + light.excess.sum() / bright.pixels))
     return Nonuniformity(
-        dsnu, prnu, split(of_dark, noise[1], "DN"), light, (ends[0], ends[1]), bright.pixels, bright.photons, signal,
+        dsnu, prnu, split(of_dark, noise[1], "DN"), light, (ends[0], ends[1]), bright.pixels, bright.photons,
         bright.exposure_s,
     )  # fmt: skip
 

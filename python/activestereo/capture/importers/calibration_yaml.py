@@ -87,7 +87,24 @@ def read_calibration_yaml(
             f"{path}: {len(cameras)} camera{'s' if len(cameras) != 1 else ''} of ROS, expected both cameras: give "
             "--calibration twice, for the left and for the right one's file"
         )
-    return _ros_pair(path, cameras, are_rectified, baseline_m)
+    left, right = sorted(cameras, key=lambda camera: (-camera.P[0, 3], camera.is_named_right))
+    told_m = -right.P[0, 3] / right.P[0, 0]
+    if told_m < 0.0 or left.P[0, 3] != 0.0:
+        raise ValueError(
+            f"{right.name}: projection_matrix: P[3] of the cameras is {left.P[0, 3]:g} and {right.P[0, 3]:g}, expected "
+            "0 of the left and -fx x baseline of the right one: calibrate both as a stereo pair"
+        )
+    length_m = told_m or baseline_m or 0.0  # without any the reader of the calibration says so
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -length_m
+    lenses = [left.raw, right.raw]
+    if are_rectified:
+        lenses = [Camera(c.raw.width, c.raw.height, c.P[:, :3].copy(), _NO_LENS) for c in (left, right)]
+    else:
+        # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
+        left_to_right[:3, :3] = right.R.T @ left.R
+        left_to_right[:3, 3] = right.R.T @ (-length_m, 0.0, 0.0)
+    return DeviceText.of_pair(path, lenses, left_to_right)
 
 
 def _ros_camera(entry: Entry) -> _Camera:
@@ -103,27 +120,6 @@ def _ros_camera(entry: Entry) -> _Camera:
     names = (entry.values.get("camera_name"), None if header is None else header.values.get("frame_id"))
     is_right = any(isinstance(name, str) and _RIGHT.search(name) for name in names)
     return _Camera(entry.name, Camera(width, height, K, lens), R, P, is_right)
-
-
-def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool, given_m: float | None) -> DeviceText:
-    left, right = sorted(cameras, key=lambda camera: (-camera.P[0, 3], camera.is_named_right))
-    told_m = -right.P[0, 3] / right.P[0, 0]
-    if told_m < 0.0 or left.P[0, 3] != 0.0:
-        raise ValueError(
-            f"{right.name}: projection_matrix: P[3] of the cameras is {left.P[0, 3]:g} and {right.P[0, 3]:g}, expected "
-            "0 of the left and -fx x baseline of the right one: calibrate both as a stereo pair"
-        )
-    baseline_m = told_m or given_m or 0.0  # without any the reader of the calibration says so
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -baseline_m
-    lenses = [left.raw, right.raw]
-    if are_rectified:
-        lenses = [Camera(c.raw.width, c.raw.height, c.P[:, :3].copy(), _NO_LENS) for c in (left, right)]
-    else:
-        # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
-        left_to_right[:3, :3] = right.R.T @ left.R
-        left_to_right[:3, 3] = right.R.T @ (-baseline_m, 0.0, 0.0)
-    return DeviceText.of_pair(path, lenses, left_to_right)
 
 
 def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int] | None) -> DeviceText:

@@ -184,7 +184,19 @@ class Surfaces:
             self._stage.tell(f"{where}: {asset.path} is not there; it is left out")
             return None
         if asset.resolvedPath not in self._files:
-            self._files[asset.resolvedPath] = _png_or_jpeg(asset.resolvedPath)
+            from pxr import Ar
+
+            # The file's bytes, made a PNG where it is of another kind.
+            opened, data = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath)), None
+            try:
+                if opened:
+                    data = bytes(opened.GetBuffer())
+                    image = Image.open(io.BytesIO(data))
+                    image.load()
+                    data = data if image.format in ("PNG", "JPEG") else _png(image)
+            except _UNREADABLE:
+                data = None
+            self._files[asset.resolvedPath] = data
         data = self._files[asset.resolvedPath]
         if data is None:
             self._stage.tell(f"{where}: {asset.path} is no image that can be read; it is left out")
@@ -217,22 +229,6 @@ class Surfaces:
                 return self._uv_name(reader, "in", where, transforms + 1)
             self._stage.tell(f"{where}: its coordinates come from no primvar: st is taken")
         return "st"
-
-
-def _png_or_jpeg(path: str) -> bytes | None:
-    """A file's bytes, made a PNG where it is of another kind; None: it is no image that can be read whole."""
-    from pxr import Ar
-
-    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
-    if not opened:
-        return None
-    data = bytes(opened.GetBuffer())
-    try:
-        image = Image.open(io.BytesIO(data))
-        image.load()
-        return data if image.format in ("PNG", "JPEG") else _png(image)
-    except _UNREADABLE:
-        return None
 
 
 def _open(picture: Picture) -> Image.Image:
