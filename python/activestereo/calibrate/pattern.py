@@ -273,7 +273,16 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     for other in others:
         scales.append(float(np.median(dots[pairs[:, 0], 2] / other[pairs[:, 1], 2])))
         other[:, 2] *= scales[-1]
-        dots = _union(dots, other, pairs)
+        # Equal dots are averaged, the others of each wall are kept. Where powers differ, the far wall shows merged dots
+        # that it splits wrongly: the near wall's stay.
+        one, two = dots[pairs[:, 0]], other[pairs[:, 1]]
+        alike = np.abs(two[:, 2] - one[:, 2]) < _ALIKE_POWERS * one[:, 2]
+        dots = dots.copy()
+        dots[pairs[alike, 0]] = 0.5 * (one + two)[alike]
+        alone = np.setdiff1d(np.arange(len(other)), pairs[:, 1])
+        if len(alone):  # a dot close by is one dot on the near wall and two merged ones here, or the other way round
+            alone = alone[cKDTree(dots[:, :2]).query(other[alone, :2])[0] > _SAME_DOT_PX[0]]
+        dots = np.vstack([dots, other[alone]])
     for view, scale in zip(walls, scales, strict=True):
         for side, spots in view.cut.items():
             points = wall_points(view.wall.plane, *eyes[side], spots.u, spots.v)
@@ -361,16 +370,3 @@ def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndar
         use = off < 4.0 * np.median(off)
     variance = float(np.sum(off[use] ** 2)) / max(2 * int(use.sum()) - 3, 1)
     return point, np.sqrt(variance * np.diag(np.linalg.inv(gram)))
-
-
-def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Dots of both walls: equal ones are averaged, the others of each are kept. Where their powers differ, the far wall
-    shows merged dots that it splits wrongly: the near wall's stay."""
-    out = near.copy()
-    first, second = near[pairs[:, 0]], far[pairs[:, 1]]
-    alike = np.abs(second[:, 2] - first[:, 2]) < _ALIKE_POWERS * first[:, 2]
-    out[pairs[alike, 0]] = 0.5 * (first + second)[alike]
-    alone = np.setdiff1d(np.arange(len(far)), pairs[:, 1])
-    # What the near wall shows close by is one dot there and two merged ones here, or the other way round.
-    clear = alone[cKDTree(out[:, :2]).query(far[alone, :2])[0] > _SAME_DOT_PX[0]] if len(alone) else alone
-    return np.vstack([out, far[clear]])

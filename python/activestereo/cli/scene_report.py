@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.common.shown import listed, printable
 from activestereo.effects.core.scene_surfaces import material_of
 from activestereo.report.screen import Figure
-from activestereo.scene_io.gltf_document import size_hint
+from activestereo.scene_io.scene_files import size_hint
 from activestereo.scene_io.staging import ROOM_LUX
 
 if TYPE_CHECKING:

@@ -347,7 +347,7 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
     from activestereo.common.accuracy import accuracy_table
     from activestereo.report.screen import command, screen
-    from activestereo.scene_io.gltf_document import likely_unit
+    from activestereo.scene_io.scene_files import likely_unit
     from activestereo.sensor.light_share import light_share
     from activestereo.sensor.unseen import unseen_bodies
 

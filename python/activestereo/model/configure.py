@@ -8,13 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from activestereo.common.lens import is_distorting
-from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.model.model import Imager, Pattern, Rig, SensorModel
+from activestereo.model.model import Imager, SensorModel
 
 
 def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
@@ -22,10 +20,34 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
     fields. Give the model to the sensor for its effects and materials: StereoDepthSensor(config, scene,
     model=model)."""
     changes: dict[str, Any] = {}
-    if model.rig is not None:
-        changes |= _rig(given["trans_pose_l"], model.rig)
-    if model.pattern is not None:
-        changes |= _pattern(given["pattern_design"], model.pattern)
+    if (rig := model.rig) is not None:
+        left = as_matrix(given["trans_pose_l"]) @ CAMERA_TO_BODY
+        places = {"trans_pose_r": rig.left_to_right, "pose_rgb_irproj": rig.left_to_projector}
+        rotation, shift = rig.left_to_right[:3, :3], rig.left_to_right[1:3, 3]
+        is_aligned = np.allclose(rotation, np.eye(3), atol=1e-6) and np.allclose(shift, 0.0, atol=1e-6)
+        is_ideal = not is_distorting(rig.left.distortion) and not is_distorting(rig.right.distortion)
+        changes |= {
+            "ir_resolution": (rig.left.width, rig.left.height),
+            "ir_intrinsic": np.array(rig.left.K),
+            "ir_distortion": tuple(map(float, rig.left.distortion)),
+            "ir_intrinsic_right": np.array(rig.right.K),
+            "ir_distortion_right": tuple(map(float, rig.right.distortion)),
+            **{n: Pose(left @ np.linalg.inv(to) @ CAMERA_TO_BODY.T) for n, to in places.items() if to is not None},
+            "rectified": bool(is_ideal and is_aligned),
+            "ir_line_time_s": rig.line_time_s or 0.0,
+        }
+        if rig.exposure_s is not None:
+            # The model's gain is in the signal.
+            changes |= {"ir_camera_exposure": rig.exposure_s, "ir_camera_gain": 1.0, "ir_exposure_mode": "fixed"}
+    if (pattern := model.pattern) is not None:
+        changes["pattern_intrinsic"] = np.array(pattern.K)
+        if pattern.dots is None:
+            changes |= {"light_pattern": str(pattern.file), "light_dots": None}
+        else:
+            (width, height), sigma_px = pattern.size or (0, 0), float(pattern.dot_sigma_px or 1.0)
+            design = replace(given["pattern_design"], width=width, height=height, dot_sigma_px=sigma_px)
+            changes |= {"pattern_design": design, "light_dots": np.asarray(pattern.dots, dtype=np.float32)}
+            changes["light_dot_background"] = pattern.background
     if model.imager is not None or model.rig is not None:
         changes["ir_signal"] = _signal(model)
     if model.nuisances:
@@ -44,47 +66,6 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
         changes["projector_intensity"] = model.nuisances["projector_scale"].value / given["ir_responsivity_dn"]
         changes["laser_power_mw"] = given["laser_power_nominal_mw"]
     return changes
-
-
-def _rig(left_pose: Pose, rig: Rig) -> dict[str, Any]:
-    ideal = not is_distorting(rig.left.distortion) and not is_distorting(rig.right.distortion)
-    changes: dict[str, Any] = {
-        "ir_resolution": (rig.left.width, rig.left.height),
-        "ir_intrinsic": np.array(rig.left.K),
-        "ir_distortion": tuple(map(float, rig.left.distortion)),
-        "ir_intrinsic_right": np.array(rig.right.K),
-        "ir_distortion_right": tuple(map(float, rig.right.distortion)),
-        "trans_pose_r": _beside(left_pose, rig.left_to_right),
-        "rectified": bool(
-            ideal
-            and np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-6)
-            and np.allclose(rig.left_to_right[1:3, 3], 0.0, atol=1e-6)
-        ),
-        "ir_line_time_s": rig.line_time_s or 0.0,
-    }
-    if rig.left_to_projector is not None:
-        changes["pose_rgb_irproj"] = _beside(left_pose, rig.left_to_projector)
-    if rig.exposure_s is not None:
-        # The model's gain is in the signal.
-        changes |= {"ir_camera_exposure": rig.exposure_s, "ir_camera_gain": 1.0, "ir_exposure_mode": "fixed"}
-    return changes
-
-
-def _beside(left: Pose, left_to_other: NDArray[np.float64]) -> Pose:
-    """Body pose of a part at a fixed place from the left camera. left_to_other: 4x4 in camera axes."""
-    return Pose(as_matrix(left) @ CAMERA_TO_BODY @ np.linalg.inv(left_to_other) @ CAMERA_TO_BODY.T)
-
-
-def _pattern(design: PatternDesign, pattern: Pattern) -> dict[str, Any]:
-    changes: dict[str, Any] = {"pattern_intrinsic": np.array(pattern.K)}
-    if pattern.dots is None:
-        return changes | {"light_pattern": str(pattern.file), "light_dots": None}
-    width, height = pattern.size or (0, 0)
-    return changes | {
-        "pattern_design": replace(design, width=width, height=height, dot_sigma_px=float(pattern.dot_sigma_px or 1.0)),
-        "light_dots": np.asarray(pattern.dots, dtype=np.float32),
-        "light_dot_background": pattern.background,
-    }
 
 
 def _signal(model: SensorModel) -> dict[str, float]:

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene files of every kind: kuafu reads them itself, or usd-core, where it is installed, converts them first."""
+"""Scene files of every kind: kuafu reads them itself, or usd-core, where it is installed, converts them first. And
+glTF's JSON, and the unit that a file without one may be in."""
 
 from __future__ import annotations
 
+import json
 import os
+import struct
 from os import PathLike
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from activestereo.scene_io.gltf_document import scale
+import numpy as np
+
+from activestereo.common.input_files import open_file
 from activestereo.scene_io.usd import is_usd, load_usd
 
 if TYPE_CHECKING:
@@ -25,10 +31,34 @@ def load_scene_file(
     """
     if is_usd(path):
         return load_usd(scene, path, time_s, unit_m).ambient
-    scene.load(path, scale(unit_m), time_s=time_s)
+    scene.load(path, np.diag([unit_m, unit_m, unit_m, 1.0]), time_s=time_s)
     return None
 
 
 def keep_transparent() -> None:
     """Lets materials of opacity 0 stay unseen, in every file that this process and those that it starts load."""
     os.environ["KUAFU_LOAD_TRANSPARENT"] = "1"
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """The document of a .gltf or .glb file (glTF 2.0, section 4.4). Raises OSError, ValueError, TypeError or
+    struct.error for another file."""
+    with open_file(path) as file:
+        head = file.read(20)
+        if head[:4] != b"glTF":
+            return dict(json.loads(head + file.read()))
+        return dict(json.loads(file.read(*struct.unpack_from("<I", head, 12))))
+
+
+def likely_unit(size_m: float) -> float:
+    """The metres of the unit that a scene of this size, read as metres, was written in."""
+    return 0.001 if size_m > 50.0 else 1000.0 if size_m < 2e-3 else 1.0
+
+
+def size_hint(size_m: float) -> str:
+    """The unit that a scene of an unlikely size may have been written in, or nothing."""
+    unit = likely_unit(size_m)
+    if unit == 1.0:
+        return ""
+    said = f"{size_m:.4g} m" if unit < 1.0 else f"{1e3 * size_m:.2g} mm"
+    return f"{said} large: its file may be in {'milli' if unit < 1.0 else 'kilo'}metres, which --unit {unit:g} says"

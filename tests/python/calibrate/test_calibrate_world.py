@@ -106,7 +106,7 @@ def test_the_held_out_view_is_no_part_of_the_scene(measured):
     capture, _ = measured
     assert [f.split for f in capture.frames] == ["train", "train", "train", "test"]
     assert "3" not in capture.measured["pattern"]["left_out_r"]
-    from activestereo.scene_io.gltf_document import read_document
+    from activestereo.scene_io.scene_files import read_document
 
     document = read_document(capture.scene_path)
     assert [m["name"] for m in document["materials"]] == ["view 0", "view 1", "view 2"]

@@ -16,8 +16,7 @@ import kuafu
 from activestereo.common.declared_ranges import DeclaredRanges
 from activestereo.common.pose import pose_matrices
 from activestereo.effects.core.scene_surfaces import instance_transforms
-from activestereo.scene_io.gltf_document import scale, size_hint
-from activestereo.scene_io.scene_files import load_scene_file
+from activestereo.scene_io.scene_files import load_scene_file, size_hint
 from activestereo.scene_io.usd import is_usd
 
 
@@ -79,7 +78,7 @@ class Things:
             first = scene.summary.instance_count
             load_scene_file(scene, path, unit_m=unit_m)
             ids = np.arange(first, scene.summary.instance_count, dtype=np.uint32)
-            base = scale(unit_m) @ instance_transforms(path, len(ids))
+            base = np.diag([unit_m, unit_m, unit_m, 1.0]) @ instance_transforms(path, len(ids))
             self._instances.append(ids)
             self._base.append(base)
             self.things.append(_thing(number + 1, path, scene.device, unit_m))

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -39,7 +38,26 @@ def record_live(
     profile = pipeline.start(config)
     try:
         scale = float(profile.get_device().first_depth_sensor().get_depth_scale())
-        device = _calibration(rs, profile)
+        streams = {
+            "Infrared 1": profile.get_stream(rs.stream.infrared, 1).as_video_stream_profile(),
+            "Infrared 2": profile.get_stream(rs.stream.infrared, 2).as_video_stream_profile(),
+            "Color": profile.get_stream(rs.stream.color).as_video_stream_profile(),
+        }
+        modes = {}
+        for name, stream in streams.items():
+            lens = stream.get_intrinsics()
+            K = np.array([[lens.fx, 0.0, lens.ppx], [0.0, lens.fy, lens.ppy], [0.0, 0.0, 1.0]])
+            modes[name, lens.width, lens.height] = Camera(
+                lens.width, lens.height, K, np.array(lens.coeffs, dtype=float)
+            )
+        first = streams["Infrared 1"]
+        between = {}
+        for name in ("Infrared 2", "Color"):
+            motion = first.get_extrinsics_to(streams[name])
+            rotation = np.reshape(motion.rotation, (3, 3)).T  # librealsense keeps rotations column by column
+            what = f'live: Extrinsic from "Infrared 1" To "{name}"'
+            between["Infrared 1", name] = printed_motion(rotation, motion.translation, what)
+        device = DeviceText(Path("live"), modes, between)
         exposure_s = 0.008
         for number in range(_SETTLING_FRAMES + frame_count):
             frames = pipeline.wait_for_frames(_TIMEOUT_MS)
@@ -59,24 +77,3 @@ def record_live(
     finally:
         pipeline.stop()
     return device, scale, exposure_s
-
-
-def _calibration(rs: Any, profile: Any) -> DeviceText:
-    streams = {
-        "Infrared 1": profile.get_stream(rs.stream.infrared, 1).as_video_stream_profile(),
-        "Infrared 2": profile.get_stream(rs.stream.infrared, 2).as_video_stream_profile(),
-        "Color": profile.get_stream(rs.stream.color).as_video_stream_profile(),
-    }
-    modes = {}
-    for name, stream in streams.items():
-        lens = stream.get_intrinsics()
-        K = np.array([[lens.fx, 0.0, lens.ppx], [0.0, lens.fy, lens.ppy], [0.0, 0.0, 1.0]])
-        modes[name, lens.width, lens.height] = Camera(lens.width, lens.height, K, np.array(lens.coeffs, dtype=float))
-    first = streams["Infrared 1"]
-    between = {}
-    for name in ("Infrared 2", "Color"):
-        motion = first.get_extrinsics_to(streams[name])
-        rotation = np.reshape(motion.rotation, (3, 3)).T  # librealsense keeps rotations column by column
-        what = f'live: Extrinsic from "Infrared 1" To "{name}"'
-        between["Infrared 1", name] = printed_motion(rotation, motion.translation, what)
-    return DeviceText(Path("live"), modes, between)

@@ -16,8 +16,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import kuafu
-from activestereo.scene_io.gltf_document import read_document
-from activestereo.scene_io.scene_files import load_scene_file
+from activestereo.scene_io.scene_files import load_scene_file, read_document
 
 # Of a pixel's samples in such a room, for light that is bounced: the projector's alone, a hundredth of what it lights
 # first. It has no dots, and is spread over its neighbourhood.

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from activestereo.common.pose import pose_matrices
 from activestereo.effects.core.surfaces import MOST_MATERIALS
-from activestereo.scene_io.gltf_document import read_document
+from activestereo.scene_io.scene_files import read_document
 
 if TYPE_CHECKING:
     import kuafu

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.scene_io.gltf_document import scale
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.usd import lamps, shapes
 from activestereo.scene_io.usd.stage import Stage, UsdError, cause, columns, open_stage
@@ -70,7 +69,7 @@ def load_usd(
     with tempfile.TemporaryDirectory() as folder:
         glb = Path(folder) / "stage.glb"
         converted = convert(path, glb, time_s)
-        scene.load(glb, scale(unit_m), name=path)
+        scene.load(glb, np.diag([unit_m, unit_m, unit_m, 1.0]), name=path)
     return converted
 
 
