@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration boards: what `--board` says, and where a picture shows its corners. OpenCV's detectors do the work.
+"""Calibration boards: reads `--board`, and finds the corners in a picture. OpenCV's detectors do the work.
 
 9x6:0.03                        chessboard with 9x6 inner corners, squares of 0.03 m
 charuco:9x6:0.03:0.022          ChArUco board of 9x6 squares of 0.03 m with markers of 0.022 m
@@ -40,7 +40,7 @@ class Board:
 
     @classmethod
     def parse(cls, text: str) -> "Board":
-        """The board that `--board`'s text describes; ValueError says what is right."""
+        """The board of a text of `--board`. Raises ValueError with the right forms."""
         parts = text.split(":")
         kind = parts.pop(0) if parts[0] in KINDS else "chessboard"
         try:
@@ -61,8 +61,7 @@ class Board:
         return cls(kind, columns, rows, *lengths)
 
     def find(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """(board points [n][3] in metres, pixels [n][2]) of the corners that an 8-bit image shows; None where it shows
-        fewer than 8."""
+        """(board points [n][3] in metres, pixels [n][2]) of an 8-bit image's corners; None if it shows fewer than 8."""
         if self.kind != "chessboard":
             found = self._find_markers(image)
             return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None

@@ -45,7 +45,7 @@ Layers = tuple[Matrix, Matrix]  # the dots' light and the room's, DN [height][wi
 
 @dataclass(frozen=True)
 class Slope:
-    """A parameter's change per kelvin, its deviation and unit. moves: whether it is beyond what frames scatter by."""
+    """A parameter's change per kelvin, its deviation and unit. moves: whether it exceeds the frames' scatter."""
 
     name: str
     value: float
@@ -89,8 +89,8 @@ class Drift:
 
 
 def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
-    """The Drift of a capture's frames. temperatures: CSV of seconds, celsius, between which lines are drawn; None:
-    the frames' own. ValueError where frames, kelvins or the projector's off are missing."""
+    """The Drift of a capture's frames. temperatures: CSV of seconds, celsius, between which lines are drawn; None: the
+    frames' own. Raises ValueError if frames, kelvins or frames without the projector are missing."""
     capture = read_capture(folder)
     frames = _with_temperatures(capture, temperatures)
     lit = [f for f in frames if f.projector_power > 0.0]

@@ -16,8 +16,8 @@ LEAST_REPEATS = 10
 
 @dataclass(frozen=True)
 class Repeats:
-    """Exposures of one static view: counts [n][height][width], uint8 or uint16. exposure_gain: seconds x gain, None
-    where not known. view: what the frames see; repeats of one view at several exposures share it."""
+    """Exposures of one static view: counts [n][height][width], uint8 or uint16. exposure_gain: seconds x gain, None if
+    unknown. view: names the scene and pose; repeats of one view at several exposures share it."""
 
     name: str
     counts: np.ndarray
@@ -26,8 +26,8 @@ class Repeats:
 
 
 def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
-    """Every static view under `path`. ValueError where there is none, where one has fewer than `least` frames, or sizes
-    differ."""
+    """Every static view under `path`. Raises ValueError if there is none, if one has fewer than `least` frames, or if
+    sizes differ."""
     path = Path(path)
     if path.suffix == ".npy":
         try:
@@ -102,7 +102,7 @@ def bit_depth(views: list[Repeats]) -> int:
 
 
 def check_still(view: Repeats) -> None:
-    """ValueError where the repeats move or their brightness drifts."""
+    """Raises ValueError if the repeats move or their brightness drifts."""
     counts = view.counts.astype(np.float32)
     half = len(counts) // 2
     first, second = counts[:half].mean(axis=0), counts[half:].mean(axis=0)

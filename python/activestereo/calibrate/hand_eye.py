@@ -59,7 +59,8 @@ class HandEye:
 
 
 def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[NDArray[np.float64]]) -> HandEye:
-    """The HandEye of frames with both. ValueError for fewer than 5, or where the robot did not turn about two axes."""
+    """The HandEye of frames with both. Raises ValueError for fewer than 5, or if the robot did not turn about two
+    axes."""
     count = len(gripper_to_base)
     if count < _LEAST_POSES:
         raise ValueError(f"{count} frames have a robot's pose and a board, at least {_LEAST_POSES} are needed")
@@ -98,8 +99,7 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
     """{frame's name: gripper_to_base} of a CSV file: name,x,y,z,qx,qy,qz,qw (metres, unit quaternion), or name and 16
     numbers, row-major.
 
-    A first line of words is a heading. ValueError names file, line and what is wrong.
-    """
+    A first line of words is a heading. Raises ValueError with file, line and fault."""
     poses = {}
     for number, row in enumerate(csv.reader(io.StringIO(read_text(path), newline="")), 1):
         cells, place = [cell.strip() for cell in row], f"{path}: line {number}"

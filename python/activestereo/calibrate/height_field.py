@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene from measured depth alone, where nobody has geometry: the surface that one pose of the camera saw, as a
-mesh."""
+"""A scene from measured depth alone, for captures without geometry: the surface seen from one pose, as a mesh."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class HeightField:
 def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2) -> HeightField:
     """The heights at the pose of a frame, the first with depth by default, from all its repeats. In the world's axes.
 
-    ValueError where no such frame has depth, or hardly any of it is measured.
-    """
+    Raises ValueError if no such frame has depth, or if hardly any of it is measured."""
     with_depth = [f for f in capture.frames if f.depth_path is not None and frame_id in (None, f.id)]
     if not with_depth:
         which = "every frame" if frame_id is None else f"frames[id={frame_id}] is not there or"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Least squares over numbers and rigid motions, and the deviations of what they find."""
+"""Least squares over numbers and rigid motions, and their results' standard deviations."""
 
 from __future__ import annotations
 

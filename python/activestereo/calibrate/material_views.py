@@ -31,9 +31,9 @@ _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)[..., None]
 
 @dataclass(frozen=True)
 class Picture:
-    """seen: float32 [height][width][channel]; usable: [height][width], not saturated; sigma: noise and what a model
-    cannot know, in the same unit; lit: whether the projector was on; surface: [height][width], 1 + place of the
-    object's surface, 0 around it."""
+    """seen: float32 [height][width][channel]; usable: [height][width], not saturated; sigma: noise and the model's own
+    error, in the same unit; lit: whether the projector was on; surface: [height][width], 1 + place of the object's
+    surface, 0 around it."""
 
     name: str
     band: Literal["infrared", "visible"]
@@ -78,8 +78,8 @@ class MaterialScene:
         self._projector_id = self.scene.add_light(self._projector)
 
     def lights(self, picture: Picture, samples: int, seed: int) -> NDArray[np.float32]:
-        """[height][width][channel][light]: the projector first, 0 where it was off or the camera does not see it, then
-        every group of lamps and the room; last a constant, which is the black level."""
+        """[height][width][channel][light]: the projector (0 if it was off or the camera does not see it), every group
+        of lamps and the room, and a constant for the black level."""
         to_projector = self._capture.rig.projector.left_to_projector
         self._projector.light_to_world = picture.pose @ np.linalg.inv(to_projector)
         self.scene.set_light(self._projector_id, self._projector)
@@ -191,7 +191,7 @@ def _picture(
 def _box(
     scene: MaterialScene, camera: Camera, pose: NDArray[np.float64], surfaces: Sequence[int]
 ) -> tuple[int, int, int, int] | None:
-    """(left, top, right, bottom) around the object with a margin; None where less than 100 pixels of it are seen."""
+    """(left, top, right, bottom) around the object with a margin; None if fewer than 100 pixels of it are seen."""
     whole = kuafu.Camera(camera.width, camera.height, camera.K, pose)
     v, u = np.nonzero(np.isin(scene.material_ids(whole), surfaces))
     if len(v) < 100:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An object's materials from a capture: a wide search by successive halving (Jamieson and Talwalkar 2016), then
-Gauss-Newton steps from the best, from the best that is rough or smooth where that one is not, and from what the scene
-says. What the pictures do not determine is named, and not written."""
+Gauss-Newton steps from three starts: the best, the best of another roughness, and the scene's own values. Parameters
+that the pictures do not determine are named, and not written."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _METAL = 0.9
 @dataclass(frozen=True)
 class Materials:
     """found: {surface: {parameter: Quantity}}, those that the pictures determine; undetermined: {surface: names}; loss:
-    mean square in deviations, before and after; renders: how many candidates were rendered; colors:
-    linear RGB of surfaces that the scene has no colour for."""
+    mean square in deviations, before and after; renders: how many candidates were rendered; colors: linear RGB of
+    surfaces without a colour in the scene."""
 
     object_name: str
     found: dict[str, dict[str, Quantity]]
@@ -81,9 +81,9 @@ def calibrate_materials(
     model: SensorModel | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Materials:
-    """full_grid: all candidates of the wide search are rendered with the most samples. model: what is known of rig and
-    pattern already, in place of the capture's. ValueError names what is wrong: no such object, a part without
-    material, two of one name, out of view, no infrared image."""
+    """full_grid: all candidates of the wide search are rendered with the most samples. model: a known rig and pattern
+    in place of the capture's. Raises ValueError with the fault: no such object, a part without material, two of one
+    name, out of view, no infrared image."""
     capture = read_capture(path)
     if model is not None:
         capture = calibrated(capture, model)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The imager's temporal noise from repeats of static views: which noise model, and its parameters.
 
-Repeats show what changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in
-every repeat: they never show here.
-"""
+Repeats show changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in every
+repeat: they never show here."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -176,8 +175,8 @@ def calibrate_noise(
 
 
 def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """[pixel][repeat] of each view: pixels spread evenly over the logarithm of their level; those that mostly clip tell
-    nothing."""
+    """[pixel][repeat] of each view: pixels spread evenly over the logarithm of their level. Pixels that mostly clip are
+    left out."""
     wanted = int(np.clip(_COUNTS / max(len(view.counts) for view in views), _FEWEST_PIXELS, _MOST_PIXELS))
     out = []
     for view in views:

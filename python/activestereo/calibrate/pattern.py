@@ -52,7 +52,7 @@ _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 
 @dataclass(frozen=True)
 class WallView:
-    """One distance: spots by camera, those that the images' borders cut, the wall they lie on, and the exposure."""
+    """One distance: spots by camera, spots cut by the images' borders, their wall, and the exposure."""
 
     name: str
     spots: dict[str, Spots]
@@ -177,7 +177,7 @@ def calibrate_pattern(
 
 
 def _check_rig(rig: CaptureRig, source: str) -> None:
-    """ValueError unless the rig is that of rectified images; source: which file says so."""
+    """Raises ValueError unless the rig is of rectified images. source: the file that states it."""
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         raise ValueError(
             f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "
@@ -358,8 +358,8 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(the point whose summed squared distance to the lines through a and b is least, its standard deviations);
-    outliers are left out twice."""
+    """(the point nearest to the lines through a and b by least squares, its standard deviations). Leaves outliers out
+    twice."""
     along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     use = np.ones(len(a), dtype=bool)

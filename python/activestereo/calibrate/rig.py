@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right camera, and every
-board's pose; and the picture of where corners were seen.
+board's pose; and a picture of the corners' places.
 
 OpenCV's calibrateCamera (Zhang 2000) gives the start, a bundle adjustment over everything the answer and its
-deviations, times 1.1 for what is not Gaussian about corners."""
+deviations, times 1.1 because corners' errors are not Gaussian."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -253,7 +253,7 @@ def _drawn(
 
 
 def write_coverage(path: Path, result: Calibration) -> None:
-    """Writes a PNG: each camera's corners, coloured by what the calibration leaves of them, pixels."""
+    """Writes a PNG: each camera's corners, coloured by their residuals in pixels."""
     figure = Figure(figsize=(11.0, 4.1), facecolor="white", layout="constrained")
     width, height = result.size
     shown = None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spots of a dot pattern in an image: all of them fitted jointly as Gaussians, then what they leave is searched for
-merged ones.
+"""Spots of a dot pattern in an image: all of them fitted jointly as Gaussians; the residual is then searched for merged
+ones.
 
     image = background + sum of a_i exp(-|x - x_i|^2 / (2 sigma^2)) + noise
 
@@ -64,8 +64,8 @@ class Spots:
 
 
 def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], object] | None = None) -> Spots:
-    """Spots of an averaged image [height][width], DN, those too that its border cuts; variance: of its pixels, DN^2.
-    ValueError where there are fewer than 50."""
+    """Spots of an averaged image [height][width], DN, with those that its border cuts. variance: of its pixels, DN^2.
+    Raises ValueError for fewer than 50."""
     tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
     # 1. The scale at which the strong spots answer most (Lindeberg 1998: a Gaussian does at its own sigma).
@@ -145,7 +145,7 @@ class _Fit:
         return self.image - self.background - model.reshape(self.image.shape)
 
     def run(self, steps: int) -> None:
-        """Gauss-Newton steps; after each, the background takes the smooth part of what is left."""
+        """Gauss-Newton steps. After each, the background takes the residual's smooth part."""
         for _ in range(steps):
             self._step()
             self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
@@ -191,7 +191,7 @@ class _Fit:
 
 
 def _reach(sigma: float) -> int:
-    """Pixels from a spot's middle to where it ends."""
+    """A spot's radius in pixels."""
     return int(np.ceil(3.5 * sigma))
 
 

@@ -26,10 +26,9 @@ _ROUNDS = 8
 
 @dataclass(frozen=True)
 class Wall:
-    """plane: [n, d] with n . X = d in the left camera's frame, metres. points [spot][3]: where the left spots lie.
-    points_if_off [3][spot][3]: where they would lie, were the plane one standard deviation off in each of the three
-    ways in which it errs independently. is_seen_by_both [spot]. flatness_px: RMS of the matched spots' disparity off
-    the plane."""
+    """plane: [n, d] with n . X = d in the left camera's frame, metres. points [spot][3]: of the left spots.
+    points_if_off [3][spot][3]: the same with the plane one standard deviation off, along each of its three independent
+    errors. is_seen_by_both [spot]. flatness_px: RMS of the matched spots' disparity off the plane."""
 
     plane: np.ndarray
     points: np.ndarray
@@ -44,7 +43,7 @@ class Wall:
 
 
 def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, baseline_m: float, name: str) -> Wall:
-    """The wall that rectified spots lie on. ValueError where too few match, or where what they lie on is not flat."""
+    """The wall of rectified spots. Raises ValueError if too few match, or if they do not lie on a plane."""
     # 1. Pairs of spots whose rows agree and whose disparity is not negative.
     near_rows = cKDTree(right.v[:, None]).query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)
     pairs = np.array([(i, j) for i, near in enumerate(near_rows) for j in near]).reshape(-1, 2)
@@ -177,9 +176,9 @@ def background_samples(
     background: NDArray[np.float64], plane: NDArray[np.float64], K: NDArray[np.float64], camera_m: NDArray[np.float64],
     to_common: float, projector: ProjectorView,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """(counts, what a background of 1 adds to them) of pixels of a wall within the pattern. background [height][width],
+    """(counts, their gain per unit of background) of a wall's pixels within the pattern. background [height][width],
     DN: the image without its dots. plane: [n, d] with n . X = d in the left camera's frame, metres. K, camera_m: the
-    camera's, and its origin there. to_common: what brings this wall's powers to the first wall's."""
+    camera's, and its origin there. to_common: factor from this wall's powers to the first wall's."""
     height, width = background.shape
     rows, columns = (np.arange(_BORDER_PX, size - _BORDER_PX, _STRIDE_PX) for size in (height, width))
     v, u = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))

@@ -44,8 +44,8 @@ def accuracy_by_material(
     max_depth: float = np.inf,
     least_pixels: int = 50,
 ) -> list[Accuracy]:
-    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first; one of what sees nothing,
-    if that is as much; and one of everything that is there at the end."""
+    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first; one of the pixels that see
+    nothing, if they are as many; and one of all at the end."""
     in_range = (true > 0) & (true < max_depth)
     known, counts = np.unique(ids[in_range], return_counts=True)
     rows = [

@@ -39,8 +39,8 @@ def process_pool(
 def done_in_pools(
     pool: Callable[[], AbstractContextManager[ProcessPoolExecutor]], work: Callable[[Any], object], items: Sequence[Any]
 ) -> Iterator[tuple[int, Future[Any]]]:
-    """The number of each item and its future, as work(item) is done. pool: makes processes. Where one is killed, its
-    pool ends, and another one goes on with what is left; after three in a row without a result, what is left fails."""
+    """The number of each item and its future, as work(item) is done. pool: makes processes. If a process is killed, its
+    pool ends and another one continues with the rest. After three pools in a row without a result, the rest fails."""
     left, losses = list(range(len(items))), 0
     while left:
         lost: dict[int, Future[Any]] = {}

@@ -41,7 +41,7 @@ class MeasuredProjector(Projector):
 
 
 def calibrated(capture: Capture, model: SensorModel) -> Capture:
-    """The capture with those of K, lenses, baseline, projector, pattern and poses that the model has.
+    """The capture with the model's K, lenses, baseline, projector, pattern and poses, as far as it has them.
 
     Raises ValueError if the model is of another image size.
     """

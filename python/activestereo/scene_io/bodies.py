@@ -5,9 +5,8 @@
     cup = bodies.add("cup", [Shape(scene.add_mesh(positions, triangles), [material])])
     bodies.move(poses)  # [16, bodies, 7] or [16, bodies, 4, 4]: NumPy, torch, or anything with DLPack
 
-What a scene mirror of one simulator (activestereo.integrations.mujoco, activestereo.integrations.sapien) adds is where
-shapes and poses are found.
-"""
+A scene mirror of one simulator (activestereo.integrations.mujoco, activestereo.integrations.sapien) adds its shapes and
+poses."""
 
 from __future__ import annotations
 
@@ -24,8 +23,8 @@ from activestereo.scene_io.meshes import Mesh
 
 
 class BodyPoseError(ValueError):
-    """A pose that is none. Environments without such a pose have moved; those with one are as before. environment (None
-    where there is but one scene) and body: of the first."""
+    """A pose is not rigid or not finite. Environments with such a pose stay as they were; the others have moved.
+    environment (None for a single scene) and body: the first one's."""
 
     def __init__(self, text: str, environment: int | None, body: str) -> None:
         super().__init__(text)
@@ -42,11 +41,10 @@ class Shape:
 
 
 class Bodies:
-    """Bodies of one scene, numbered in the order in which they were added.
+    """Bodies of one scene, numbered in the order of adding.
 
-    environment_count: E environments that share meshes and materials, and of which each view of a render sees one;
-    None: one scene without environments, whose poses are [bodies, 7] or [bodies, 4, 4].
-    """
+    environment_count: E environments that share meshes and materials; each view of a render sees one; None: one scene
+    without environments, whose poses are [bodies, 7] or [bodies, 4, 4]."""
 
     def __init__(self, scene: kuafu.Scene, environment_count: int | None = None) -> None:
         if environment_count is not None and environment_count < 1:
@@ -73,8 +71,8 @@ class Bodies:
         semantic_id: int = 0,
     ) -> int:
         """Puts a body into the scene and returns its number. shapes: the same in each environment, or {environment:
-        shapes} of those that have it. pose: [7] or [4, 4] until it is moved. environments: those that have it, all by
-        default. semantic_id: what kuafu's output of that name shows."""
+        shapes}. pose: [7] or [4, 4] until it is moved. environments: the ones that get it, all by default. semantic_id:
+        its value in kuafu's output of that name."""
         if name in self.names:
             raise ValueError(f"there is a body '{name}' already")
         start = np.eye(4) if pose is None else pose_matrices(np.asarray(pose, dtype=np.float64), f"body '{name}'")
@@ -136,8 +134,8 @@ class Bodies:
         self._last = np.delete(self._last, body, axis=1)
 
     def set_materials(self, material_of: Callable[[int, int], int]) -> None:
-        """Gives each instance the materials that material_of names for its environment (0 where there are none) and a
-        material that its shape was added with."""
+        """Replaces each material of each instance by material_of(environment, the shape's own material). The
+        environment is 0 in a single scene."""
         for instance, environment, own in zip(self._instances, self._environments, self._materials, strict=True):
             if own:
                 materials = [material_of(int(environment), number) for number in own]
@@ -145,8 +143,8 @@ class Bodies:
 
     def vary_albedo(self, name: str, factors: ArrayLike) -> None:
         """Scales base colours and infrared albedos, up to 1, of one body's materials in each environment: factors [E],
-        over what the body was added with. Where bodies share a material, they share the last of their factors.
-        ValueError names all environments whose factor is none; then nothing has changed."""
+        over what the body was added with. Where bodies share a material, they share the last of their factors. Raises
+        ValueError with all environments of a bad factor; then nothing has changed."""
         body, values = self.index(name), np.asarray(factors, np.float64)
         if values.shape != (self.environment_count,):
             raise ValueError(f"albedo of '{name}' is {list(values.shape)}, expected [{self.environment_count}] factors")
@@ -170,7 +168,7 @@ class Bodies:
                 self.scene.set_instance_materials(int(self._instances[row]), own)
 
     def index(self, name: str) -> int:
-        """A body's number. Raises ValueError where there is none of this name."""
+        """A body's number. Raises ValueError for an unknown name."""
         if name in self.names:
             return self.names.index(name)
         raise ValueError(f"there is no body '{name}' among {len(self.names)}{did_you_mean(name, self.names)}")
@@ -186,12 +184,11 @@ class Bodies:
         return self._semantic_ids.copy()
 
     def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:
-        """Moves the bodies whose pose is not what it was, and returns how many instances moved.
+        """Moves the bodies whose pose has changed. Returns the number of instances that moved.
 
         poses: [E, bodies, 7] (x, y, z, then the quaternion w, x, y, z) or [E, bodies, 4, 4] body to world; without
         environments the first axis is absent. A mapping {name: [E, 7] or [E, 4, 4]} moves some bodies. Raises
-        BodyPoseError for what is no pose, and ValueError for another shape or an unknown body.
-        """
+        BodyPoseError for a pose that is not rigid and finite, and ValueError for another shape or an unknown body."""
         lead, count = () if self.environment_count is None else (self.environment_count,), len(self.names)
         if isinstance(poses, Mapping):
             now = self._last.copy()

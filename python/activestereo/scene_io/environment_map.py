@@ -21,7 +21,7 @@ MAP_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 
 
 class EnvironmentMapError(ValueError):
-    """An environment map cannot be used; the text names the file and what to do."""
+    """An environment map is unusable. The text has the file and the remedy."""
 
 
 def read_environment_map(path: str | Path) -> np.ndarray:

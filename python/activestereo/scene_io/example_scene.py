@@ -32,7 +32,7 @@ CAMERA_TO_WORLD = look_at(eye=(-0.02, 0.46, 0.72), target=(0.0, 0.035, -0.02), u
 
 def write_table_top(path: str | Path, is_matt: bool = False) -> None:
     """Writes the scene to a .gltf or .glb file; the same bytes each time. is_matt: all surfaces scatter light evenly,
-    and what is of glass is left out."""
+    and things of glass are left out."""
     writer = GltfWriter("activestereo example scene")
     material = _materials(writer, is_matt)
     writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), material["wood"], (0.0, -0.04, -0.02))

@@ -109,8 +109,8 @@ class GltfWriter:
         cone_rad: tuple[float, float],
         extras: Mapping[str, Any] = {},
     ) -> None:
-        """Light around the node's -z; intensity: W/sr for each of the colour's channels. cone_rad: the half angles to
-        which it is full, and from which there is none."""
+        """Light around the node's -z; intensity: W/sr for each of the colour's channels. cone_rad: the half angles at
+        which it begins to fall, and at which it ends."""
         spot = {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}
         self._light("spot", name, color, intensity, extras, {"spot": spot}, matrix=_columns(local_to_world))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Triangle meshes made from a few numbers: box, sphere, torus, sheet and what a lathe turns.
+"""Triangle meshes made from a few numbers: box, sphere, torus, sheet and lathed profiles.
 
 Metres, y up, triangles counter-clockwise from outside.
 """
@@ -44,8 +44,8 @@ def grid(rows: int, columns: int) -> np.ndarray:
 
 
 def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray | None = None) -> np.ndarray:
-    """[t, 3] numbers of the pixels that make triangles of a depth image [height, width], 0 = none: those of one
-    surface, whose depths differ by less than this share. wanted: mask of pixels of which a triangle has one or more."""
+    """Triangles [t, 3] of a depth image's pixels, by their numbers. depth: [height, width], 0 = none. Depths of one
+    triangle differ by less than this share. wanted: mask; each triangle has one or more of its pixels."""
     number = np.arange(depth.size).reshape(depth.shape)
     a, b, c, d = np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]
     faces = []

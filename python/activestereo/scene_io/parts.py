@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes and materials of a file as kuafu reads it, for what is put together in Python: CAD parts, robots, models."""
+"""Meshes and materials of a file as kuafu reads it, for scenes put together in Python: CAD parts, robots, models."""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tupl
 
 def read_parts(path: str | Path) -> list[Part]:
     """The parts of a .obj, .ply, .stl, .dae, .gltf or .glb file as they stand in it, in its unit, which is the metre in
-    Collada and glTF. Normals are the file's, else shaded by _shaded(). ValueError names the file and what is wrong."""
+    Collada and glTF. Normals are the file's, else shaded by _shaded(). Raises ValueError with the file and its
+    fault."""
     scene = kuafu.Scene(_device())
     try:
         scene.load(path)

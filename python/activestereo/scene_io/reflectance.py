@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Materials from measured reflectances: what the RGB camera sees and what the infrared cameras see, from one table.
+"""Materials from measured reflectances: one table gives the RGB camera's and the infrared cameras' view.
 
 A CSV file has a column `wavelength_nm`, ascending, and one column for each material of the scene that was measured:
 
@@ -44,7 +44,7 @@ _OBSERVER = (
 
 
 class ReflectanceError(ValueError):
-    """A table cannot be used; the text names the file, the place and what to do."""
+    """A table is unusable. The text has the file, the place and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ def apply_reflectances(
     scene: kuafu.Scene, table: dict[str, Reflectance], infrared_nm: float = INFRARED_NM
 ) -> list[str]:
     """Gives the scene's materials of these names their measured colour and infrared albedo, in place of their base
-    colours and their textures. Returns the names that were found. Raises ReflectanceError where a name is none of the
-    scene's."""
+    colours and their textures. Returns the names that were found. Raises ReflectanceError for a name that the scene
+    lacks."""
     materials = [scene.get_material(number) for number in range(scene.summary.material_count)]
     known = sorted(material.name for material in materials)
     if missing := sorted(set(table) - set(known)):

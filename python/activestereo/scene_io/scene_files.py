@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene files of every kind: kuafu reads them itself, or usd-core, where it is installed, converts them first. And
-glTF's JSON, and the unit that a file without one may be in."""
+"""Scene files of every kind: kuafu reads them itself, or usd-core, where it is installed, converts them first. Also
+reads glTF's JSON, and guesses the unit of a scene of an unlikely size."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 def load_scene_file(
     scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None, unit_m: float = 1.0
 ) -> tuple[float, float, float] | None:
-    """Adds a scene file to the scene, at that time of its animations, seconds. unit_m: metres of what the file takes
-    for a metre, such as 0.001 for a file in millimetres.
+    """Adds a scene file to the scene, at that time of its animations, seconds. unit_m: metres in a unit of the file,
+    such as 0.001 for a file in millimetres.
 
     Returns the radiance of a USD stage's dome light, W/(sr m^2), or None where there is none: it is the caller's to
     set. Raises UsdError, a ValueError of one line that names the file and what to do, and what Scene.load raises.

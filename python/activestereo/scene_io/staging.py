@@ -39,7 +39,7 @@ INFRARED_SHARES = {
 
 
 def infrared_share(kind: str) -> float:
-    """The share of a kind of lamp, or a number of one's own. ValueError says what is known."""
+    """The share of a kind of lamp, or a number. Raises ValueError with the known kinds."""
     try:
         share = INFRARED_SHARES[kind] if kind in INFRARED_SHARES else float(kind)
     except ValueError:
@@ -50,7 +50,7 @@ def infrared_share(kind: str) -> float:
 
 
 def set_infrared_share(scene: kuafu.Scene, share: float) -> None:
-    """Makes every lamp whose infrared light the file does not state one of this share."""
+    """Gives this share to every lamp without infrared light in the file."""
     for number in range(scene.summary.light_count):
         light = scene.get_light(number)
         if light.ir_intensity is None and light.ir_share == 0.0:

@@ -25,13 +25,12 @@ _FEWEST_HOT = 5
 
 @dataclass(frozen=True)
 class Emva1288:
-    """spatial: None where no lit and dark step has three or more frames.
+    """spatial: None if no lit and dark step has three or more frames.
 
     responsivity: R, DN per photon, anywhere in the light's field. prnu: deviation of the pixels' own sensitivities, a
-    share. black: mean of the dark without its current, DN; where averaged frames show waves and defects, without them.
+    share. black: mean of the dark without its current, DN, and without waves and defects of averaged frames.
     dark_current: DN/s where it is told from none, without the hot pixels'. hot_pixels: the effect's parameters, empty
-    where there are none. All with 90 % intervals, None where not known.
-    """
+    where there are none. All with 90 % intervals, None where not known."""
 
     transfer: PhotonTransfer
     spatial: Nonuniformity | None
@@ -42,7 +41,7 @@ class Emva1288:
     hot_pixels: dict[str, Quantity]
 
     def model(self) -> SensorModel:
-        """model.json's imager, black level and effects, but for those that summary() names."""
+        """model.json's imager, black level and effects. summary() names the effects that do not fit in."""
         noise = self.transfer.dark_noise
         offset = _map(noise, lambda sigma: sigma**2 + ROUNDING_VARIANCE, "DN^2")
         imager = Imager(offset, self.transfer.gain, Quantity(0.0, unit="1"))
@@ -136,7 +135,8 @@ def is_emva1288(frames: Path) -> bool:
 
 
 def _hot_pixels(spatial: Nonuniformity) -> dict[str, Quantity]:
-    """The exponential tail whose upper part the defects are: those of less excess hide in the other pixels' spread."""
+    """The exponential tail of the hot pixels. The defects are its upper part; weaker ones hide in the other pixels'
+    spread."""
     excess = spatial.dark.excess[spatial.dark.excess > 0.0]
     if len(excess) < _FEWEST_HOT or spatial.exposure_s <= 0.0:
         return {}
@@ -154,7 +154,7 @@ def _hot_pixels(spatial: Nonuniformity) -> dict[str, Quantity]:
 
 
 def _beyond(name: str, parameters: dict[str, Quantity]) -> str:
-    """The first parameter that the effect cannot take, with its value and limit; empty where it takes all."""
+    """The first parameter beyond the effect's limit, with its value and limit; empty if all are inside."""
     limits = {p.name: p for p in builtin()[name].parameters}
     for key, q in parameters.items():
         if not limits[key].low <= q.value <= limits[key].high:

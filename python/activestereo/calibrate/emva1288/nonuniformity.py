@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""DSNU and PRNU: what is the same in all frames, in the standard's figures and split into what a model has terms for.
+"""DSNU and PRNU, the pattern that all frames share: the standard's figures, and its split into a model's terms.
 
 The standard's figures are variances of averaged frames, whole and split into columns, rows and pixels (EMVA 1288
 Release 4.0 Linear, sections 4 and 8; whole in Release 3.1, sections 4.1 and 8). The lamp's unevenness, waves and defect
@@ -75,8 +75,8 @@ class Nonuniformity:
 
 
 def nonuniformity(recording: Recording) -> Nonuniformity | None:
-    """The figures of a lit and a dark step of three or more frames, None where they are not there; of several lit ones
-    the one nearest half of the range. ValueError where its counts clip, or where it has no dark step."""
+    """The figures of a lit and a dark step of three or more frames; None without them. Of several lit steps it takes
+    the one nearest half of the range. Raises ValueError if its counts clip, or if it has no dark step."""
     stacks = [step for step in recording.steps if step.average is not None]
     lit, darks = [s for s in stacks if not s.is_dark], [s for s in stacks if s.is_dark]
     if not lit or not darks:

@@ -81,8 +81,8 @@ class Recording:
 def step_of(
     frames: Iterable[NDArray[np.generic]], max_dn: int, exposure_s: float, photons: float | None, place: str
 ) -> Step:
-    """A Step of its frames, counts [height][width], which are read one by one. ValueError where there are fewer than
-    two, or where their means differ: the lamp drifts."""
+    """A Step of its frames, counts [height][width], which are read one by one. Raises ValueError for fewer than two,
+    and if their means differ because the lamp drifts."""
     total = squares = np.zeros(1)
     means, clipped = [], 0.0
     for frame in frames:

@@ -47,8 +47,8 @@ class WeightedFit:
 
 
 def fit_weighted(columns: np.ndarray, values: np.ndarray, errors: np.ndarray, scale: Any = 1.0) -> WeightedFit:
-    """columns [n][k] @ values [k]. errors: known standard deviations, [n]; scale: what further scatter is proportional
-    to. The scatter is the one at which chi square is its expectation, none where it is below that."""
+    """columns [n][k] @ values [k]. errors: known standard deviations, [n]; scale: further scatter is proportional to
+    it. The scatter brings chi square to its expectation; it is 0 if chi square is below."""
     degrees = len(values) - columns.shape[1]
     # Columns of one size keep the normal equations well conditioned.
     size = np.linalg.norm(columns, axis=0)
@@ -146,7 +146,7 @@ class _Levels:
 
 
 def photon_transfer(recording: Recording) -> PhotonTransfer:
-    """The figures of a recording. ValueError, with what to record, where dark frames or steps of light are missing,
+    """The figures of a recording. Raises ValueError, with a remedy, if dark frames or steps of light are missing, are
     saturated, or depart from the others."""
     lit, dark = _lit_steps(recording), [step for step in recording.steps if step.is_dark]
     levels = _levels(lit, dark)
@@ -204,7 +204,7 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
 
 
 def _lit_steps(recording: Recording) -> list[Step]:
-    """Pairs of light; more frames of one step are for what stays, and tell noise only where there are no pairs."""
+    """Pairs of lit frames. Steps of more frames serve the nonuniformity; they tell noise only if there are no pairs."""
     lit = [step for step in recording.steps if not step.is_dark]
     lit = [step for step in lit if step.average is None] or lit
     if len(lit) < _LEAST_STEPS:

@@ -25,7 +25,7 @@ _SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 @dataclass(frozen=True)
 class Converted:
-    """The parts of a stage that a .glb file cannot say, and what was lost."""
+    """The parts of a stage that a .glb file cannot hold, and messages about losses."""
 
     ambient: tuple[float, float, float] | None  # radiance of the stage's dome light; None: it has none
     messages: tuple[str, ...]
@@ -64,8 +64,8 @@ def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = N
 def load_usd(
     scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None, unit_m: float = 1.0
 ) -> Converted:
-    """Adds the stage at `path` to the scene. unit_m: metres of what the stage takes for a metre. Raises UsdError of one
-    line, and what Scene.load raises."""
+    """Adds the stage at `path` to the scene. unit_m: metres in a metre of the stage. Raises UsdError of one line, and
+    what Scene.load raises."""
     with tempfile.TemporaryDirectory() as folder:
         glb = Path(folder) / "stage.glb"
         converted = convert(path, glb, time_s)
@@ -86,7 +86,7 @@ class _Conversion:
         self._shapes: dict[Any, list[int]] = {}
 
     def visible(self, root: Any) -> Iterator[Any]:
-        """The visible prims below a prim, instances included; what PointInstancers copy is theirs."""
+        """The visible prims below a prim, with instances. It leaves out the prototypes below a PointInstancer."""
         from pxr import Usd, UsdGeom
 
         prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))

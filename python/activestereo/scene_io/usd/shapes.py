@@ -169,7 +169,7 @@ def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
 
 
 def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) -> Mesh:
-    """The mesh of triangles_of() with the coordinates of the primvar; unchanged where it has none of that name."""
+    """The mesh of triangles_of() with the coordinates of the primvar; unchanged if it has none of that name."""
     uvs = _primvar(stage, mesh.GetPrim(), uv_name, cut)
     if uvs is None:
         return whole

@@ -14,12 +14,12 @@ _LOG = logging.getLogger("activestereo.scene_io.usd")
 
 
 class UsdError(ValueError):
-    """A USD file cannot be shown; the text names the file and what to do."""
+    """A USD file cannot be shown. The text has the file and the remedy."""
 
 
 @dataclass
 class Stage:
-    """An open stage at one time, and what was said of it."""
+    """An open stage at one time, and the messages about it."""
 
     path: Path
     stage: Any  # Usd.Stage
@@ -38,7 +38,8 @@ class Stage:
         return fallback if value is None else value
 
     def vectors(self, attribute: Any, size: int = 3) -> np.ndarray:
-        """[n, size] of an attribute's vectors; [0, size] where it has none, with a message where it is no such."""
+        """An attribute's vectors [n, size]; [0, size] without a value, and, with a message, for a value of another
+        kind."""
         value = self.value(attribute)
         if value is None:
             return np.empty((0, size))

@@ -232,7 +232,7 @@ class Surfaces:
 
 
 def _open(picture: Picture) -> Image.Image:
-    """With 8 bits a channel; Pillow would clip what has 16."""
+    """Opens a picture with 8 bits a channel; Pillow would clip 16."""
     image = Image.open(io.BytesIO(picture.data))
     if image.mode.startswith("I"):
         return Image.fromarray((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8))
@@ -246,7 +246,7 @@ def _png(image: Image.Image) -> bytes:
 
 
 def _channel(picture: Picture | None, size: tuple[int, int]) -> Image.Image:
-    """One channel as grey; white where there is no picture."""
+    """One channel as grey; white without a picture."""
     if picture is None:
         return Image.new("L", size, 255)
     bands = _open(picture).convert("RGBA").resize(size).split()
