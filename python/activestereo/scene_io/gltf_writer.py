@@ -4,7 +4,7 @@
 import base64
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -79,56 +79,35 @@ class GltfWriter:
         self._node(name, mesh=shape, matrix=_columns(local_to_world))
 
     def add_point_light(
-        self,
-        name: str,
-        translation: Sequence[float],
-        color: Sequence[float],
-        intensity: float,
-        extras: Mapping[str, Any] = {},
+        self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float, **extras: Any
     ) -> None:
         """intensity: W/sr for each of the colour's channels. extras: of the light, as kuafu's importer reads them."""
-        self._light("point", name, color, intensity, extras, translation=list(translation))
+        self._light(name, {"type": "point"}, color, intensity, extras, translation=list(translation))
 
     def add_directional_light(
-        self,
-        name: str,
-        local_to_world: np.ndarray,
-        color: Sequence[float],
-        intensity: float,
-        extras: Mapping[str, Any] = {},
+        self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float, **extras: Any
     ) -> None:
         """Light along the node's -z; intensity: W/m^2 for each of the colour's channels."""
-        self._light("directional", name, color, intensity, extras, matrix=_columns(local_to_world))
+        self._light(name, {"type": "directional"}, color, intensity, extras, matrix=_columns(local_to_world))
 
     def add_spot_light(
-        self,
-        name: str,
-        local_to_world: np.ndarray,
-        color: Sequence[float],
-        intensity: float,
-        cone_rad: tuple[float, float],
-        extras: Mapping[str, Any] = {},
-    ) -> None:
+        self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float,
+        cone_rad: tuple[float, float], **extras: Any,
+    ) -> None:  # fmt: skip
         """Light around the node's -z; intensity: W/sr for each of the colour's channels. cone_rad: the half angles at
         which it begins to fall, and at which it ends."""
-        spot = {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}
-        self._light("spot", name, color, intensity, extras, {"spot": spot}, matrix=_columns(local_to_world))
+        kind = {"type": "spot", "spot": {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}}
+        self._light(name, kind, color, intensity, extras, matrix=_columns(local_to_world))
 
     def _light(
-        self,
-        kind: str,
-        name: str,
-        color: Sequence[float],
-        intensity: float,
-        extras: Mapping[str, Any],
-        fields: Mapping[str, Any] = {},
+        self, name: str, kind: dict[str, Any], color: Sequence[float], intensity: float, extras: dict[str, Any],
         **place: Any,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._use("KHR_lights_punctual")
         lights = self._json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
         photometric = LUMENS_PER_WATT * intensity  # candela or lux
-        more = {**fields, "extras": dict(extras)} if extras else fields
-        lights.append({"name": name, "type": kind, "color": list(color), "intensity": photometric, **more})
+        light = {"name": name, **kind, "color": list(color), "intensity": photometric}
+        lights.append(light | ({"extras": extras} if extras else {}))
         self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
     def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:

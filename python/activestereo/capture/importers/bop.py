@@ -26,7 +26,7 @@ from activestereo.capture.importers.color_depth import (
 from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import printed_motion
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.parts import Part, read_parts
+from activestereo.scene_io.parts import read_parts
 
 _MM = 0.001
 _RATE_HZ = 30.0
@@ -71,7 +71,21 @@ def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> Col
         name = f"object {entry['obj_id']}" + (f" ({number})" if number else "")
         pose = to_world @ _motion(folder / "scene_gt.json", first, entry, "m2c")
         for part in read_parts(file):
-            writer.place(name, _add_part(writer, name, part), pose)
+            # The red of a part's colours is its infrared albedo (the capture's specification); one without colours is
+            # grey.
+            pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.6}
+            if part.material is not None:
+                pbr["baseColorFactor"] = list(part.material.base_color)
+            elif part.colors is None:
+                pbr["baseColorFactor"] = _GREY
+            if "base_color_texture" in part.textures:
+                texture = part.textures["base_color_texture"]
+                png = io.BytesIO()
+                Image.fromarray(np.squeeze(texture["texels"])).save(png, "PNG")
+                pbr["baseColorTexture"] = {"index": writer.add_texture(png.getvalue(), texture["name"])}
+            mesh = replace(part.mesh, positions=part.mesh.positions * np.float32(_MM))
+            material = writer.add_material(name, pbrMetallicRoughness=pbr)
+            writer.place(name, writer.add_shape(name, mesh, material, part.colors), pose)
         has_objects = True
     if has_objects:
         writer.write(scene)
@@ -84,20 +98,3 @@ def _motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np
     pose = printed_motion(entry[f"cam_R_{way}"], translation if translation is not None else (), name)
     pose[:3, 3] *= _MM
     return pose
-
-
-def _add_part(writer: GltfWriter, name: str, part: Part) -> int:
-    """Adds a part in metres. The red of its colours is its infrared albedo (the capture's specification); a model
-    without colours is grey."""
-    pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.6}
-    if part.material is not None:
-        pbr["baseColorFactor"] = list(part.material.base_color)
-    elif part.colors is None:
-        pbr["baseColorFactor"] = _GREY
-    if "base_color_texture" in part.textures:
-        texture = part.textures["base_color_texture"]
-        png = io.BytesIO()
-        Image.fromarray(np.squeeze(texture["texels"])).save(png, "PNG")
-        pbr["baseColorTexture"] = {"index": writer.add_texture(png.getvalue(), texture["name"])}
-    mesh = replace(part.mesh, positions=part.mesh.positions * np.float32(_MM))
-    return writer.add_shape(name, mesh, writer.add_material(name, pbrMetallicRoughness=pbr), part.colors)

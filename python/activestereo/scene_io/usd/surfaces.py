@@ -92,8 +92,9 @@ class Surfaces:
             "roughnessFactor": 1.0 if roughness_map else float(roughness),
         }
         fields: dict[str, Any] = {"pbrMetallicRoughness": pbr, "emissiveFactor": emission}
-        self._set_texture(pbr, "baseColorTexture", _with_alpha(color_map, opacity_map))
-        self._set_texture(pbr, "metallicRoughnessTexture", _packed(roughness_map, metallic_map))
+        self._set_texture(pbr, "baseColorTexture", _joined({"color": color_map, "opacity": opacity_map}))
+        rough_metal = _joined({"roughness": roughness_map, "metallic": metallic_map})
+        self._set_texture(pbr, "metallicRoughnessTexture", rough_metal)
         self._set_texture(fields, "emissiveTexture", emission_map)
         self._set_texture(fields, "normalTexture", read("normal", None)[1])
         threshold = self._number(shader, "opacityThreshold", 0.0)
@@ -245,47 +246,32 @@ def _png(image: Image.Image) -> bytes:
     return out.getvalue()
 
 
-def _channel(picture: Picture | None, size: tuple[int, int]) -> Image.Image:
-    """One channel as grey; white without a picture."""
-    if picture is None:
-        return Image.new("L", size, 255)
-    bands = _open(picture).convert("RGBA").resize(size).split()
-    return bands[{"g": 1, "b": 2, "a": 3}.get(picture.channel, 0)]
-
-
-def _size(*pictures: Picture | None) -> tuple[int, int]:
-    sizes = [Image.open(io.BytesIO(p.data)).size for p in pictures if p is not None]
-    return max(s[0] for s in sizes), max(s[1] for s in sizes)
-
-
-def _packed(roughness: Picture | None, metallic: Picture | None) -> Picture | None:
-    """glTF's texture: roughness in green, metallic in blue."""
-    first = roughness or metallic
-    if first is None:
-        return None
-    size = _size(roughness, metallic)
-    bands = [Image.new("L", size, 255), _channel(roughness, size), _channel(metallic, size)]
-    return _made(_png(Image.merge("RGB", bands)), "rgb", {"roughness": roughness, "metallic": metallic})
-
-
-def _with_alpha(color: Picture | None, opacity: Picture | None) -> Picture | None:
-    """glTF's texture: colour, and opacity in alpha. The colour's own alpha counts for nothing."""
-    if color is None and opacity is None:
-        return None
-    if color is not None and opacity is None:
-        image = _open(color)
-        if "A" not in image.getbands() and "transparency" not in image.info:
-            return color
-    size = _size(color, opacity)
-    rgb = Image.new("RGB", size, (255, 255, 255)) if color is None else _open(color).convert("RGB").resize(size)
-    image = rgb if opacity is None else Image.merge("RGBA", [*rgb.split(), _channel(opacity, size)])
-    return _made(_png(image), image.mode.lower(), {"color": color, "opacity": opacity})
-
-
-def _made(data: bytes, channel: str, parts: dict[str, Picture | None]) -> Picture:
-    """A picture put together of others, each with its role."""
+def _joined(parts: dict[str, Picture | None]) -> Picture | None:
+    """One texture of glTF's from pictures by role: 'color' and 'opacity', which is its alpha, or 'roughness' and
+    'metallic', its green and blue. None without a picture. A colour's own alpha counts for nothing."""
     used = {role: part for role, part in parts.items() if part is not None}
-    first = next(iter(used.values()))
+    if not used:
+        return None
+    first, sizes = next(iter(used.values())), np.array([_open(part).size for part in used.values()])
+    size = int(sizes[:, 0].max()), int(sizes[:, 1].max())
+
+    def channel(role: str) -> Image.Image:
+        """One channel as grey; white without a picture."""
+        if role not in used:
+            return Image.new("L", size, 255)
+        bands = _open(used[role]).convert("RGBA").resize(size).split()
+        return bands[{"g": 1, "b": 2, "a": 3}.get(used[role].channel, 0)]
+
+    if "color" in parts:
+        image = _open(first)
+        if list(used) == ["color"] and "A" not in image.getbands() and "transparency" not in image.info:
+            return first
+        white = Image.new("RGB", size, (255, 255, 255))
+        image = image.convert("RGB").resize(size) if "color" in used else white
+        if "opacity" in used:
+            image = Image.merge("RGBA", [*image.split(), channel("opacity")])
+    else:
+        image = Image.merge("RGB", [Image.new("L", size, 255), channel("roughness"), channel("metallic")])
     name = "|".join(f"{role} {part.name}.{part.channel}" for role, part in used.items())
     source = "|".join(f"{role} {part.source}.{part.channel}" for role, part in used.items())
-    return Picture(data, name, source, channel, first.wrap, first.uv_name)
+    return Picture(_png(image), name, source, image.mode.lower(), first.wrap, first.uv_name)
