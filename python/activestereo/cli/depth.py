@@ -196,15 +196,9 @@ def depth_hints(
     result: Mapping[str, np.ndarray],
 ) -> list[str]:  # fmt: skip
     """Lines to print, none where all is well. cameras: of the pair; result: the engine's depth and disparity."""
-    return [hint for hint in (_cut(cameras, engine, result), _exchanged(engine, left, right, result)) if hint]
-
-
-def _cut(cameras: RectifiedPair, engine: simsense.Engine, result: Mapping[str, np.ndarray]) -> str | None:
-    """Pixels that were matched and have no depth: they lie outside of the depths that are kept."""
-    disparity, p = result["disparity"], engine.parameters
+    hints, disparity, p = [], result["disparity"], engine.parameters
+    # Pixels that were matched and have no depth lie outside of the depths that are kept.
     lost = (disparity > 0) & (result["depth"] == 0)
-    if not lost.any():
-        return None
     z = cameras.focal_baseline_px_m / np.where(lost, disparity + cameras.offset_px, 1.0)
     far, near = int((lost & (z >= p["max_depth_m"])).sum()), int((lost & (z < p["min_depth_m"])).sum())
     parts = [
@@ -215,20 +209,13 @@ def _cut(cameras: RectifiedPair, engine: simsense.Engine, result: Mapping[str, n
         )
         if count
     ]
-    return "cut off: " + "; ".join(parts) if parts else None
-
-
-def _exchanged(
-    engine: simsense.Engine, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]
-) -> str | None:
-    """Only where little was measured: the pair is matched the other way round."""
-    fill = float((result["disparity"] > 0).mean())
-    if fill >= _SUSPICIOUS_FILL:
-        return None
-    other = float((engine.compute(right, left, ("disparity",))["disparity"] > 0).mean())
-    if other < max(_LEAST_FILL, _TIMES * fill):
-        return None
-    return (
-        f"hint: exchanged, the images give {100 * other:.1f} % instead of {100 * fill:.1f} %: is LEFT the right "
-        "camera's image?"
-    )
+    if parts:
+        hints.append("cut off: " + "; ".join(parts))
+    # Where little was measured, the pair is matched the other way round.
+    fill = float((disparity > 0).mean())
+    if fill < _SUSPICIOUS_FILL:
+        other = float((engine.compute(right, left, ("disparity",))["disparity"] > 0).mean())
+        if other >= max(_LEAST_FILL, _TIMES * fill):
+            shares = f"{100 * other:.1f} % instead of {100 * fill:.1f} %"
+            hints.append(f"hint: exchanged, the images give {shares}: is LEFT the right camera's image?")
+    return hints

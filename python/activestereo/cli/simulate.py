@@ -181,17 +181,30 @@ def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
     return read_model(args.model, library(*args.effects))
 
 
-def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
-    """The preset, the model's own figures, and the options that were given."""
+def sensor_config(args: argparse.Namespace, model: SensorModel | None) -> StereoDepthSensorConfig:
+    """The preset at --resolution, or the model's own figures."""
     from activestereo.camera.presets import StereoDepthSensorConfig
 
-    config = (
-        StereoDepthSensorConfig(args.sensor)
-        if model is None
-        else StereoDepthSensorConfig.from_model(model, args.sensor)
-    )
-    if args.resolution:
-        config = resized(config, args.resolution)
+    if model is not None:
+        return StereoDepthSensorConfig.from_model(model, args.sensor)
+    config = StereoDepthSensorConfig(args.sensor)
+    if not args.resolution:
+        return config
+    width, height = config.ir_resolution
+    scaled = config.scaled(args.resolution[0] / width)
+    if scaled.ir_resolution != args.resolution:
+        asked, fits = ("x".join(map(str, pixels)) for pixels in (args.resolution, scaled.ir_resolution))
+        raise CommandError(
+            f"--resolution {asked} does not have the shape of the {config.model}'s {width}x{height}; {fits} does"
+        )
+    if min(args.resolution) < 32:
+        raise CommandError("--resolution must be at least 32 in both directions")
+    return scaled
+
+
+def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
+    """The sensor's configuration with the options that were given."""
+    config = sensor_config(args, model)
     config.render_seed = config.noise_seed = args.seed
     set_cameras(config, args)
     if args.projector_intensity is not None:
@@ -210,20 +223,6 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
         config.ir_speckle_noise, config.ir_signal = 0.0, None
     config.check()  # before any work
     return config
-
-
-def resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> StereoDepthSensorConfig:
-    width, height = config.ir_resolution
-    scaled = config.scaled(resolution[0] / width)
-    if scaled.ir_resolution != resolution:
-        fits = "x".join(map(str, scaled.ir_resolution))
-        asked = "x".join(map(str, resolution))
-        raise CommandError(
-            f"--resolution {asked} does not have the shape of the {config.model}'s {width}x{height}; {fits} does"
-        )
-    if min(resolution) < 32:
-        raise CommandError("--resolution must be at least 32 in both directions")
-    return scaled
 
 
 def _load_scene(args: argparse.Namespace, config: StereoDepthSensorConfig) -> tuple[kuafu.Scene, float | None]:

@@ -81,8 +81,8 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
 def make_server(args: argparse.Namespace, path: Path) -> Any:
     """The server of a path under the options, at its address but not yet serving."""
     import kuafu
+    from activestereo.cli.simulate import read_sensor_model, sensor_config
     from activestereo.compare.model_file import library
-    from activestereo.model import read_model
     from activestereo.report.view.library import Library, is_capture, is_scene, pictures_capture
     from activestereo.report.view.routes import Routes
     from activestereo.report.view.server import ViewServer
@@ -91,8 +91,7 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
         raise CommandError(f"--port {args.port}: a port is 0 to 65535")
     if not args.out.absolute().parent.is_dir():
         raise CommandError(f"--out {args.out}: the folder {args.out.parent} does not exist: make it first")
-    effects = library(*args.effects)
-    model = None if args.model is None else read_model(args.model, effects)
+    effects, model = library(*args.effects), read_sensor_model(args)
     device = kuafu.Device(args.device)
 
     def make(path: Path) -> Any:
@@ -104,21 +103,7 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
         if is_capture(path):
             return CaptureSource(read_capture(path), device, model)
         if is_scene(path):
-            return SceneSource(path, device, _config(args, model), model)
+            return SceneSource(path, device, sensor_config(args, model), model)
         return CaptureSource(pictures_capture(path, StereoDepthSensorConfig(args.sensor)), device)
 
     return ViewServer(Routes(Library(path, make), effects, args.out).calls(), args.port)
-
-
-def _config(args: argparse.Namespace, model: Any) -> Any:
-    from activestereo.camera.presets import StereoDepthSensorConfig
-    from activestereo.cli.simulate import resized
-
-    if model is not None:
-        if args.resolution:
-            raise CommandError(
-                "--resolution and --model exclude one another: a model's figures are in pixels of its own images"
-            )
-        return StereoDepthSensorConfig.from_model(model, args.sensor)
-    config = StereoDepthSensorConfig(args.sensor)
-    return resized(config, args.resolution) if args.resolution else config

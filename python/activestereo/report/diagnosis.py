@@ -7,18 +7,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from activestereo.common.html_table import table, text
-from activestereo.diagnose.answer.verdict_words import alike, error_text
+from activestereo.diagnose.answer.verdict_words import alike
 from activestereo.report.diagnosis_text import EXPLAINS_WORDS, FLOOR_WORDS, NATS_WORDS, parameter_text, split_sentences
 from activestereo.report.models import ROWS
 from activestereo.report.page import section, share_bar
-
-_VERDICT = {
-    "effect": "A known effect is missing",
-    "none": "Nothing is missing: the model is at the noise floor",
-    "unknown": "Something is missing that no known effect explains",
-    "undetermined": "This data cannot tell what is missing",
-}
-
 
 _ENGINE_VERDICT = {
     "effect": "It has a fault",
@@ -30,7 +22,15 @@ _ENGINE_VERDICT = {
 def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> list[str]:
     """Sections of diagnose.json's contents (report/schema/diagnose.schema.json). shown: effects with residuals on the
     page."""
-    parts = [_verdict(diagnosis)]
+    parts = []
+    if model := diagnosis.get("residual_model"):
+        rows = [
+            [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"]
+            for t in model.get("terms", [])
+        ]
+        terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
+        stage = f"<p class='muted small'>Stage: {text(model['stage'].lower())}</p>"
+        parts.append(section("Model of what is left", f"<p>{text(model['text'])}</p>{stage}{terms}"))
     if diagnosis.get("geometry"):
         told = "".join(f"<li>{text(entry['text'])}</li>" for entry in diagnosis["geometry"])
         parts.append(section("What stands elsewhere than the capture says", f"<ul>{told}</ul>"))
@@ -45,23 +45,6 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
         items = "".join(f"<li>{_advice(item)}</li>" for item in diagnosis["next_measurement"])
         parts.append(section("What to measure next", f"<ul>{items}</ul>"))
     return parts
-
-
-def _verdict(diagnosis: dict[str, Any]) -> str:
-    added = ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
-    parts = [f'<p class="headline"><b>{_VERDICT[diagnosis["verdict"]]}</b>{added}</p>']
-    before, after, floor = (
-        diagnosis[k] for k in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
-    )
-    if before is not None and after is not None:
-        noise = "" if floor is None else f"; noise alone gives {floor:.2f} DN"
-        errors = " → ".join(error_text(error, floor, 2) for error in (before, after))
-        parts.append(f"<p>Held-out infrared error {errors}{noise}.</p>")
-    if diagnosis.get("reason"):
-        parts.append(f"<p>{text(diagnosis['reason'])}</p>")
-    if diagnosis.get("residual_model"):
-        parts.append(f"<h3>Model of what is left</h3>{_residual_model(diagnosis['residual_model'])}")
-    return section("Which effect is missing", *parts)
 
 
 def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
@@ -123,11 +106,3 @@ def _advice(item: Any) -> str:
         return text(item)
     between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in item.get("separates", []))
     return text(item["text"]) + (f"<br><span class='muted'>tells apart</span> {between}" if between else "")
-
-
-def _residual_model(model: dict[str, Any]) -> str:
-    rows = [
-        [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in model.get("terms", [])
-    ]
-    terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
-    return f"<p>{text(model['text'])}</p><p class='muted small'>Stage: {text(model['stage'].lower())}</p>{terms}"

@@ -81,14 +81,17 @@ def _pasted(steps: Sequence[Step]) -> str:
 
 
 def _errors(diagnosis: Mapping[str, Any]) -> str:
-    """The errors, and the effects that cannot be told apart."""
+    """The errors, the verdict's reason, and the effects that cannot be told apart."""
     told, floor = errors_told(diagnosis), diagnosis["heldout_noise_floor"]
     said = [text(diagnosis["capture"]) + ". "] if diagnosis.get("capture") else []
     if told:
         noise = [] if floor is None else [f"sensor noise {floor:.2f} DN"]
         words = ", ".join([f"{name} {error_text(error, floor, 2)}" for name, error in told] + noise)
         said.append(f"Errors on frames that no fit has seen: {words}. ")
-    return "".join([*said, *(f"{text(words)} " for words in (*rival_words(diagnosis), *geometry_words(diagnosis)))])
+    why = diagnosis.get("reason")
+    sentences = [f"{why[0].upper()}{why[1:]}."] if why and diagnosis["verdict"] != "undetermined" else []
+    sentences += [*rival_words(diagnosis), *geometry_words(diagnosis)]
+    return "".join([*said, *(f"{text(sentence)} " for sentence in sentences)])
 
 
 @dataclass(frozen=True)
