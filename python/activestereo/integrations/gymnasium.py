@@ -56,8 +56,9 @@ class StereoDepth(gymnasium.ObservationWrapper):
         coded: Images | None = None,
     ) -> None:  # fmt: skip
         super().__init__(env)
-        self._depth, self._color = _key_path(depth), None if color is None else _key_path(color)
-        self._metres, self._back, self._albedo = metres or _unchanged, back or _unchanged, albedo_of_all
+        self._depth = (depth,) if isinstance(depth, str) else tuple(depth)
+        self._color = (color,) if isinstance(color, str) else color and tuple(color)
+        self._metres, self._back, self._albedo = metres or np.asarray, back or np.asarray, albedo_of_all
         self._rendered, self._coded = rendered, coded
         if rendered is not None and self._color is None:
             raise ValueError("rendered depth has the size of the colour image: give color, too")
@@ -94,14 +95,6 @@ class StereoDepth(gymnasium.ObservationWrapper):
         return np.ascontiguousarray(
             self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
         )
-
-
-def _unchanged(image: NDArray[Any]) -> NDArray[Any]:
-    return image
-
-
-def _key_path(keys: Keys) -> tuple[str, ...]:
-    return (keys,) if isinstance(keys, str) else tuple(keys)
 
 
 def _entry(values: Any, keys: Sequence[str]) -> Any:

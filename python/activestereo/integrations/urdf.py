@@ -25,7 +25,6 @@ from scipy.spatial.transform import Rotation
 from activestereo.common.input_files import read_bytes
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape
-from activestereo.scene_io.meshes import Mesh
 from activestereo.scene_io.parts import LARGEST_M, Part, add_parts, read_parts
 
 _LOG = logging.getLogger("activestereo.integrations.urdf")
@@ -101,7 +100,20 @@ class Urdf:
     def poses(self, joints: Mapping[str, ArrayLike] | ArrayLike, base: ArrayLike | None = None) -> NDArray[np.float64]:
         """[..., links, 4, 4] link to world. joints: [..., joints] in the order of joint_names, radians and metres, or
         {name: [...]} with the others at 0. base: 4x4 or [..., 4, 4] of the root link."""
-        position = self._positions(joints)
+        position: dict[str, NDArray[np.float64]]
+        if isinstance(joints, Mapping):
+            unknown = [name for name in joints if name not in self.joint_names]
+            if unknown:
+                raise ValueError(f"there is no joint '{unknown[0]}' to move (known: {', '.join(self.joint_names)})")
+            given = {name: np.asarray(value, np.float64) for name, value in joints.items()}
+            broadcast = np.broadcast_shapes(*(value.shape for value in given.values()))
+            zero = np.zeros(broadcast)
+            position = {name: np.broadcast_to(given.get(name, zero), broadcast) for name in self.joint_names}
+        else:
+            array = np.asarray(joints, np.float64)
+            if array.shape[-1:] != (len(self.joint_names),):
+                raise ValueError(f"joints of '{self.name}' are [..., {len(self.joint_names)}], not {array.shape}")
+            position = dict(zip(self.joint_names, np.moveaxis(array, -1, 0), strict=True))
         shape = next(iter(position.values())).shape if position else ()
         out = np.zeros((*shape, len(self.link_names), 4, 4))
         children = {joint.child for joint in self._joints}
@@ -111,23 +123,16 @@ class Urdf:
         for joint in self._joints:
             pose = out[..., joint.parent, :, :] @ joint.to_parent
             if joint.kind in _MOVES:
-                pose = pose @ _motion(joint, joint.factor * position[joint.driver] + joint.offset)
+                at = joint.factor * position[joint.driver] + joint.offset
+                motion = np.broadcast_to(np.eye(4), (*at.shape, 4, 4)).copy()
+                if joint.kind == "prismatic":
+                    motion[..., :3, 3] = at[..., None] * joint.axis
+                else:
+                    turns = Rotation.from_rotvec(at.reshape(-1, 1) * joint.axis)
+                    motion[..., :3, :3] = turns.as_matrix().reshape(*at.shape, 3, 3)
+                pose = pose @ motion
             out[..., joint.child, :, :] = pose
         return out
-
-    def _positions(self, joints: Mapping[str, ArrayLike] | ArrayLike) -> dict[str, NDArray[np.float64]]:
-        if isinstance(joints, Mapping):
-            unknown = [name for name in joints if name not in self.joint_names]
-            if unknown:
-                raise ValueError(f"there is no joint '{unknown[0]}' to move (known: {', '.join(self.joint_names)})")
-            given = {name: np.asarray(value, np.float64) for name, value in joints.items()}
-            shape = np.broadcast_shapes(*(value.shape for value in given.values()))
-            zero = np.zeros(shape)
-            return {name: np.broadcast_to(given.get(name, zero), shape) for name in self.joint_names}
-        array = np.asarray(joints, np.float64)
-        if array.shape[-1:] != (len(self.joint_names),):
-            raise ValueError(f"joints of '{self.name}' are [..., {len(self.joint_names)}], not {array.shape}")
-        return dict(zip(self.joint_names, np.moveaxis(array, -1, 0), strict=True))
 
     # ---- reading ----
 
@@ -182,13 +187,15 @@ class Urdf:
     def _solid(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
         """A unit solid, and the 4x4 that gives it its size."""
         if kind.tag == "box":
-            return _sized(solids.box(), 0.5 * self._numbers(kind.get("size", ""), 3))
-        if kind.tag == "sphere":
-            return _sized(solids.sphere(), np.full(3, self._numbers(kind.get("radius", ""), 1)[0]))
-        if kind.tag == "cylinder":
+            mesh, scale = solids.box(), 0.5 * self._numbers(kind.get("size", ""), 3)
+        elif kind.tag == "sphere":
+            mesh, scale = solids.sphere(), np.full(3, self._numbers(kind.get("radius", ""), 1)[0])
+        elif kind.tag == "cylinder":
             radius, length = (self._numbers(kind.get(key, ""), 1)[0] for key in ("radius", "length"))
-            return _sized(solids.cylinder(), np.array([radius, radius, 0.5 * length]))
-        raise ValueError(f"{self._path}: the geometry <{kind.tag}> is not known (box, sphere, cylinder, mesh)")
+            mesh, scale = solids.cylinder(), np.array([radius, radius, 0.5 * length])
+        else:
+            raise ValueError(f"{self._path}: the geometry <{kind.tag}> is not known (box, sphere, cylinder, mesh)")
+        return [Part(mesh)], np.diag([*scale, 1.0])
 
     def _mesh(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
         """The parts of a file, and the 4x4 from its coordinates: URDF's scale is their unit."""
@@ -197,7 +204,11 @@ class Urdf:
             parts = read_parts(path)
         except ValueError as error:
             raise ValueError(f"{self._path}: {error}") from error
-        to_visual = np.diag([*scale, 1.0]) @ _as_written(path)
+        # A scene turns Collada's up axis to y; a link takes coordinates as they stand, as RViz and Gazebo do.
+        to_visual = np.diag([*scale, 1.0])
+        if path.suffix.lower() == ".dae":
+            found = re.search(rb"<up_axis>\s*([XYZ])_UP", read_bytes(path).replace(b"\0", b""))
+            to_visual[:3, :3] = to_visual[:3, :3] @ _FROM_Y_UP.get(found[1] if found else b"Y", np.eye(3))
         points = np.vstack([part.mesh.positions for part in parts]) @ to_visual[:3, :3].T
         size_m = float(np.ptp(points, axis=0).max())
         if size_m > LARGEST_M:
@@ -252,32 +263,7 @@ class Urdf:
         return values
 
 
-def _sized(mesh: Mesh, scale: NDArray[np.float64]) -> tuple[Sequence[Part], NDArray[np.float64]]:
-    return [Part(mesh)], np.diag([*scale, 1.0])
-
-
 _FROM_Y_UP = {
     b"X": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     b"Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
 }
-
-
-def _as_written(path: Path) -> NDArray[np.float64]:
-    """4x4 back to a file's own axes. A scene turns Collada's up axis to y; a link takes coordinates as they stand, as
-    RViz and Gazebo do."""
-    out = np.eye(4)
-    if path.suffix.lower() == ".dae":
-        found = re.search(rb"<up_axis>\s*([XYZ])_UP", read_bytes(path).replace(b"\0", b""))
-        out[:3, :3] = _FROM_Y_UP.get(found[1] if found else b"Y", np.eye(3))
-    return out
-
-
-def _motion(joint: _Joint, position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[..., 4, 4] of joint positions [...]."""
-    out = np.broadcast_to(np.eye(4), (*position.shape, 4, 4)).copy()
-    if joint.kind == "prismatic":
-        out[..., :3, 3] = position[..., None] * joint.axis
-    else:
-        turns = Rotation.from_rotvec(position.reshape(-1, 1) * joint.axis)
-        out[..., :3, :3] = turns.as_matrix().reshape(*position.shape, 3, 3)
-    return out

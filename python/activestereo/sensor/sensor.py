@@ -7,6 +7,7 @@ from __future__ import annotations
 import warnings
 import weakref
 from collections.abc import Callable, Sequence
+from inspect import Parameter, Signature
 from os import PathLike
 from typing import Any
 
@@ -36,15 +37,15 @@ from activestereo.sensor.mounts import Mount as Mount
 from activestereo.sensor.results import CAMERAS, SensorResults
 
 
-def _setter(*fields: str) -> Callable[..., None]:
-    """SAPIEN's method that sets these fields of the configuration."""
+def setter(*fields: str) -> Any:
+    """SAPIEN's method that sets these fields of the configuration, by change()."""
+    signature = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in ("self", *fields)])
 
-    def set_fields(self: StereoDepthSensor, *values: int, **named: int) -> None:
-        given = dict(zip(fields, values, strict=False)) | named
-        if len(values) > len(fields) or set(given) != set(fields):
-            raise TypeError(f"this method takes {' and '.join(fields)}")
-        self._set(**given)
+    def set_fields(*given: Any, **named: Any) -> None:
+        own, *values = signature.bind(*given, **named).args
+        own.change(**dict(zip(fields, values, strict=True)))
 
+    set_fields.__signature__ = signature  # type: ignore[attr-defined]
     return set_fields
 
 
@@ -271,17 +272,15 @@ class StereoDepthSensor(SensorResults):
 
     def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
         """Scales of the default noise; ir_speckle_noise 0 switches both off. It takes the place of ir_signal."""
-        self._set(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
+        self.change(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
 
-    set_census_window_size = _setter("census_width", "census_height")
-    set_matching_block_size = _setter("block_width", "block_height")
-    set_penalties = _setter("p1", "p2")
-    set_uniqueness_ratio = _setter("uniqueness_ratio")
-    set_lr_max_diff = _setter("lr_max_diff")  # -1 switches the check off
+    set_census_window_size = setter("census_width", "census_height")
+    set_matching_block_size = setter("block_width", "block_height")
+    set_penalties = setter("p1", "p2")
+    set_uniqueness_ratio = setter("uniqueness_ratio")
+    set_lr_max_diff = setter("lr_max_diff")  # -1 switches the check off
 
-    # ---- inside ----
-
-    def _set(self, **changes: Any) -> None:
+    def change(self, **changes: Any) -> None:
         """Changes fields of the configuration that matcher and noise depend on. ValueError changes nothing."""
         config = self.get_config()
         for name, value in changes.items():
@@ -289,6 +288,8 @@ class StereoDepthSensor(SensorResults):
         config.check()
         self._engine.set(matcher_parameters(config), signal_parameters(config))
         self._config = config
+
+    # ---- inside ----
 
     def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         return get(self._engine)

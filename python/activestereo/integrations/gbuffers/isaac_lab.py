@@ -57,32 +57,23 @@ class ActiveStereoRenderer(_Forwarding):
         depth, planar, normal, albedo = (_tensor(camera_data.output[name]) for name in NEEDS)
         turns, focal_px = self._cameras[id(render_data)]
         count, height, width, _ = planar.shape
-        sensor = self._sensor(count, height, width, focal_px)
-        seen = _in_camera(turns, normal)
-        found = sensor(depth=planar[..., 0], normal=seen, albedo=albedo, outputs=("depth",))
-        depth.copy_(depth.new_tensor(found["depth"])[..., None])
-
-    def _sensor(self, count: int, height: int, width: int, focal_px: float) -> GBufferStereo:
         key = count, height, width, focal_px
         if key not in self._sensors:
             fov_deg = 2.0 * float(np.rad2deg(np.arctan(0.5 * width / focal_px)))
             config = StereoDepthSensorConfig(self.cfg.camera).resized(width, height, fov_deg)
             self._sensors[key] = GBufferStereo(centred(config), environments=count)
             self._sensors[key].restart(self.cfg.seed)
-        return self._sensors[key]
+        # The world's normals in the axes of cameras with quaternions x, y, z, w of axes x forward, y left, z up.
+        axis, w = -turns[:, None, None, :3].expand_as(normal), turns[:, None, None, 3:]
+        twice = 2.0 * axis.cross(normal, dim=-1)
+        forward, left, up = (normal + w * twice + axis.cross(twice, dim=-1)).unbind(-1)
+        seen = torch.stack((-left, -up, forward), dim=-1)
+        found = self._sensors[key](depth=planar[..., 0], normal=seen, albedo=albedo, outputs=("depth",))
+        depth.copy_(depth.new_tensor(found["depth"])[..., None])
 
 
 def _tensor(values: Any) -> Any:
     return getattr(values, "torch", values)  # a ProxyArray, or a tensor
-
-
-def _in_camera(turns: Any, normal: Any) -> Any:
-    """Rotates the world's normals into the axes of cameras with quaternions x, y, z, w of axes x forward, y left, z
-    up."""
-    axis, w = -turns[:, None, None, :3].expand_as(normal), turns[:, None, None, 3:]
-    twice = 2.0 * axis.cross(normal, dim=-1)
-    forward, left, up = (normal + w * twice + axis.cross(twice, dim=-1)).unbind(-1)
-    return torch.stack((-left, -up, forward), dim=-1)
 
 
 @configclass

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import warnings
 from copy import deepcopy
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -153,8 +152,7 @@ class _CameraMounts:
         return self._camera.get_global_pose().raw_pose
 
 
-@dataclass(frozen=True)
-class _Begun:
+class _Begun(NamedTuple):
     """A pipelined camera's picture: its reset() number, whether it includes RGB, and its poses."""
 
     reset: torch.Tensor
@@ -245,13 +243,9 @@ class StereoDepthCamera(Camera):
             return Observations(StereoDepthSensorBatch(config, mounts, pipelined=pipelined), False)
 
     def _serves(self, begun: _Begun) -> bool:
-        """Whether the next observation can use the picture that was begun: not after a reset() or a failure."""
-        return begun.reset is self._reset and self.sensors.has_next
-
-    @property
-    def _reset(self) -> torch.Tensor:
-        """Marks a reset: a new object after each reset()."""
-        return self._scene._reset_mask
+        """Whether the next observation can use the picture that was begun: not after a reset(), which makes a new
+        mask, or a failure."""
+        return begun.reset is self._scene._reset_mask and self.sensors.has_next
 
     def _take_picture(self, with_rgb: bool) -> None:
         assert self._world is not None
@@ -264,4 +258,4 @@ class StereoDepthCamera(Camera):
         self._begun = None
         for _ in range(1 if serves else 2):
             sensors.take_picture(infrared_only=not with_rgb)
-        self._begun = _Begun(self._reset, with_rgb, super().get_params())
+        self._begun = _Begun(self._scene._reset_mask, with_rgb, super().get_params())

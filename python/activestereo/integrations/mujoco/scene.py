@@ -63,7 +63,13 @@ class MujocoScene:
         self._looks = Looks(model, self.scene)
         self._meshes: dict[tuple[object, ...], int] = {}
         self._geoms = [g for g in range(model.ngeom) if self._add_geom(g, groups)]
-        self._lights = self._add_lights()
+        self._lights: list[tuple[int, int, int | None]] = []  # numbers in the scene and in the model, environment
+        for environment, state in enumerate(self._states):
+            for number in range(model.nlight):
+                where = environment if self.is_batch else None
+                record = light(model, state, number, where)
+                if record is not None:
+                    self._lights.append((self.scene.add_light(record), number, where))
         self.scene.set_environment(ambient_radiance(model))
         counts = {"skins": model.nskin, "flexes": model.nflex, "tendons": model.ntendon}
         left_out = [f"{count} {what}" for what, count in counts.items() if count]
@@ -135,17 +141,6 @@ class MujocoScene:
     def _name(self, geom: int) -> str:
         body = self.model.body(self.model.geom_bodyid[geom]).name
         return self.model.geom(geom).name or f"geom {geom} of {body or 'a body'}"
-
-    def _add_lights(self) -> list[tuple[int, int, int | None]]:
-        """(number in the scene, number in the model, environment) of each."""
-        out = []
-        for environment, data in enumerate(self._states):
-            for number in range(self.model.nlight):
-                where = environment if self.is_batch else None
-                record = light(self.model, data, number, where)
-                if record is not None:
-                    out.append((self.scene.add_light(record), number, where))
-        return out
 
 
 class MujocoMount:

@@ -60,25 +60,12 @@ class option(_Enum):
 class camera_info:
     """Plain numbers: a member of an IntEnum may not be called `name`."""
 
-    name = 0
-    serial_number = 1
-    firmware_version = 2
-    recommended_firmware_version = 3
-    physical_port = 4
-    debug_op_code = 5
-    advanced_mode = 6
-    product_id = 7
-    camera_locked = 8
-    usb_type_descriptor = 9
-    product_line = 10
-    asic_serial_number = 11
-    firmware_update_id = 12
-    ip_address = 13
-    dfu_device_path = 14
-    connection_type = 15
-    smcu_fw_version = 16
-    imu_type = 17
-    mipi_driver_version = 18
+    (
+        name, serial_number, firmware_version, recommended_firmware_version, physical_port, debug_op_code,
+        advanced_mode, product_id, camera_locked, usb_type_descriptor, product_line, asic_serial_number,
+        firmware_update_id, ip_address, dfu_device_path, connection_type, smcu_fw_version, imu_type,
+        mipi_driver_version,
+    ) = range(19)  # fmt: skip
 
     def __new__(cls, number: int) -> int:  # type: ignore[misc]  # scripts write camera_info(1)
         return int(number)

@@ -17,6 +17,9 @@ from activestereo.camera.presets import SAPIEN_NAMES
 from activestereo.camera.presets import StereoDepthSensorConfig as NativeConfig
 from activestereo.common.input_files import checked_file
 from activestereo.common.pose import Pose, as_matrix
+from activestereo.sensor.sensor import setter
+
+_NATIVE_NAMES = {given: own for own, given in SAPIEN_NAMES.items()}
 
 
 class Parameters:
@@ -26,32 +29,22 @@ class Parameters:
     _config: Any
     _sensor: activestereo.StereoDepthSensor | None
 
-    def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
-        self._set("set_ir_noise", ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise)
+    set_ir_noise = setter("ir_speckle_noise", "ir_thermal_noise")
+    set_census_window_size = setter("census_width", "census_height")
+    set_matching_block_size = setter("block_width", "block_height")
+    set_penalties = setter("p1_penalty", "p2_penalty")
+    set_uniqueness_ratio = setter("uniqueness_ratio")
+    set_lr_max_diff = setter("lr_max_diff")
 
-    def set_census_window_size(self, census_width: int, census_height: int) -> None:
-        self._set("set_census_window_size", census_width=census_width, census_height=census_height)
-
-    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
-        self._set("set_matching_block_size", block_width=block_width, block_height=block_height)
-
-    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
-        self._set("set_penalties", p1_penalty=p1_penalty, p2_penalty=p2_penalty)
-
-    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
-        self._set("set_uniqueness_ratio", uniqueness_ratio=uniqueness_ratio)
-
-    def set_lr_max_diff(self, lr_max_diff: int) -> None:
-        self._set("set_lr_max_diff", lr_max_diff=lr_max_diff)
-
-    def _set(self, setter: str, **changes: Any) -> None:
-        """setter: our sensor's method that takes these."""
+    def change(self, **changes: Any) -> None:
+        """Changes fields of the configuration, and the sensor's."""
         changed = deepcopy(self._config)
         for name, value in changes.items():
             setattr(changed, name, value)
         check_config(changed)
         if self._sensor is not None:
-            getattr(self._sensor, setter)(*(own_value(name, value) for name, value in changes.items()))
+            native = {_NATIVE_NAMES.get(name, name): own_value(name, value) for name, value in changes.items()}
+            self._sensor.change(**native, **({"ir_signal": None} if "ir_speckle_noise" in changes else {}))
         for name, value in changes.items():
             setattr(self._config, name, value)
 

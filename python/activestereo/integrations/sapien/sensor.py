@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 import activestereo
 from activestereo.camera.auto_exposure import DARKEST, SRGB, STRIDE, exposure_of_median
-from activestereo.common.computed_once import computed_once
 from activestereo.common.pose import as_matrix
 from activestereo.integrations.sapien.config import Parameters, check_config, native_config
 from activestereo.integrations.sapien.scene import SapienScene
@@ -23,15 +22,18 @@ if TYPE_CHECKING:
 
 
 class CudaResults:
-    """The results of a sensor's last picture, with the bits of the host's methods."""
+    """The results of a sensor's last picture on a CUDA device, with the bits of the host's methods. on_cuda: they lie
+    in memory that the sensor shares with CUDA; without it they are copies of the host's, on torch's device."""
 
-    def __init__(self, sensor: activestereo.StereoDepthSensor) -> None:
-        self._sensor = sensor
+    def __init__(self, sensor: activestereo.StereoDepthSensor, on_cuda: bool) -> None:
+        self._sensor, self._on_cuda = sensor, on_cuda
         self._rgb_exposure = sensor.get_config().rgb_exposure
+        self._rays: torch.Tensor | None = None
 
     def depth(self) -> torch.Tensor:
-        """Depth [height, width] in the depth engine's memory; the next compute overwrites it."""
-        return cuda_tensor(self._sensor.get_cuda("depth"))
+        """Depth [height, width]; with on_cuda in the depth engine's memory, which the next compute overwrites."""
+        sensor = self._sensor
+        return cuda_tensor(sensor.get_cuda("depth")) if self._on_cuda else copied_to_cuda(sensor.get_depth())
 
     def rgba(self) -> torch.Tensor:
         """[height, width, 4]."""
@@ -44,16 +46,20 @@ class CudaResults:
         """[n, 3] or [n, 6]."""
         import torch
 
+        if not self._on_cuda:
+            return copied_to_cuda(self._sensor.get_pointcloud(with_rgb))
         depth = self.depth()
+        if self._rays is None:
+            self._rays = torch.from_numpy(self._sensor.rgb_rays()).to(depth.device)
         v, u = torch.nonzero(depth, as_tuple=True)
-        points = (self._rays()[:, v, u] * depth[v, u]).T.to(depth.dtype)
+        points = (self._rays[:, v, u] * depth[v, u]).T.to(depth.dtype)
         return wait_for(torch.cat([points, self._rgb()[v, u]], dim=1) if with_rgb else points.contiguous())
-
-    # ---- inside ----
 
     def _rgb(self) -> torch.Tensor:
         """As auto_exposure.encoded_rgb(), on CUDA. Only the exposure factor passes through the host."""
-        light = self._light()
+        if not self._on_cuda:
+            return copied_to_cuda(self._sensor.get_rgb())
+        light = cuda_tensor(self._sensor.get_cuda("radiance"))
         exposure = self._rgb_exposure
         if not exposure:  # as auto_exposure.rgb_exposure()
             green = light[::STRIDE, ::STRIDE, 1]
@@ -62,65 +68,18 @@ class CudaResults:
         # By float64, for not every torch's root of float32 is the nearest one.
         root = (light * float(np.float32(exposure))).clamp(0.0, 1.0).double().sqrt().float()
         place = (root * (len(SRGB) - 1) + 0.5).int().clamp(0, len(SRGB) - 1)
-        return self._curve()[place]
-
-    def _light(self) -> torch.Tensor:
-        return cuda_tensor(self._sensor.get_cuda("radiance"))
-
-    @computed_once
-    def _curve(self) -> torch.Tensor:
-        return self._light().new_tensor(SRGB)
-
-    @computed_once
-    def _rays(self) -> torch.Tensor:
-        import torch
-
-        return torch.from_numpy(self._sensor.rgb_rays()).to(self.depth().device)
-
-
-class CopiedResults:
-    """Copies on torch's CUDA device, for a sensor with results in host memory."""
-
-    def __init__(self, sensor: activestereo.StereoDepthSensor) -> None:
-        self._sensor = sensor
-
-    def depth(self) -> torch.Tensor:
-        return copied_to_cuda(self._sensor.get_depth())
-
-    def rgba(self) -> torch.Tensor:
-        rgb = self._sensor.get_rgb()
-        return copied_to_cuda(np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2))
-
-    def pointcloud(self, with_rgb: bool) -> torch.Tensor:
-        return copied_to_cuda(self._sensor.get_pointcloud(with_rgb))
+        return light.new_tensor(SRGB)[place]
 
 
 class DeviceArray:
-    """A torch tensor with the members of sapien.CudaArray."""
+    """A float32 torch tensor with the members of sapien.CudaArray. strides: in bytes."""
 
     def __init__(self, tensor: torch.Tensor) -> None:
-        self._tensor = tensor
-
-    @property
-    def shape(self) -> list[int]:
-        return list(self._tensor.shape)
-
-    @property
-    def strides(self) -> list[int]:
-        """In bytes."""
-        return [n * self._tensor.element_size() for n in self._tensor.stride()]
-
-    @property
-    def typestr(self) -> str:
-        return str(self.__cuda_array_interface__["typestr"])
-
-    @property
-    def cuda_id(self) -> int:
-        return int(self._tensor.device.index)
-
-    @property
-    def ptr(self) -> int:
-        return int(self._tensor.data_ptr())
+        self._tensor, self.typestr = tensor, "<f4"
+        self.shape: list[int] = list(tensor.shape)
+        self.strides: list[int] = [n * tensor.element_size() for n in tensor.stride()]
+        self.ptr: int = tensor.data_ptr()
+        self.cuda_id: int | None = tensor.device.index
 
     @property
     def __cuda_array_interface__(self) -> dict[str, Any]:
@@ -171,7 +130,7 @@ class StereoDepthSensor(Parameters):
         self._is_pipelined, self._on_cuda = pipelined, on_cuda
         self._world: SapienScene | None = None
         self._sensor: activestereo.StereoDepthSensor | None = None
-        self._cuda: CudaResults | CopiedResults | None = None
+        self._cuda: CudaResults | None = None
 
     def take_picture(self, infrared_only: bool = False) -> None:
         """Takes a picture. Raises RuntimeError if the mount is in no scene. SAPIEN's scene.update_render() is not
@@ -254,7 +213,6 @@ class StereoDepthSensor(Parameters):
             raise RuntimeError("no picture yet: call take_picture() first")
         return self._sensor
 
-    def _cuda_results(self) -> CudaResults | CopiedResults:
-        if self._cuda is None:
-            self._cuda = CudaResults(self.native()) if self._on_cuda else CopiedResults(self.native())
+    def _cuda_results(self) -> CudaResults:
+        self._cuda = self._cuda or CudaResults(self.native(), self._on_cuda)
         return self._cuda

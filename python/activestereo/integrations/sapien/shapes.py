@@ -246,11 +246,22 @@ def render_parts(shape: Any) -> Iterator[Part]:
 
 def record_parts(record: Any) -> Iterator[Part]:
     """The parts of a VisualShapeRecord."""
+    material = record.material or kuafu.Material(base_color=_GREY)
     if record.type == "file":
-        yield from _file_parts(record.filename, record.scale, record.material)
+        try:
+            import trimesh
+        except ImportError as error:
+            text = "is read by the package trimesh, which is missing: pip install trimesh"
+            raise ImportError(f"{record.filename} {text}") from error
+        try:
+            loaded = trimesh.load(record.filename, force="mesh", process=False)
+        except Exception as error:  # errors of trimesh's many readers
+            raise ValueError(f"{record.filename}: no mesh could be read: {error}") from error
+        faces, normals = np.ascontiguousarray(loaded.faces, np.uint32), _floats(loaded.vertex_normals)
+        yield Part(_floats(loaded.vertices), faces, normals, None, record.scale, material)
         return
     mesh, scale = _solid(record.type, record.scale, record.radius, record.length)
-    yield _make_part(mesh, scale, record.material or kuafu.Material(base_color=_GREY))
+    yield Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, material)
 
 
 def collision_parts(shape: Any) -> Iterator[Part]:
@@ -263,7 +274,7 @@ def collision_parts(shape: Any) -> Iterator[Part]:
         return
     size = getattr(shape, "half_size", [_ENDLESS_M] * 3)
     mesh, scale = _solid(kind.lower(), size, getattr(shape, "radius", 1.0), getattr(shape, "half_length", 1.0))
-    yield _make_part(mesh, scale, grey)
+    yield Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, grey)
 
 
 def _solid(kind: str, size: ArrayLike, radius: float, half_length: float) -> tuple[Mesh, ArrayLike]:
@@ -278,25 +289,6 @@ def _solid(kind: str, size: ArrayLike, radius: float, half_length: float) -> tup
     if kind == "plane":
         return solids.turned(solids.rectangle(), solids.Z_TO_X), size
     raise ValueError(f"SAPIEN's shape '{kind}' has no likeness in a kuafu scene")
-
-
-def _file_parts(path: str, scale: ArrayLike, material: Any) -> Iterator[Part]:
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError(f"{path} is read by the package trimesh, which is missing: pip install trimesh") from error
-    try:
-        loaded = trimesh.load(path, force="mesh", process=False)
-    except Exception as error:  # errors of trimesh's many readers
-        raise ValueError(f"{path}: no mesh could be read: {error}") from error
-    yield Part(
-        _floats(loaded.vertices), np.ascontiguousarray(loaded.faces, np.uint32), _floats(loaded.vertex_normals), None,
-        scale, material or kuafu.Material(base_color=_GREY),
-    )  # fmt: skip
-
-
-def _make_part(mesh: Mesh, scale: ArrayLike, material: Any) -> Part:
-    return Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, material)
 
 
 def _floats(values: ArrayLike) -> NDArray[np.float32]:
