@@ -92,11 +92,7 @@ def _without_images(place: Path) -> Capture:
     views = [0] * (_REPEATS - 1) + list(range(len(_PLACES_M)))
     frames = tuple(
         Frame(
-            id=number,
-            left_path=None,
-            right_path=None,
-            timestamp_s=0.1 * number,
-            exposure_s=_EXPOSURE_S,
+            id=number, left_path=None, right_path=None, timestamp_s=0.1 * number, exposure_s=_EXPOSURE_S,
             camera_to_world=look_at(_PLACES_M[view], _TARGET_M, _UP),
             split="test" if view >= len(_PLACES_M) - _HELD_OUT else "train",
             repeat_group=0 if view == 0 else None,

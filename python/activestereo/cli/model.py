@@ -101,7 +101,7 @@ def run_export(args: argparse.Namespace) -> None:
     if left_out:
         print(f"left out, for they are on surfaces of a capture: {', '.join(left_out)}")
     for name, one in found.items():
-        values = ", ".join(f"{key} {value:.4g}" for key, value in one.profile.parameters.items())
+        values = ", ".join(f"{key} {value:.4g}" for key, value in vars(one.profile).items())
         print(f"{name}: {one.file} after {one.seconds:.0f} s: {values}")
         for line in one.profile.LACKS:
             print(f"  cannot express {line}")

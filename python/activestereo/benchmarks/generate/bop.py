@@ -32,7 +32,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
 from activestereo.capture.images import read_color, read_gray
 from activestereo.common.accuracy import is_invented
-from activestereo.common.input_files import checked_file, read_bytes, read_json
+from activestereo.common.input_files import checked_file, read_json
 from activestereo.common.output_files import (
     left_over,
     write_bytes,
@@ -85,6 +85,7 @@ def write_frame(out: Path, frame: Frame) -> None:
         for order, found in enumerate(frame.found):
             for kind, mask in (("mask", found.mask), ("mask_visib", found.mask_visible)):
                 write_png(aside / kind / f"{name}_{order:06d}.png", np.where(mask, np.uint8(255), np.uint8(0)))
+        is_there, is_found = frame.true_depth > 0, frame.depth > 0
         record = {
             "camera": {
                 "cam_K": frame.k.ravel().tolist(),
@@ -101,18 +102,19 @@ def write_frame(out: Path, frame: Frame) -> None:
                 for found in frame.found
             ],
             "gt_info": [_info(found, frame.depth) for found in frame.found],
-            "depth": _counts(frame),
+            # Pixels: with something there; measured ones of these; all measured ones; invented ones of these.
+            "depth": {
+                "px_there": int(is_there.sum()),
+                "px_measured": int((is_there & is_found).sum()),
+                "px_found": int(is_found.sum()),
+                "px_invented": int(is_invented(frame.depth, frame.true_depth).sum()),
+            },
         }
         _write_json(aside / record_file, record)
 
 
-def read_files(out: Path) -> dict[str, bytes]:
-    """All present files of a frame, by path below `out`."""
-    return {str(path.relative_to(out)): read_bytes(path) for path in out.rglob("*") if path.is_file()}
-
-
 def write_files(out: Path, files: Mapping[str, bytes]) -> None:
-    """Writes a frame's files, as from read_files(): pictures, then the record; keeps none if one cannot be written."""
+    """Writes a frame's files, by path below `out`: pictures, then the record; keeps none if one cannot be written."""
     with written_together(out, last=Path(next(name for name in files if _RECORDS in name))) as aside:
         for name, content in files.items():
             (aside / name).parent.mkdir(parents=True, exist_ok=True)
@@ -121,7 +123,7 @@ def write_files(out: Path, files: Mapping[str, bytes]) -> None:
 
 def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
     """Writes each scene's tables from the records of its frames. Returns {obj_id: its pixels in all frames} of placed
-    objects, and the counts of depths in all frames (_counts)."""
+    objects, and the counts of depths in all frames."""
     pixels: Counter[int] = Counter()
     depths: Counter[str] = Counter()
     for first in range(0, count, FRAMES_PER_SCENE):
@@ -181,14 +183,6 @@ def _box(mask: NDArray[np.bool_]) -> list[int]:
         return [-1, -1, -1, -1]
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return [int(columns[0]), int(rows[0]), int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)]
-
-
-def _counts(frame: Frame) -> dict[str, int]:
-    """Pixels: with something there; measured ones of these; all measured ones; invented ones of these."""
-    is_there, is_found = frame.true_depth > 0, frame.depth > 0
-    counts = {"px_there": is_there, "px_measured": is_there & is_found, "px_found": is_found}
-    counts["px_invented"] = is_invented(frame.depth, frame.true_depth)
-    return {name: int(pixels.sum()) for name, pixels in counts.items()}
 
 
 def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:

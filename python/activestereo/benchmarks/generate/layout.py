@@ -81,7 +81,25 @@ class Things:
             base = np.diag([unit_m, unit_m, unit_m, 1.0]) @ instance_transforms(path, len(ids))
             self._instances.append(ids)
             self._base.append(base)
-            self.things.append(_thing(number + 1, path, scene.device, unit_m))
+            # Its size, in a scene of its own.
+            alone = kuafu.Scene(scene.device)
+            load_scene_file(alone, path, unit_m=unit_m)
+            summary = alone.summary
+            if not summary.triangle_count:
+                raise ValueError(f"{path}: there is nothing to see in it: no triangles")
+            low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
+            size = float(np.max(high - low))
+            if not _SIZE_M[0] <= size <= _SIZE_M[1]:
+                text = f"{path}: the thing is {size:g} m large; it must be {_SIZE_M[0]:g} to {_SIZE_M[1]:g} m"
+                raise ValueError(f"{text}. It is {size_hint(size) or 'in another unit, which --unit says'}")
+            is_y_up = path.suffix.lower() in (".gltf", ".glb")
+            turn = _Y_UP if is_y_up else np.eye(4)
+            corners = np.array([turn[:3, :3] @ corner for corner in (low, high)])
+            low_up, high_up = corners.min(axis=0), corners.max(axis=0)
+            upright = turn.copy()
+            upright[:3, 3] = -np.array([*(0.5 * (low_up + high_up))[:2], low_up[2]])
+            radius = 0.5 * float(np.hypot(*(high_up - low_up)[:2]))
+            self.things.append(Thing(number + 1, path, low, high, upright, radius, unit_m))
         self.place({})
 
     def place(self, poses: dict[int, NDArray[np.float64]]) -> None:
@@ -93,27 +111,6 @@ class Things:
         """Mask of this thing in a picture of instances."""
         ids = self._instances[index]
         return (instance_ids >= ids[0]) & (instance_ids <= ids[-1])
-
-
-def _thing(number: int, path: Path, device: kuafu.Device, unit_m: float) -> Thing:
-    alone = kuafu.Scene(device)
-    load_scene_file(alone, path, unit_m=unit_m)
-    summary = alone.summary
-    if not summary.triangle_count:
-        raise ValueError(f"{path}: there is nothing to see in it: no triangles")
-    low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
-    size = float(np.max(high - low))
-    if not _SIZE_M[0] <= size <= _SIZE_M[1]:
-        text = f"{path}: the thing is {size:g} m large; it must be {_SIZE_M[0]:g} to {_SIZE_M[1]:g} m"
-        raise ValueError(f"{text}. It is {size_hint(size) or 'in another unit, which --unit says'}")
-    is_y_up = path.suffix.lower() in (".gltf", ".glb")
-    turn = _Y_UP if is_y_up else np.eye(4)
-    corners = np.array([turn[:3, :3] @ corner for corner in (low, high)])
-    low_up, high_up = corners.min(axis=0), corners.max(axis=0)
-    upright = turn.copy()
-    upright[:3, 3] = -np.array([*(0.5 * (low_up + high_up))[:2], low_up[2]])
-    radius = 0.5 * float(np.hypot(*(high_up - low_up)[:2]))
-    return Thing(number, path, low, high, upright, radius, unit_m)
 
 
 Poses = dict[int, NDArray[np.float64]]

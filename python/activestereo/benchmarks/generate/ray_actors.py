@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,6 +19,7 @@ from typing import Any
 import kuafu
 from activestereo.benchmarks.generate import bop
 from activestereo.benchmarks.generate.studio import Settings, Studio
+from activestereo.common.input_files import read_bytes
 
 _MOST_LOSSES = 3  # actors that end at the same frame, or one after another before they have any
 
@@ -40,11 +40,22 @@ class StudioActor:
         if self._studio is None:  # not in __init__: its errors look like an actor's end
             import ray
 
-            own = ray.get_gpu_ids()
-            self._studio = Studio(replace(self._settings, device=_gpu(str(own[0]))) if own else self._settings)
+            settings = self._settings
+            for name in map(str, ray.get_gpu_ids()[:1]):
+                # Ray counts a machine's GPUs as CUDA does; Vulkan has this order, without CUDA_VISIBLE_DEVICES.
+                if not name.isdecimal():
+                    text = f"Ray gave GPU '{name}' to an actor, which tells not which of the machine's it is"
+                    advice = "start the machine's Ray with numbers in CUDA_VISIBLE_DEVICES, or give --device"
+                    raise ValueError(f"{text}: {advice}")
+                gpus = [info.index for info in kuafu.Device.enumerate() if info.usable and "gpu" in info.kind]
+                if int(name) >= len(gpus):
+                    raise ValueError(f"Ray gave GPU {name} to an actor, but Vulkan has {len(gpus)} usable ones there")
+                settings = replace(settings, device=gpus[int(name)])
+            self._studio = Studio(settings)
         with TemporaryDirectory() as folder:
-            bop.write_frame(Path(folder), self._studio.make_frame(number))
-            return bop.read_files(Path(folder))
+            out = Path(folder)
+            bop.write_frame(out, self._studio.make_frame(number))
+            return {str(path.relative_to(out)): read_bytes(path) for path in out.rglob("*") if path.is_file()}
 
 
 def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: str, cpus: int) -> Iterator[int]:
@@ -55,12 +66,19 @@ def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: 
     ConnectionError without such a cluster, and ChildProcessError if a frame ends one actor after another."""
     if not missing:
         return
-    with _cluster(address) as ray:
+    ray = ray_package()
+    was_there = ray.is_initialized()  # such a connection stays
+    if not was_there:
+        ray.init(address=address, log_to_driver=False, logging_level="ERROR")
+    try:
         count, needs = room_for(ray.nodes(), cpus, may_have_gpu=settings.device == "auto")
         actor = ray.remote(StudioActor).options(**needs)
         for number, files in frames_of(ray, lambda: actor.remote(settings), count, missing):
             bop.write_files(out, files)
             yield number
+    finally:
+        if not was_there:
+            ray.shutdown()
 
 
 def room_for(nodes: Sequence[dict[str, Any]], cpus: int, may_have_gpu: bool) -> tuple[int, dict[str, int]]:
@@ -104,8 +122,11 @@ def frames_of(
             except lost as error:
                 losses[number] += 1
                 if losses[number] == _MOST_LOSSES:
-                    what = "their start" if number is None else f"frame {number}"
-                    text = f"{_MOST_LOSSES} of Ray's actors were lost at {what}, the last by: {_reason(error)}"
+                    place, text = "their start" if number is None else f"frame {number}", str(error).strip()
+                    # The most informative line: the first, or the one after an actor's indented details.
+                    after = re.search(r"^[ \t].*\n(\S.*)", text, re.MULTILINE)
+                    reason = after[1] if after else text.partition("\n")[0]
+                    text = f"{_MOST_LOSSES} of Ray's actors were lost at {place}, the last by: {reason}"
                     raise ChildProcessError(text) from error
                 if number is not None:
                     waiting.appendleft(number)
@@ -134,36 +155,3 @@ def ray_package() -> Any:
     except ImportError as error:
         raise ValueError("--ray needs the package ray, which is missing: pip install ray") from error
     return ray
-
-
-@contextmanager
-def _cluster(address: str) -> Iterator[Any]:
-    """The module ray, connected; a connection that there was stays."""
-    ray = ray_package()
-    if ray.is_initialized():
-        yield ray
-        return
-    ray.init(address=address, log_to_driver=False, logging_level="ERROR")
-    try:
-        yield ray
-    finally:
-        ray.shutdown()
-
-
-def _gpu(name: str) -> int:
-    """The number in kuafu's list of the machine's GPU that Ray, which counts as CUDA does, calls by this number; Vulkan
-    has the same order, without regard to CUDA_VISIBLE_DEVICES."""
-    if not name.isdecimal():
-        text = f"Ray gave GPU '{name}' to an actor, which tells not which of the machine's it is"
-        raise ValueError(f"{text}: start the machine's Ray with numbers in CUDA_VISIBLE_DEVICES, or give --device")
-    gpus = [info.index for info in kuafu.Device.enumerate() if info.usable and "gpu" in info.kind]
-    if int(name) >= len(gpus):
-        raise ValueError(f"Ray gave GPU {name} to an actor, but Vulkan has {len(gpus)} usable ones there")
-    return gpus[int(name)]
-
-
-def _reason(error: Exception) -> str:
-    """The most informative line: the first, or the one after an actor's indented details."""
-    text = str(error).strip()
-    after = re.search(r"^[ \t].*\n(\S.*)", text, re.MULTILINE)
-    return after[1] if after else text.partition("\n")[0]

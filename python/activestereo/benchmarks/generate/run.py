@@ -57,10 +57,21 @@ def generate(
         physics()  # reports a missing package first
     if ray is not None:
         ray_package()
-    settings = replace(settings, things=tuple(_as_gltf(path, out / "things") for path in settings.things))
+    paths, folder = list(settings.things), out / "things"
+    for place, path in enumerate(paths):
+        if usd.is_usd(path):
+            folder.mkdir(parents=True, exist_ok=True)
+            paths[place] = folder / f"{path.stem}.glb"
+            usd.convert(path, paths[place])
+    settings = replace(settings, things=tuple(paths))
     things = things_of(settings, kuafu.Scene(kuafu.Device(settings.device))).things  # its checks come first
     about = description(settings)
-    _check_same(out, about)
+    if (out / "dataset.json").exists():
+        before = read_json(out / "dataset.json")
+        for key in about:
+            if before.get(key) != json.loads(json.dumps(about[key])):
+                text = f"{out} has frames of other settings: {key} was {before.get(key)} and is {about[key]}"
+                raise ValueError(f"{text}; choose another folder, or the same settings")
     out.mkdir(parents=True, exist_ok=True)
     bop.write_head(out, things, sensor_config(settings), about)
     number, parts = part
@@ -81,15 +92,6 @@ def generate(
     unseen = tuple(thing.path for thing in things if seen.get(thing.id) == 0)
     measured = depths["px_measured"] / max(1, depths["px_there"])
     return replace(done, unseen=unseen, measured=measured, invented=depths["px_invented"] / max(1, depths["px_found"]))
-
-
-def _as_gltf(path: Path, folder: Path) -> Path:
-    if not usd.is_usd(path):
-        return path
-    folder.mkdir(parents=True, exist_ok=True)
-    glb = folder / f"{path.stem}.glb"
-    usd.convert(path, glb)
-    return glb
 
 
 def description(settings: Settings) -> dict[str, Any]:
@@ -162,15 +164,3 @@ def _begin(settings: Settings, begun: Any) -> None:
 def _make(out: Path, number: int) -> int:
     assert _studio is not None
     return _write(out, _studio.make_frame(number))
-
-
-def _check_same(out: Path, about: dict[str, Any]) -> None:
-    path = out / "dataset.json"
-    if not path.exists():
-        return
-    before = read_json(path)
-    different = [key for key in about if before.get(key) != json.loads(json.dumps(about[key]))]
-    if different:
-        key = different[0]
-        text = f"{out} has frames of other settings: {key} was {before.get(key)} and is {about[key]}"
-        raise ValueError(f"{text}; choose another folder, or the same settings")

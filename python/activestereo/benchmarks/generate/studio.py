@@ -103,50 +103,8 @@ class Studio:
         """Frame `number` of the data set."""
         settings, random = self._settings, np.random.default_rng([self._settings.seed, number])
         poses = LAYOUTS[settings.layout](self._things.things, settings.ranges, random)
-        camera_to_world = self._light_and_aim(random)
-        self._things.place(poses)
-        self._mounts.poses = (camera_to_world @ CAMERA_TO_BODY.T)[None]
-        self._sensor.restart(int(random.integers(2**31)))
-        self._sensor.take_picture()
-        self._sensor.compute_depth()
-        left, right = self._sensor.get_ir_measured()
-        world_to_camera = np.linalg.inv(camera_to_world)
-        seen = self._sensor.get_instance_ids()[0].copy()
-        frame = Frame(
-            number=number,
-            rgb=np.ascontiguousarray(self._sensor.get_rgba8()[0, ..., :3]),
-            left=left[0].copy(),
-            right=right[0].copy(),
-            depth=self._sensor.get_depth()[0].copy(),
-            true_depth=self._sensor.get_true_depth()[0].copy(),
-            confidence=self._sensor.get_depth_map("confidence")[0].copy(),
-            reason=self._sensor.get_depth_map("reason")[0].copy(),
-            k=self._config.rgb_intrinsic,
-            world_to_camera=world_to_camera,
-            found=tuple(
-                Found(
-                    self._things.things[index].id,
-                    world_to_camera @ pose,
-                    self._alone(index, pose, camera_to_world),
-                    self._things.is_of(index, seen),
-                )
-                for index, pose in poses.items()
-            ),
-        )
-        return frame
-
-    def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """The thing's mask in the picture without all others."""
-        self._things.place({index: pose})
-        width, height = self._config.rgb_resolution
-        camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
-        self._alone_ids.forget()
-        self._renderer.render(self._scene, camera, self._alone_ids.targets, band="visible", spp=1)
-        return self._things.is_of(index, self._alone_ids.read("instance_id")[0, ..., 0])
-
-    def _light_and_aim(self, random: np.random.Generator) -> NDArray[np.float64]:
-        """Draws table, lamps and camera; returns camera_to_world."""
-        ranges, scene = self._settings.ranges, self._scene
+        # 1. The table, the lamps and the camera.
+        ranges, scene = settings.ranges, self._scene
         material = scene.get_material(self._table)
         grey, tint = ranges.draw("table_albedo", random), random.uniform(0.7, 1.0, 3)
         red, green, blue = (float(v) for v in grey * tint)
@@ -173,7 +131,46 @@ class Studio:
         roll = np.deg2rad(ranges.draw("roll_deg", random))
         turn = np.eye(4)
         turn[:2, :2] = [[np.cos(roll), -np.sin(roll)], [np.sin(roll), np.cos(roll)]]
-        return camera_to_world @ turn
+        camera_to_world = camera_to_world @ turn
+        # 2. The pictures.
+        self._things.place(poses)
+        self._mounts.poses = (camera_to_world @ CAMERA_TO_BODY.T)[None]
+        self._sensor.restart(int(random.integers(2**31)))
+        self._sensor.take_picture()
+        self._sensor.compute_depth()
+        left, right = self._sensor.get_ir_measured()
+        world_to_camera = np.linalg.inv(camera_to_world)
+        seen = self._sensor.get_instance_ids()[0].copy()
+        return Frame(
+            number=number,
+            rgb=np.ascontiguousarray(self._sensor.get_rgba8()[0, ..., :3]),
+            left=left[0].copy(),
+            right=right[0].copy(),
+            depth=self._sensor.get_depth()[0].copy(),
+            true_depth=self._sensor.get_true_depth()[0].copy(),
+            confidence=self._sensor.get_depth_map("confidence")[0].copy(),
+            reason=self._sensor.get_depth_map("reason")[0].copy(),
+            k=self._config.rgb_intrinsic,
+            world_to_camera=world_to_camera,
+            found=tuple(
+                Found(
+                    self._things.things[index].id,
+                    world_to_camera @ pose,
+                    self._alone(index, pose, camera_to_world),
+                    self._things.is_of(index, seen),
+                )
+                for index, pose in poses.items()
+            ),
+        )
+
+    def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """The thing's mask in the picture without all others."""
+        self._things.place({index: pose})
+        width, height = self._config.rgb_resolution
+        camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
+        self._alone_ids.forget()
+        self._renderer.render(self._scene, camera, self._alone_ids.targets, band="visible", spp=1)
+        return self._things.is_of(index, self._alone_ids.read("instance_id")[0, ..., 0])
 
 
 def sensor_config(settings: Settings) -> StereoDepthSensorConfig:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from activestereo.benchmarks.noise_profiles.profile import Distance, Profile, Views, distance, fitted, take_views
+from activestereo.benchmarks.noise_profiles.profile import Distance, Profile, distance, fitted, take_views
 from activestereo.benchmarks.noise_profiles.simulators import PROFILES
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.output_files import write_text
@@ -49,24 +49,16 @@ def export(
         fits[name] = fitted(PROFILES[name], views), views_s + time.perf_counter() - start
         write_text(out / PROFILES[name].FILE, fits[name][0].file_text(views))
     others = take_views(config, model, held_out, _HELD_OUT_SEED + seed, device, progress) if held_out else None
-    found = {
-        name: Exported(
-            profile,
-            out / profile.FILE,
-            seconds,
-            _distance_from(type(profile)(), others),
-            _distance_from(profile, others),
+    found = {}
+    for name, (profile, seconds) in fits.items():
+        before, after = (
+            None if others is None else distance(others, one.apply(others, np.random.default_rng(1)))
+            for one in (type(profile)(), profile)
         )
-        for name, (profile, seconds) in fits.items()
-    }
-    write_text(
-        out / "profiles.json", json.dumps({name: profile_json(one) for name, one in found.items()}, indent=1) + "\n"
-    )
+        found[name] = Exported(profile, out / profile.FILE, seconds, before, after)
+    text = json.dumps({name: profile_json(one) for name, one in found.items()}, indent=1)
+    write_text(out / "profiles.json", text + "\n")
     return found
-
-
-def _distance_from(profile: Profile, views: Views | None) -> Distance | None:
-    return None if views is None else distance(views, profile.apply(views, np.random.default_rng(1)))
 
 
 def profile_json(one: Exported) -> dict[str, Any]:
@@ -74,7 +66,7 @@ def profile_json(one: Exported) -> dict[str, Any]:
     distances = {"default": one.default_distance, "exported": one.distance}
     return {
         "file": one.file.name,
-        "parameters": one.profile.parameters,
+        "parameters": asdict(one.profile),
         "lacks": list(one.profile.LACKS),
         "held_out": {k: {"error_px": d.error_px, "holes": d.holes} for k, d in distances.items() if d is not None},
     }

@@ -5,7 +5,7 @@ errors of two kinds of depth."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,11 +41,6 @@ class Views:
     @property
     def focal_baseline_px_m(self) -> float:
         return float(self.k[0, 0]) * self.baseline_m
-
-    def bands(self, height: int, period: int) -> Views:
-        """The first `height` of every `period` rows: enough for noise that reaches few rows."""
-        is_kept = np.arange(self.truth_m.shape[1]) % period < height
-        return replace(self, **{name: getattr(self, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
 
 
 def take_views(
@@ -88,9 +83,15 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
         local_to_world[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
         local_to_world[:3, :3] *= half
         local_to_world[:3, 3] = at
-        scene.add_instance(
-            meshes[mesh], [scene.add_material(_material(random, is_plain))], local_to_world=local_to_world
-        )
+        # A twentieth of the things is black, a tenth of metal.
+        kind, albedo = random.uniform(), random.uniform(0.3, 0.8)
+        if not is_plain and kind < 0.05:
+            albedo = 0.04
+        red, green, blue = (float(v) for v in albedo * random.uniform(0.7, 1.0, 3))
+        material = kuafu.Material(base_color=(red, green, blue, 1.0), ir_albedo=albedo)
+        material.roughness = random.uniform(0.6 if is_plain else 0.2, 1.0)
+        material.metallic = 1.0 if not is_plain and 0.05 <= kind < 0.15 else 0.0
+        scene.add_instance(meshes[mesh], [scene.add_material(material)], local_to_world=local_to_world)
 
     wall_m = random.uniform(1.0, 2.0)
     add_thing(0, np.array([4.0, 4.0, 0.02]), np.array([0.0, 0.0, -0.02]), 0.0, True)
@@ -108,18 +109,6 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
     scene.add_light(kuafu.Light(kind="point", intensity=(power,) * 3, light_to_world=lamp_to_world))
     eye = np.array([random.uniform(-0.4, 0.0), random.uniform(-0.2, 0.2), random.uniform(0.4, 1.0)])
     return look_at(eye, np.array([far_m, random.uniform(-0.3, 0.3), random.uniform(0.1, 0.5)]), _UP)
-
-
-def _material(random: np.random.Generator, is_plain: bool) -> kuafu.Material:
-    """A twentieth of the things is black, a tenth of metal."""
-    kind, albedo = random.uniform(), random.uniform(0.3, 0.8)
-    if not is_plain and kind < 0.05:
-        albedo = 0.04
-    red, green, blue = (float(v) for v in albedo * random.uniform(0.7, 1.0, 3))
-    material = kuafu.Material(base_color=(red, green, blue, 1.0), ir_albedo=albedo)
-    material.roughness = random.uniform(0.6 if is_plain else 0.2, 1.0)
-    material.metallic = 1.0 if not is_plain and 0.05 <= kind < 0.15 else 0.0
-    return material
 
 
 # Errors count up to this: mismatches of tens of pixels, which no model of noise has, would outweigh all others.
@@ -143,25 +132,18 @@ class Distance:
 
 def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
     """The distance of depth [rooms, height, width], metres, 0 = none, from the measured one; mean of the rooms."""
-    rooms = [
-        _room_distance(truth, found, depth, views)
-        for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True)
-    ]
-    return Distance(float(np.mean([r.error_px for r in rooms])), float(np.mean([r.holes for r in rooms])))
-
-
-def _room_distance(
-    truth: NDArray[np.float32], found: NDArray[np.float32], depth: NDArray[np.float32], views: Views
-) -> Distance:
-    is_there = (truth >= views.near_m) & (truth <= views.far_m)
-    errors: list[NDArray[np.float64]] = []
-    holes: list[float] = []
-    for image in (found, depth):
-        is_valid = is_there & (image > 0)
-        px = views.focal_baseline_px_m * (1.0 / image[is_valid].astype(np.float64) - 1.0 / truth[is_valid])
-        errors.append(np.quantile(np.clip(px, -_MOST_PX, _MOST_PX), _QUANTILES) if px.size else np.zeros(1000))
-        holes.append(1.0 - is_valid.sum() / max(int(is_there.sum()), 1))
-    return Distance(float(np.mean(np.abs(errors[0] - errors[1]))), abs(holes[0] - holes[1]))
+    rooms = []
+    for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True):
+        is_there = (truth >= views.near_m) & (truth <= views.far_m)
+        errors, holes = [], []
+        for image in (found, depth):
+            is_valid = is_there & (image > 0)
+            px = views.focal_baseline_px_m * (1.0 / image[is_valid].astype(np.float64) - 1.0 / truth[is_valid])
+            errors.append(np.quantile(np.clip(px, -_MOST_PX, _MOST_PX), _QUANTILES) if px.size else np.zeros(1000))
+            holes.append(1.0 - is_valid.sum() / max(int(is_there.sum()), 1))
+        rooms.append((float(np.mean(np.abs(errors[0] - errors[1]))), float(abs(holes[0] - holes[1]))))
+    error_px, difference = np.mean(rooms, axis=0)
+    return Distance(float(error_px), float(difference))
 
 
 _BAND, _PERIOD = 8, 64
@@ -190,10 +172,6 @@ class Profile(ABC):
     def file_text(self, views: Views) -> str:
         """The simulator's own file."""
 
-    @property
-    def parameters(self) -> dict[str, float]:
-        return asdict(self)
-
 
 def clipped(truth_m: NDArray[np.float32], noisy_m: NDArray[Any], near_m: float, far_m: float) -> NDArray[np.float32]:
     """noisy_m, positive, if the true depth lies within a range, else 0."""
@@ -203,7 +181,9 @@ def clipped(truth_m: NDArray[np.float32], noisy_m: NDArray[Any], near_m: float, 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:
     """The model nearest to the sensor's measurements, by distance()'s total."""
-    rows, start = views.bands(_BAND, _PERIOD), kind.known(views)
+    is_kept = np.arange(views.truth_m.shape[1]) % _PERIOD < _BAND  # enough for noise that reaches few rows
+    rows = replace(views, **{name: getattr(views, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
+    start = kind.known(views)
     low, high, first = (np.array(values) for values in zip(*kind.FITTED.values(), strict=True))
 
     def made(unit: NDArray[np.float64]) -> Profile:

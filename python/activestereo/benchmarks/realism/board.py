@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from activestereo.benchmarks.realism.measures import (
+    DISTANCE_NAMES,
     Patch,
     depth_measures,
-    distance_names,
     infrared_measures,
     planar_patches,
 )
@@ -106,16 +106,15 @@ def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
         }
         for name in names
     }
-    rows[NOISE] = {method: _interval(_noise_factors(own, values[DEVICE]), chosen) for method, own in values.items()}
+    # The factor by which each view's noise is off, above or below, over the distances; 1 is the device's.
+    bins, rows[NOISE] = [f"spatial noise, px: {name}" for name in DISTANCE_NAMES], {}
+    for method, own in values.items():
+        pairs = zip(own, values[DEVICE], strict=True)
+        off = [[abs(np.log(max(a[name], 1e-3) / b[name])) for name in bins] for a, b in pairs]
+        with np.errstate(all="ignore"):
+            factors = [np.exp(np.nanmean(one)) if np.isfinite(one).any() else np.nan for one in off]
+        rows[NOISE][method] = _interval(np.array(factors), chosen)
     return {name: row for name, row in rows.items() if row}
-
-
-def _noise_factors(own: list[dict[str, float]], real: list[dict[str, float]]) -> NDArray[np.float64]:
-    """The factor by which each view's noise is off, above or below, over the distances; 1 is the device's."""
-    bins = [f"spatial noise, px: {name}" for name in distance_names()]
-    off = [[abs(np.log(max(a[name], 1e-3) / b[name])) for name in bins] for a, b in zip(own, real, strict=True)]
-    with np.errstate(all="ignore"):
-        return np.array([np.exp(np.nanmean(one)) if np.isfinite(one).any() else np.nan for one in off])
 
 
 def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Interval:
@@ -159,7 +158,11 @@ def write_board(found: Board, out: Path, about: dict[str, object]) -> None:
     content = about | {"views": list(found.views), "verdicts": lines, "measures": rows}
     write_text(out / "realism.json", json.dumps(content, indent=1) + "\n")
     methods = (DEVICE, *METHODS)
-    cells = [[text(name), *(_cell(row.get(method)) for method in methods)] for name, row in found.rows.items()]
+    cells = []
+    for name, row in found.rows.items():
+        own = (row.get(method) for method in methods)
+        shown = ("–" if x is None else f"{x.value:.3g} <small>({x.low:.3g}–{x.high:.3g})</small>" for x in own)
+        cells.append([text(name), *shown])
     parts = [f"<p>{text(line)}</p>" for line in lines]
     parts.append(table(["measure", *methods], cells))
     for view, pictures in found.pictures.items():
@@ -170,10 +173,6 @@ def write_board(found: Board, out: Path, about: dict[str, object]) -> None:
     head = f"<h1>Realism of depth: {len(found.views)} real views of {text(about['sensor'])}</h1>"
     page = f"<!doctype html><meta charset=utf-8><title>Realism</title><style>{_STYLE}</style>{head}{''.join(parts)}"
     write_text(out / "realism.html", page + "\n")
-
-
-def _cell(one: Interval | None) -> str:
-    return "–" if one is None else f"{one.value:.3g} <small>({one.low:.3g}–{one.high:.3g})</small>"
 
 
 def _figure(name: str, disparity: NDArray[np.float32], low: float, high: float) -> str:

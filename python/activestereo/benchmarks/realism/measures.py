@@ -91,12 +91,6 @@ def statistics(left: Map, right: Map, patch: Patch, black_dn: float) -> dict[str
         gain = fine[inside].std() / max(float(other[inside].std()), 1e-6)
         rest = min(rest, float((fine - gain * other)[inside].std()) / float(np.sqrt(1.0 + gain**2)))
     rms = float(fine.std())
-    peak, lag = _side_peak(fine)
-    values = rms, 100.0 * rms / level, 100.0 * rest / max(rms, 1e-9), peak, lag
-    return dict(zip(STATISTICS, values, strict=True))
-
-
-def _side_peak(fine: Map) -> tuple[float, float]:
     spectrum = np.abs(np.fft.fft2(fine - fine.mean())) ** 2
     correlation = np.fft.fftshift(np.fft.ifft2(spectrum).real)
     correlation /= max(float(correlation.max()), 1e-12)
@@ -105,10 +99,13 @@ def _side_peak(fine: Map) -> tuple[float, float]:
     distance = np.hypot(x, y)
     ring = np.where((distance > _LEAST_LAG_PX) & (distance < _LARGEST_LAG_PX), correlation, -1.0)
     at = np.unravel_index(int(ring.argmax()), ring.shape)
-    return float(ring[at]), float(distance[at])
+    values = rms, 100.0 * rms / level, 100.0 * rest / max(rms, 1e-9), float(ring[at]), float(distance[at])
+    return dict(zip(STATISTICS, values, strict=True))
 
 
 DISTANCES_M = (0.5, 0.8, 1.2, 1.7, 2.3, 3.2)
+_DISTANCES = tuple(zip(DISTANCES_M, DISTANCES_M[1:], strict=False))
+DISTANCE_NAMES = tuple(f"{low:g}-{high:g} m" for low, high in _DISTANCES)
 _STEP_PX, _NEAR_EDGE_PX, _RUN_PX = 3.0, 5, 12
 _BETWEEN_PX = 1.0  # a flying pixel is so far from both surfaces
 _LEAST_MEASURED = 0.5  # of a patch
@@ -118,10 +115,6 @@ _PLAIN = (
     "noise's correlation, px",
 )  # fmt: skip
 BLACK = "black level, DN"
-
-
-def distance_names() -> list[str]:
-    return [f"{low:g}-{high:g} m" for low, high in zip(DISTANCES_M, DISTANCES_M[1:], strict=False)]
 
 
 def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: list[Patch]) -> dict[str, float]:
@@ -147,7 +140,7 @@ def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: l
     }
     change = None if again_m is None else view.disparity(again_m) - found
     lags = []
-    for (low, high), name in zip(zip(DISTANCES_M, DISTANCES_M[1:], strict=False), distance_names(), strict=True):
+    for (low, high), name in zip(_DISTANCES, DISTANCE_NAMES, strict=True):
         inside = is_known & is_measured & (view.truth_m >= low) & (view.truth_m < high)
         out[f"bias, px: {name}"] = float(np.median((found - truth)[inside])) if inside.sum() > 1000 else np.nan
         spread, own = [], [patch for patch in patches if low <= patch.depth_m < high]
@@ -159,7 +152,10 @@ def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: l
                 v, u = np.mgrid[patch.place]
                 lags.append(_correlation_px(found[patch.place] - (plane[0] * u + plane[1] * v + plane[2])))
         out[f"spatial noise, px: {name}"] = float(np.median(spread)) if spread else np.nan
-        repeated = [] if change is None else [_spread(change[patch.place]) / np.sqrt(2) for patch in own]
+        repeated = []
+        for patch in own if change is not None else ():
+            known = change[patch.place][np.isfinite(change[patch.place])]
+            repeated.append(float(np.clip(known, -1.0, 1.0).std()) / np.sqrt(2) if known.size else np.nan)
         out[f"temporal noise, px: {name}"] = float(np.nanmedian(repeated)) if np.isfinite(repeated).any() else np.nan
     out["noise's correlation, px"] = float(np.nanmedian(lags)) if lags else np.nan
     return out
@@ -169,7 +165,7 @@ def infrared_measures(view: RealView, left: Map, right: Map, patches: list[Patch
     """Medians of the statistics over the even patches by distance, and the black level: the darkest thousandth."""
     out = {BLACK: float(np.percentile(left, 0.1))}
     found = [(patch.depth_m, statistics(left, right, patch, black_dn)) for patch in patches]
-    for (low, high), name in zip(zip(DISTANCES_M, DISTANCES_M[1:], strict=False), distance_names(), strict=True):
+    for (low, high), name in zip(_DISTANCES, DISTANCE_NAMES, strict=True):
         own = [one for depth_m, one in found if one is not None and low <= depth_m < high]
         for statistic in STATISTICS:
             out[f"{statistic}: {name}"] = float(np.median([one[statistic] for one in own])) if own else np.nan
@@ -197,11 +193,6 @@ def _edges(truth: Map, found: Map) -> tuple[float, float]:
             between += int(((beside > behind + _BETWEEN_PX) & (beside < before - _BETWEEN_PX)).sum())
     every = np.concatenate(runs)
     return (float(every.mean()) if len(every) else np.nan), (100.0 * between / near if near else np.nan)
-
-
-def _spread(change: Map) -> float:
-    known = change[np.isfinite(change)]
-    return float(np.clip(known, -1.0, 1.0).std()) if known.size else np.nan
 
 
 def _correlation_px(residual: Map) -> float:

@@ -42,9 +42,6 @@ class RealView:
     def focal_baseline_px_m(self) -> float:
         return float(self.capture.rig.left.K[0, 0]) * self.capture.rig.baseline_m
 
-    def pose(self) -> NDArray[np.float64]:
-        return body_pose(self.frame.camera_to_world).to_transformation_matrix()
-
     def disparity(self, depth_m: Map) -> Map:
         """Disparity in pixels, NaN without depth."""
         with np.errstate(divide="ignore"):
@@ -113,7 +110,8 @@ def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int)
     if method == "raster":
         make_lambertian(view.scene)
         config.max_bounces = 0
-    with StereoDepthSensor(config, view.scene, pose=Pose(view.pose())) as taken:
+    place = Pose(body_pose(view.frame.camera_to_world).to_transformation_matrix())
+    with StereoDepthSensor(config, view.scene, pose=place) as taken:
         taken.take_picture(infrared_only=True)
         light, laser = fitted_light(view, taken)
         wanted = ("depth", "ir_left", "ir_right")
@@ -170,18 +168,12 @@ def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], l
     part = np.s_[::_FIT_STEP_PX, ::_FIT_STEP_PX]
     known = (view.truth_m > 0)[part] & (view.left < view.capture.rig.max_dn)[part]
     terms = np.stack([laser[0][part][known], room[0][part][known]], axis=1).astype(np.float64) * per_radiance
-    levels = _robust(terms, view.left[part][known].astype(np.float64) - config.ir_black_level_dn)
-    own = [(levels[0] * one).astype(np.float32) for one in laser]
-    return [one + (levels[1] * rest).astype(np.float32) for one, rest in zip(own, room, strict=True)], own
-
-
-def _robust(terms: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least squares of factors, all at least 0, with Huber's weights."""
-    weights = np.ones(len(counts))
-    levels = np.zeros(2)
-    for _ in range(10):
+    counts = view.left[part][known].astype(np.float64) - config.ir_black_level_dn
+    weights, levels = np.ones(len(counts)), np.zeros(2)
+    for _ in range(10):  # least squares of factors, all at least 0, with Huber's weights
         root = np.sqrt(weights)
         levels = np.maximum(np.linalg.lstsq(terms * root[:, None], counts * root, rcond=None)[0], 0.0)
         error = np.abs(counts - terms @ levels)
         weights = np.minimum(1.0, 1.5 * np.median(error) / np.maximum(error, 1e-9))
-    return levels
+    own = [(levels[0] * one).astype(np.float32) for one in laser]
+    return [one + (levels[1] * rest).astype(np.float32) for one, rest in zip(own, room, strict=True)], own
