@@ -47,8 +47,7 @@ def add_parser(commands: Commands) -> None:
 def run(args: argparse.Namespace) -> None:
     from activestereo.capture.images import read_gray
     from activestereo.common.output_files import replace_file
-    from activestereo.compare.pair_findings import findings_text, pair_findings
-    from activestereo.compare.pair_statistics import pair_statistics, statistics_text
+    from activestereo.compare.pair_findings import findings_text, pair_findings, pair_statistics, statistics_text
 
     left, right = _read(args.left, args.right)
     device = (

@@ -23,7 +23,7 @@ class BlockBootstrap:
 
     def ratios(self, numerators: Sequence[np.ndarray], denominator: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """For each numerator: sum(numerator) / sum(denominator) over groups, [bins], and its draws [draws][bins]; NaN
-        where there is nothing. numerators: arrays [groups][bins]; denominator: [groups][bins]."""
+        without anything. numerators: arrays [groups][bins]; denominator: [groups][bins]."""
         columns = [np.asarray(sums, dtype=np.float32) for sums in (denominator, *numerators)]
         drawn = np.split(self.weights @ np.concatenate(columns, axis=1), len(columns), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rendered layers kept on disk by the content of what made them: a second look at a capture traces no ray.
+"""Rendered layers kept on disk by a hash of their causes: a second look at a capture traces no ray.
 
 Entries are whole or absent (written aside, then renamed), so that parallel runs may share one folder.
 """
@@ -8,7 +8,7 @@ import hashlib
 import os
 import warnings
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -36,7 +36,7 @@ def default_cache_folder() -> Path:
 
 
 def default_limit_bytes() -> int:
-    """ACTIVESTEREO_CACHE_GB in bytes, else 2 GB. ValueError where it is no number of at least 0."""
+    """ACTIVESTEREO_CACHE_GB in bytes, else 2 GB. Raises ValueError for anything but a number of at least 0."""
     text = os.environ.get(_LIMIT_VARIABLE)
     try:
         gigabytes = float(text) if text else _LIMIT_GB
@@ -53,19 +53,14 @@ def scene_digest(scene_path: str | Path) -> str:
     path = Path(scene_path)
     digest.update(read_bytes(path))
     if path.suffix == ".gltf":
-        for uri in _referred(read_json(path)):
-            digest.update(read_bytes(path.parent / uri))
+        document = read_json(path)
+        for kind in ("buffers", "images"):  # entries without the right shape are the importer's to refuse
+            entries = document.get(kind) if isinstance(document, dict) else None
+            for entry in entries if isinstance(entries, list) else ():
+                uri = entry.get("uri") if isinstance(entry, dict) else None
+                if isinstance(uri, str) and uri and not uri.startswith("data:"):
+                    digest.update(read_bytes(path.parent / unquote(uri)))
     return digest.hexdigest()
-
-
-def _referred(document: Any) -> Iterator[str]:
-    """The files of a glTF document's buffers and images. What has no right shape is the importer's to refuse."""
-    for kind in ("buffers", "images"):
-        entries = document.get(kind) if isinstance(document, dict) else None
-        for entry in entries if isinstance(entries, list) else ():
-            uri = entry.get("uri") if isinstance(entry, dict) else None
-            if isinstance(uri, str) and uri and not uri.startswith("data:"):
-                yield unquote(uri)
 
 
 def request_key(request: RenderRequest, renderer_version: str) -> str:
@@ -103,7 +98,7 @@ class CacheEntry:
     used_s: float
 
     def kind(self) -> str:
-        """Its content: "renders" (layers or images), "fits", or "damaged" where it is no array file."""
+        """Its content: "renders" (layers or images), "fits", or "damaged" if it is no array file."""
         try:
             with zipfile.ZipFile(checked_file(self.path)) as stored:
                 return "fits" if any("/" in name for name in stored.namelist()) else "renders"
@@ -163,7 +158,12 @@ class LayerCache:
             text = f"renders are not kept for a second look: {error}; ACTIVESTEREO_CACHE names another folder"
             warnings.warn(text, CacheWarning, stacklevel=2)
             return
-        self._forget_oldest()
+        used = 0
+        for entry in self.entries():
+            used += entry.size_bytes
+            if used > self.limit_bytes:
+                with suppress(OSError):
+                    entry.path.unlink(missing_ok=True)
 
     def entries(self) -> list[CacheEntry]:
         """All entries, the last used one first."""
@@ -175,21 +175,13 @@ class LayerCache:
         return sorted(found, key=lambda entry: entry.used_s, reverse=True)
 
     def clear(self) -> list[CacheEntry]:
-        """Removes all entries, and returns those that are gone. OSError where one cannot be removed."""
+        """Removes all entries, and returns those that are gone. Raises OSError if one cannot be removed."""
         gone = self.entries()
         for entry in gone:
             entry.path.unlink(missing_ok=True)
         return gone
 
     def usage_text(self) -> str:
-        """How much of its limit it takes, and where, in a line."""
+        """Its size, its limit and its folder, in a line."""
         used = sum(entry.size_bytes for entry in self.entries())
         return f"cache: {used / 1e9:.2f} of {self.limit_bytes / 1e9:g} GB in {self.folder}"
-
-    def _forget_oldest(self) -> None:
-        used = 0
-        for entry in self.entries():
-            used += entry.size_bytes
-            if used > self.limit_bytes:
-                with suppress(OSError):
-                    entry.path.unlink(missing_ok=True)

@@ -17,7 +17,7 @@ _PATCH_PX, _ROWS_PX = 25, 6
 _DISPARITY_SHARE = 0.25  # of the width: a D435 at 0.2 m
 _MOST_PATCHES, _LEAST_PATCHES = 240, 30
 _LEAST_CORRELATION = 0.7
-# A pair is swapped where so many patches lie further right in the second image: noise alone gives a half.
+# A pair is swapped if so many patches lie further right in the second image: noise alone gives a half.
 _SWAPPED = 0.8
 
 
@@ -45,7 +45,7 @@ def camera_order(
     pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]], offset_px: float = 0.0
 ) -> CameraOrder:
     """The CameraOrder of (left, right) images [height][width] of one size. offset_px: cx of the right camera less that
-    of the left one: so much further right lies what is infinitely far."""
+    of the left one: infinitely far things lie so much further right."""
     found = np.concatenate([np.zeros((0, 2)), *(_shifts(left, right) for left, right in pairs)])
     if not len(found):
         return CameraOrder(0, 0.0, 0.0, 0.0)

@@ -26,12 +26,6 @@ class Warp:
         """The right image at those places, `shift_px` further to the right."""
         return map_coordinates(np.asarray(right, np.float64), [self.v, self.u + shift_px], order=order, mode="nearest")
 
-    @property
-    def interpolation_variance(self) -> NDArray[np.float64]:
-        """By what a linear interpolation's variance is smaller than a pixel's, [height][width]."""
-        parts = [(x - np.floor(x), 1.0 - (x - np.floor(x))) for x in (self.u, self.v)]
-        return (parts[0][0] ** 2 + parts[0][1] ** 2) * (parts[1][0] ** 2 + parts[1][1] ** 2)
-
 
 def warp_between(left: View, right: View) -> Warp:
     """The Warp of two cameras of one frame."""

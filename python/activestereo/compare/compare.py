@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits,
-and look on the train frames where the model fails.
+and find the train frames' pixels at which the model fails.
 
 compare() computes; report/ writes compare.json, compare.png and report.html.
 """
@@ -43,10 +43,10 @@ PHASES = {RENDERING: UsualTime(1.0, 15.0), PREDICTING: UsualTime(0.5, 2.0), LOOK
 
 @dataclass(frozen=True)
 class Comparison:
-    """scores: what compare.json holds (report/schema/compare.schema.json). measured, predictions: {(frame id, side):
+    """scores: compare.json's contents (report/schema/compare.schema.json). measured, predictions: {(frame id, side):
     DN [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {side: Layers}}
     as rendered, the mean of two halves of the samples. Errors of images are without the renderer's own noise
-    (render_noise.py)."""
+    (render.noise_square)."""
 
     capture: Capture
     scores: dict[str, Any]
@@ -89,13 +89,13 @@ def compare(
     engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
     calibrate: Callable[[Capture], Capture] | None = None,
 ) -> Comparison:  # fmt: skip
-    """A Comparison of the capture folder. CaptureError where the capture cannot be used.
+    """Compares a capture folder. Raises CaptureError for a capture that cannot be used.
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
     noise floor alone. renderer: see render.py; None for kuafu on the best device. samples_per_pixel: None for
     usual_samples(). progress: called as progress(fraction done); Phases that begin with PHASES are told of each.
     engines: makes a CaptureRenderer of the capture, in which the model's effects act; None: their image functions do.
-    scene_measurement: an engines.SceneMeasurement, what is known of focal lengths and albedos. calibrate: replaces the
+    scene_measurement: an engines.SceneMeasurement, with known focal lengths and albedos. calibrate: replaces the
     capture's nominal rig and pattern by measured ones.
     """
     capture = read_capture(capture_path)
@@ -119,12 +119,24 @@ def compare(
 
 def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors | None = None) -> Comparison:
     """The Comparison of a model whose images are there. It renders nothing. without: the errors without the model's
-    effects, None where they are not told beside."""
+    effects, None to leave them out."""
     capture, model, seed = errors.capture, errors.model, made.seed
     layers, views, measured, predictions = errors.layers, errors.views, errors.measured, errors.predictions
     noise_model = errors.noise_model
     match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, noise_model)
-    depths = _depths(errors, seed)
+    depths = model_depths(capture, measured, predictions, views, noise_model, model, seed)
+    # The shape of the train frames' error.
+    keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
+    floor = {key: errors.noise_variances.get(key, (0.0, ""))[0] for key in keys}
+    shape = error_shape((measured[key], predictions[key], floor[key], views[key].known) for key in keys)
+    beside = None
+    if without is not None:  # {"ir": {split: RMSE in DN}, "depth": {split: RMSE of disparity in px}}
+        own = without.measured, without.predictions, without.views, without.noise_model, without.model
+        scores_without = depth_scores(model_depths(capture, *own, seed))
+        beside = {
+            "ir": {split: found["rmse_dn"] for split, found in without.by_split().items()},
+            "depth": {split: found["rmse_px"] for split, found in scores_without.items()},
+        }
     scores = {
         "capture": capture.name,
         **vars(made),
@@ -135,8 +147,8 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
         "noise_model": None if noise_model is None else vars(noise_model),
         "photon_transfer": transfer_points(capture),
         "ir": errors.by_split(),
-        "shape": _shape(errors),
-        "without_effects": None if without is None else _without_effects(without, seed),
+        "shape": None if shape is None else vars(shape),
+        "without_effects": beside,
         "depth": depth_scores(depths),
         "frames": errors.by_frame(),
     }
@@ -144,27 +156,3 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
         capture, layers, views, measured, predictions, errors.noise_variances, noise_model, depths, seed
     )
     return Comparison(capture, scores, measured, predictions, depths, layers, model)
-
-
-def _depths(errors: ImageErrors, seed: int) -> list[DepthFrame]:
-    noise_model = errors.noise_model
-    return model_depths(
-        errors.capture, errors.measured, errors.predictions, errors.views, noise_model, errors.model, seed
-    )
-
-
-def _shape(errors: ImageErrors) -> dict[str, Any] | None:
-    """The shape of the train frames' error, as ErrorShape has it."""
-    keys = [(frame.id, side) for frame in errors.capture.split("train") for side in SIDES]
-    floor = {key: errors.noise_variances.get(key, (0.0, ""))[0] for key in keys}
-    shape = error_shape((errors.measured[k], errors.predictions[k], floor[k], errors.views[k].known) for k in keys)
-    return None if shape is None else vars(shape)
-
-
-def _without_effects(errors: ImageErrors, seed: int) -> dict[str, dict[str, float | None]]:
-    """{"ir": {split: RMSE in DN}, "depth": {split: RMSE of disparity in px}}."""
-    depth = depth_scores(_depths(errors, seed))
-    return {
-        "ir": {split: own["rmse_dn"] for split, own in errors.by_split().items()},
-        "depth": {split: own["rmse_px"] for split, own in depth.items()},
-    }

@@ -22,8 +22,7 @@ _EDGE_STEP = 0.03
 
 @dataclass(frozen=True)
 class Covariate:
-    """name as in compare.json; words for a reader; unit, '' for pure numbers; categories of no order where it is not a
-    number."""
+    """name as in compare.json; words for a reader; unit, '' for pure numbers; is_category: its values have no order."""
 
     name: str
     words: str
@@ -58,64 +57,28 @@ def covariate_maps(
     u, v = view.pixels()
     seen = view.depth_m > 0
     depth = np.where(seen, view.depth_m, np.nan)
-    frame = view.frame
-    maps = {
-        "depth": depth,
-        "radius": np.hypot(u - (width - 1) / 2, v - (height - 1) / 2) / np.hypot((width - 1) / 2, (height - 1) / 2),
-        "column": u,
-        "row": v,
-        "incidence": _incidence_deg(view),
-        "material": np.where(seen, material, np.nan),
-        "pattern_irradiance": _pattern_irradiance(view),
-        "intensity": predicted_dn,
-        "velocity": _image_speed(view),
-        "time": frame.timestamp_s,
-        "temperature": np.nan if frame.temperature_c is None else frame.temperature_c,
-        "exposure": 1e3 * frame.exposure_gain,
-        "disparity_fraction": np.mod(view.K[0, 0] * baseline_m / depth, 1.0),
-        "edge_distance": _edge_distance(view.depth_m),
-    }
-    return {name: np.broadcast_to(np.asarray(value, dtype=np.float32), view.shape) for name, value in maps.items()}
-
-
-def _incidence_deg(view: View) -> np.ndarray:
-    """Angle between the ray to the camera and the surface's normal."""
-    points = view.points()
+    frame, points = view.frame, view.points()
+    # 1. The angle between the ray to the camera and the surface's normal.
     distance = np.linalg.norm(points, axis=-1)
     cosine = np.abs((points * view.normal).sum(-1)) / np.where(distance > 0, distance, 1.0)
-    return np.where(view.depth_m > 0, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), np.nan)
-
-
-def _pattern_irradiance(view: View) -> np.ndarray:
-    """Pattern x cos / d^2 at the surface, times the frame's power: what the nominal projector sends there, shadows
-    aside."""
-    source = np.linalg.inv(view.camera_to_projector)[:3, 3]
-    points = view.points()
-    way = source - points
+    incidence_deg = np.where(seen, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), np.nan)
+    # 2. The nominal projector's pattern x cos / d^2 at the surface, times the frame's power, shadows aside.
+    way = np.linalg.inv(view.camera_to_projector)[:3, 3] - points
     distance = np.linalg.norm(way, axis=-1)
     cosine = np.maximum((way * view.normal).sum(-1), 0.0) / np.maximum(distance, 1e-9)
-    irradiance = view.frame.projector_power * DotView.of(view).nominal() * cosine / np.maximum(distance, 1e-9) ** 2
-    return np.where(view.depth_m > 0, irradiance, np.nan)
-
-
-def _image_speed(view: View) -> Any:
-    """Pixels per second at which the static scene moves through the image (optical flow of the rig's own twist)."""
-    if not view.frame.is_moving:
-        return 0.0
-    velocity, spin = view.left_to_camera[:3, :3] @ view.frame.camera_velocity.reshape(2, 3, 1)
-    velocity, spin = velocity.ravel(), spin.ravel()
-    velocity = velocity + np.cross(spin, -view.left_to_camera[:3, 3])
-    points = view.points()
-    flow = -(velocity + np.cross(spin, points))
-    z = np.where(view.depth_m > 0, view.depth_m, np.nan)
-    du = view.K[0, 0] * (flow[..., 0] - flow[..., 2] * points[..., 0] / z) / z
-    dv = view.K[1, 1] * (flow[..., 1] - flow[..., 2] * points[..., 1] / z) / z
-    return np.hypot(du, dv)
-
-
-def _edge_distance(depth_m: np.ndarray) -> Any:
-    """Pixels to the nearest jump in depth; the image's size where there is none."""
-    z = np.where(depth_m > 0, depth_m, np.inf)
+    irradiance = frame.projector_power * DotView.of(view).nominal() * cosine / np.maximum(distance, 1e-9) ** 2
+    # 3. The image speed of the static scene: optical flow of the rig's own twist, pixels per second.
+    speed: Any = 0.0
+    if frame.is_moving:
+        velocity, spin = view.left_to_camera[:3, :3] @ frame.camera_velocity.reshape(2, 3, 1)
+        velocity, spin = velocity.ravel(), spin.ravel()
+        velocity = velocity + np.cross(spin, -view.left_to_camera[:3, 3])
+        flow = -(velocity + np.cross(spin, points))
+        du = view.K[0, 0] * (flow[..., 0] - flow[..., 2] * points[..., 0] / depth) / depth
+        dv = view.K[1, 1] * (flow[..., 1] - flow[..., 2] * points[..., 1] / depth) / depth
+        speed = np.hypot(du, dv)
+    # 4. The distance to the nearest jump in depth, pixels; the image's size without one.
+    z = np.where(seen, view.depth_m, np.inf)
     edge = np.zeros(z.shape, dtype=bool)
     neighbours: Any = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
     for near, far in neighbours:
@@ -123,4 +86,20 @@ def _edge_distance(depth_m: np.ndarray) -> Any:
         jump = np.isfinite(low) & (high > (1.0 + _EDGE_STEP) * low)
         edge[near] |= jump
         edge[far] |= jump
-    return distance_transform_edt(~edge) if edge.any() else float(max(z.shape))
+    maps = {
+        "depth": depth,
+        "radius": np.hypot(u - (width - 1) / 2, v - (height - 1) / 2) / np.hypot((width - 1) / 2, (height - 1) / 2),
+        "column": u,
+        "row": v,
+        "incidence": incidence_deg,
+        "material": np.where(seen, material, np.nan),
+        "pattern_irradiance": np.where(seen, irradiance, np.nan),
+        "intensity": predicted_dn,
+        "velocity": speed,
+        "time": frame.timestamp_s,
+        "temperature": np.nan if frame.temperature_c is None else frame.temperature_c,
+        "exposure": 1e3 * frame.exposure_gain,
+        "disparity_fraction": np.mod(view.K[0, 0] * baseline_m / depth, 1.0),
+        "edge_distance": distance_transform_edt(~edge) if edge.any() else float(max(z.shape)),
+    }
+    return {name: np.broadcast_to(np.asarray(value, dtype=np.float32), view.shape) for name, value in maps.items()}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture.capture import SIDES, SPLITS, Frame
-from activestereo.compare.depth_model import DepthModel, expose, residual_variance
+from activestereo.compare.depth_model import DepthModel, expose
 from activestereo.compare.noise import NoiseModel
 
 if TYPE_CHECKING:
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from activestereo.effects.core.view import View
 
 # Frames of a view before the one that is told: a filter over time that takes 0.4 of each new frame, librealsense's
-# own, then has (1 - 0.4)^12 = 0.2 % of what it began with.
+# own, then has (1 - 0.4)^12 = 0.2 % of its start.
 SETTLING_FRAMES = 12
+_MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True)
@@ -40,26 +41,21 @@ class DepthFrame:
     focal_baseline: float
 
     def disparity_error(self, depth_m: np.ndarray, reference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(depth's disparity minus the reference's [height][width], where both are valid)."""
+        """(depth's disparity minus the reference's [height][width], a mask of pixels at which both are valid)."""
         both = (depth_m > 0) & (reference_m > 0)
         safe = lambda z: np.where(both, z, 1.0)  # noqa: E731
         return np.where(both, self.focal_baseline * (1.0 / safe(depth_m) - 1.0 / safe(reference_m)), 0.0), both
 
 
 def model_depths(
-    capture: Capture,
-    measured: Mapping[tuple[int, str], np.ndarray],
-    predictions: Mapping[tuple[int, str], np.ndarray],
-    views: Mapping[tuple[int, str], View],
-    noise_model: NoiseModel | None,
-    model: Model,
-    seed: int = 0,
+    capture: Capture, measured: Mapping[tuple[int, str], np.ndarray], predictions: Mapping[tuple[int, str], np.ndarray],
+    views: Mapping[tuple[int, str], View], noise_model: NoiseModel | None, model: Model, seed: int = 0,
     split: str | None = None,
-) -> list[DepthFrame]:
+) -> list[DepthFrame]:  # fmt: skip
     """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, side): DN}; views:
     {...: View}.
 
-    model: its effects on disparity and depth act on what simsense matches. split: frames of it alone.
+    model: its effects on disparity and depth act on simsense's matches. split: frames of it alone.
     """
     frames = [frame for frame in capture.frames if frame.depth_path is not None and split in (None, frame.split)]
     if not frames:
@@ -72,10 +68,12 @@ def model_depths(
         device = capture.depth(frame)
         assert device is not None  # it has a depth_path
         expected = {side: predictions[frame.id, side].astype(np.float64) for side in SIDES}
-        noise = {
-            side: noise_model or NoiseModel(residual_variance(measured[frame.id, side], image), 0.0, 0.0, 0.0)
-            for side, image in expected.items()
-        }
+        noise = {}
+        for side, image in expected.items():
+            # Where no repeat tells the noise variance, the residual's middle half does, taken as normal.
+            rest = measured[frame.id, side] - image
+            deviation = _MAD_TO_SIGMA * np.median(np.abs(rest - np.median(rest)))
+            noise[side] = noise_model or NoiseModel(float(deviation**2), 0.0, 0.0, 0.0)
         for draw in range(2):
             keys = {side: [seed, 4 * frame.id + 2 * draw + index] for index, side in enumerate(SIDES)}
             rngs = {side: np.random.Generator(np.random.Philox(key=key)) for side, key in keys.items()}
@@ -94,20 +92,19 @@ def depth_scores(depths: Sequence[DepthFrame]) -> dict[str, dict[str, Any]]:
     for split in SPLITS:
         chosen = [d for d in depths if d.frame.split == split]
         if chosen:
-            scores[split] = _scores(chosen) | {"frames": [frame_scores(d) for d in chosen]}
+            # Pairs of the device's own depths of one static view.
+            groups: dict[int, list[DepthFrame]] = {}
+            for d in chosen:
+                if d.frame.repeat_group is not None:
+                    groups.setdefault(d.frame.repeat_group, []).append(d)
+            repeats = [(a, a.measured, b.measured) for g in groups.values() for a, b in zip(g, g[1:], strict=False)]
+            truth = {
+                "measured": _error([(d, d.measured, d.truth) for d in chosen]),
+                "model": _error([(d, d.model[0], d.truth) for d in chosen]),
+            }
+            frames = [{"id": d.frame.id} | _against_model([d]) | _floor([d], []) for d in chosen]
+            scores[split] = _against_model(chosen) | _floor(chosen, repeats) | {"truth": truth, "frames": frames}
     return scores
-
-
-def frame_scores(depth: DepthFrame) -> dict[str, Any]:
-    return {"id": depth.frame.id} | _against_model([depth]) | _floor([depth], [])
-
-
-def _scores(depths: Sequence[DepthFrame]) -> dict[str, Any]:
-    against_truth = {
-        "measured": _error([(d, d.measured, d.truth) for d in depths]),
-        "model": _error([(d, d.model[0], d.truth) for d in depths]),
-    }
-    return _against_model(depths) | _floor(depths, _repeats(depths)) | {"truth": against_truth}
 
 
 def _against_model(depths: Sequence[DepthFrame]) -> dict[str, Any]:
@@ -132,17 +129,8 @@ def _floor(depths: Sequence[DepthFrame], repeats: Sequence[Any]) -> dict[str, An
     }
 
 
-def _repeats(depths: Sequence[DepthFrame]) -> list[Any]:
-    """Pairs of the device's own depths of one static view."""
-    groups: dict[int, list[DepthFrame]] = {}
-    for d in depths:
-        if d.frame.repeat_group is not None:
-            groups.setdefault(d.frame.repeat_group, []).append(d)
-    return [(a, a.measured, b.measured) for g in groups.values() for a, b in zip(g, g[1:], strict=False)]
-
-
 def _error(pairs: Sequence[Any]) -> dict[str, Any]:
-    """Errors of (DepthFrame, depth, reference), pooled over pixels where both are valid; None where there is none."""
+    """Errors of (DepthFrame, depth, reference), pooled over pixels at which both are valid; None without any."""
     in_metres, in_pixels = [], []
     for d, depth, reference in pairs:
         error, both = d.disparity_error(depth, reference)
@@ -160,6 +148,6 @@ def _error(pairs: Sequence[Any]) -> dict[str, Any]:
 
 
 def _overlap(a: np.ndarray, b: np.ndarray) -> float:
-    """Intersection over union; 1 where both are empty."""
+    """Intersection over union; 1 if both are empty."""
     union = np.count_nonzero(a | b)
     return float(np.count_nonzero(a & b) / union) if union else 1.0

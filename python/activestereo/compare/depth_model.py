@@ -24,7 +24,6 @@ _HINTS = (
     "max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
     "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m",
 )  # fmt: skip
-_MAD_TO_SIGMA = 1.4826
 
 
 def expose(
@@ -38,13 +37,6 @@ def expose(
     if noise_model.relative > 0:
         noise += signal * (rng.gamma(1.0 / noise_model.relative, noise_model.relative, signal.shape) - 1.0)
     return np.clip(np.rint(expected_dn + noise), 0, max_dn).astype(np.float32)
-
-
-def residual_variance(measured: np.ndarray, predicted: np.ndarray) -> float:
-    """The noise variance, DN^2, assumed where no repeat tells it: from the middle half of the residual, taken as
-    normal."""
-    residual = measured - predicted
-    return float((_MAD_TO_SIGMA * np.median(np.abs(residual - np.median(residual)))) ** 2)
 
 
 class DepthModel:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth quality on a flat target, by the metrics and names of Intel's Depth Quality Tool (librealsense,
-tools/depth-quality), so that a simulated sensor's numbers stand beside those that the tool shows for a real one."""
+tools/depth-quality): the numbers of a simulated sensor stand beside a real one's."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -13,7 +13,7 @@ _TRIMMED = 200  # one in this many points is left out at each end of the depths:
 
 @dataclass(frozen=True)
 class DepthQuality:
-    """NaN where a metric has nothing to work on: no truth, a single frame, or too few points for a plane."""
+    """NaN for a metric that has nothing to work on: no truth, a single frame, or too few points for a plane."""
 
     fill_rate_percent: float  # pixels with a depth, of all in the region
     z_accuracy_percent: (
@@ -30,17 +30,15 @@ def region_of(shape: Sequence[int], fraction: float) -> tuple[slice, slice]:
     """The centred rectangle of this fraction of height and width, as slices. The tool's usual region is 0.4."""
     if not 0 < fraction <= 1:
         raise ValueError(f"the region must be a fraction of the image in 0..1, not {fraction}")
-    height, width = shape
-    return _centred(height, fraction), _centred(width, fraction)
+    spans = [max(1, round(size * fraction)) for size in shape]
+    rows, columns = (slice((n - s) // 2, (n - s) // 2 + s) for n, s in zip(shape, spans, strict=True))
+    return rows, columns
 
 
 def depth_quality(
-    depth_m: ArrayLike,
-    k: ArrayLike,
-    baseline_m: float,
-    true_distance_m: float | None = None,
+    depth_m: ArrayLike, k: ArrayLike, baseline_m: float, true_distance_m: float | None = None,
     region: tuple[slice, slice] | None = None,
-) -> DepthQuality:
+) -> DepthQuality:  # fmt: skip
     """The metrics of depth maps [height, width] or [frames, height, width] in metres, 0 = none; each is the mean over
     the frames.
 
@@ -55,10 +53,13 @@ def depth_quality(
         raise ValueError(f"the true distance must be larger than 0 metres, not {true_distance_m}")
     rows, columns = region or region_of(frames.shape[1:], 0.4)
     matrix = np.asarray(k, dtype=np.float64)
-    rays = _rays(frames.shape[1:], matrix)[rows, columns]
-    frames = frames[:, rows, columns]
+    v, u = np.indices(frames.shape[1:], dtype=np.float64)
+    rays = np.stack([(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1], np.ones(u.shape)], axis=-1)
+    rays, frames = rays[rows, columns], frames[:, rows, columns]
     single = np.array([_of_frame(z, rays, matrix[0, 0] * baseline_m, true_distance_m) for z in frames])
-    fill, accuracy, plane_fit, subpixel = map(float, _mean(single))
+    known = np.isfinite(single)  # each metric's mean over the frames that have it
+    mean = np.where(known, single, 0).sum(axis=0) / np.maximum(1, known.sum(axis=0))
+    fill, accuracy, plane_fit, subpixel = map(float, np.where(known.any(axis=0), mean, np.nan))
     return DepthQuality(fill, accuracy, plane_fit, subpixel, _temporal_noise_percent(frames))
 
 
@@ -70,24 +71,6 @@ def quality_table(quality: DepthQuality) -> str:
     rows = zip(names, values, units, strict=True)
     return "\n".join(
         f"{name:22}" + (f"{value:10.3f} {unit}" if np.isfinite(value) else f"{'-':>10}") for name, value, unit in rows
-    )
-
-
-def _centred(size: int, fraction: float) -> slice:
-    span = max(1, round(size * fraction))
-    return slice((size - span) // 2, (size - span) // 2 + span)
-
-
-def _rays(shape: Sequence[int], k: np.ndarray) -> np.ndarray:
-    rows, columns = np.indices(shape, dtype=np.float64)
-    return np.stack([(columns - k[0, 2]) / k[0, 0], (rows - k[1, 2]) / k[1, 1], np.ones(shape)], axis=-1)
-
-
-def _mean(values: np.ndarray) -> np.ndarray:
-    """Over the frames that have a value."""
-    known = np.isfinite(values)
-    return np.where(
-        known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(1, known.sum(axis=0)), np.nan
     )
 
 

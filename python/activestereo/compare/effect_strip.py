@@ -42,7 +42,7 @@ _NOISE = NoiseModel(offset=1.0, shot=0.02, relative=0.01, black_dn=5.0)
 
 @dataclass(frozen=True)
 class EffectStrip:
-    """One picture without an effect and with it, [height][width], in unit; nothing where neither is positive."""
+    """One picture without an effect and with it, [height][width], in unit; nothing if neither is positive."""
 
     effect: Effect
     parameters: dict[str, float]
@@ -79,8 +79,8 @@ class StripView:
         return EffectStrip(effect, values, "DN", *images)
 
     def strengths(self, effect: Effect, given: Mapping[str, float] | None = None) -> list[EffectStrip]:
-        """EffectStrips from no effect over its values, typical where they are not given, to twice their distance from
-        neutral; what says where or how stays."""
+        """EffectStrips from no effect over its values, typical by default, to twice their distance from neutral;
+        choices stay."""
         values = effect.typical_values | dict(given or {})
         moved = [p for p in effect.parameters if not p.choice and p.name != SURFACES.name]
         strips = []
@@ -96,28 +96,25 @@ class StripView:
         return np.asarray(model.signal(light, view, self._nuisances, True), dtype=np.float64)
 
     def _of_depth(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
-        """Effects of the depth engine act on the geometry's depth, or, where that has nothing for them to change, on
-        noisy pairs as simsense matches them, with the stream before."""
+        """Effects of the depth engine act on the geometry's depth. If they change nothing there, they act on noisy
+        pairs as simsense matches them, with the stream before."""
         view, stream = self._views["left"], dict[str, np.ndarray]()
         frames = [np.where(np.isfinite(view.depth_m), view.depth_m, 0.0).astype(np.float64)]
         if np.allclose(Model().with_effect(effect, **effect.typical_values).depth(frames[0], view), frames[0]):
-            frames = self._matches(SETTLING_FRAMES if effect.remembers else 1)
+            frames, count = self._matched, SETTLING_FRAMES if effect.remembers else 1
+            if len(frames) < count:
+                engine, images = DepthModel(self._capture), [self._image(self._base, side) for side in SIDES]
+                for draw in range(len(frames), count):
+                    rng, most = random_stream(draw, "strip"), self._capture.rig.max_dn
+                    pair = [expose(image, self._frame.gain, _NOISE, most, rng) for image in images]
+                    frames.append(engine.depth(*pair).astype(np.float64))
+            frames = frames[:count]
         model = Model().with_effect(effect, **values)
         for depth in frames:
             changed = model.depth(depth, view, stream)
         if effect.stage is Stage.DEPTH:
             return EffectStrip(effect, values, "m", frames[-1], changed)
         return EffectStrip(effect, values, "px", *(inverse_depth(d, view) for d in (frames[-1], changed)))
-
-    def _matches(self, count: int) -> list[NDArray[np.float64]]:
-        """The depths of so many exposures, metres [height][width], 0 = none."""
-        if len(self._matched) < count:
-            engine, images = DepthModel(self._capture), [self._image(self._base, side) for side in SIDES]
-            for draw in range(len(self._matched), count):
-                rng, most = random_stream(draw, "strip"), self._capture.rig.max_dn
-                pair = [expose(image, self._frame.gain, _NOISE, most, rng) for image in images]
-                self._matched.append(engine.depth(*pair).astype(np.float64))
-        return self._matched[:count]
 
 
 class StripWorld(StripView):

@@ -66,14 +66,10 @@ class LightOnly(NamedTuple):
 
 
 def kept_lights(
-    renderer: CaptureRenderer,
-    cache: LayerCache,
-    model: Model,
-    frames: Sequence[Frame],
-    scene_measurement: SceneMeasurement | None = None,
-    progress: Callable[[float], object] | None = None,
+    renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame],
+    scene_measurement: SceneMeasurement | None = None, progress: Callable[[float], object] | None = None,
     half: int | None = None,
-) -> dict[ImageKey, LightOnly]:
+) -> dict[ImageKey, LightOnly]:  # fmt: skip
     """renderer.lights(), kept in a cache by all that decides them, the code that makes them included."""
     code = [inspect.getsource(module) for module in (capture_renderer, scene_renderer)]
     own = renderer.lights_key(model, frames, scene_measurement, half), code
@@ -88,16 +84,12 @@ def kept_lights(
 
 
 def engine_lights(
-    model: Model,
-    scene_measurement: SceneMeasurement,
-    renderer: CaptureRenderer,
-    layers: Mapping[int, Mapping[str, Layers]],
-    views: Mapping[ImageKey, View],
-    cache: LayerCache,
+    model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer,
+    layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
     progress: Callable[[float], object] | None = None,
-) -> list[dict[ImageKey, Light]]:
-    """{(frame id, side): what falls on the imager}: the mean, and each of two independent halves of the samples. What
-    no engine field expresses acts on the rendered light. layers: the base model's; cache: where light is kept."""
+) -> list[dict[ImageKey, Light]]:  # fmt: skip
+    """{(frame id, side): the light on the imager}: the mean, and each of two independent halves of the samples. Effects
+    without engine fields act on the rendered light. layers: the base model's; cache: of the light."""
     outside, halves = model.outside_engines(), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)

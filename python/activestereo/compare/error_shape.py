@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, laplace
 
-_SMOOTH_PX = 6.0  # wider than dots, narrower than what lights and lenses change
+_SMOOTH_PX = 6.0  # wider than dots, narrower than changes by lights and lenses
 _BLOCK_PX = 32
 # A kind is told if it explains this share of the squared error beyond noise, else the error has no known shape.
 _LEAST_SHARE = 0.25
@@ -30,8 +30,8 @@ class ErrorShape:
 def error_shape(
     images: Iterable[tuple[NDArray, NDArray, float, NDArray[np.bool_] | None]],
 ) -> ErrorShape | None:
-    """images: (measured DN, expected DN, noise variance in DN², where the scene is known or None) [height][width].
-    None where nothing lies beyond noise."""
+    """images: (measured DN, expected DN, noise variance in DN², mask of the known scene or None) [height][width].
+    Returns None if nothing lies beyond noise."""
     sums = {kind: [0.0, 0.0, 0.0] for kind in ("brightness", "dots", "sharpness", "place")}
     beyond = 0.0
     for measured, expected, floor, known in images:
@@ -44,10 +44,19 @@ def error_shape(
         sums["brightness"][0] += float((smooth[mask] ** 2).sum())
         sums["brightness"][1] += float(smooth[mask].sum())
         sums["brightness"][2] += float(mask.sum())
+        starts = [np.arange(0, size, _BLOCK_PX) for size in rest.shape]
         gradients = [np.gradient(expected, axis=axis) for axis in (0, 1)]
         for kind, templates in (("dots", [detail]), ("sharpness", [laplace(expected)]), ("place", gradients)):
             for template in templates:
-                _add(sums[kind], rest, np.where(mask, template, 0.0), floor)
+                # In each block: squares beyond noise that the template explains, and its factor weighted by its square.
+                template = np.where(mask, template, 0.0)
+                cross, square = (
+                    np.add.reduceat(np.add.reduceat(x, starts[0], axis=0), starts[1], axis=1)
+                    for x in (rest * template, template**2)
+                )
+                used = square > 0.0
+                explained = (cross[used] ** 2 / square[used] - floor).sum(), cross[used].sum(), square[used].sum()
+                sums[kind] = [before + float(more) for before, more in zip(sums[kind], explained, strict=True)]
     if beyond <= 0.0:
         return None
     shares = {kind: own[0] / beyond for kind, own in sums.items()}
@@ -63,17 +72,3 @@ def error_shape(
 def _smoothed(image: NDArray, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
     weight = gaussian_filter(mask.astype(np.float64), _SMOOTH_PX)
     return gaussian_filter(image.astype(np.float64), _SMOOTH_PX) / np.maximum(weight, 1e-6)
-
-
-def _add(own: list[float], rest: NDArray, template: NDArray, floor: float) -> None:
-    """Adds what the template explains in each block: squares beyond noise, and its factor weighted by its square."""
-    cross, square = _blocks(rest * template), _blocks(template**2)
-    used = square > 0.0
-    own[0] += float((cross[used] ** 2 / square[used] - floor).sum())
-    own[1] += float(cross[used].sum())
-    own[2] += float(square[used].sum())
-
-
-def _blocks(image: NDArray) -> NDArray[np.float64]:
-    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in image.shape)
-    return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)

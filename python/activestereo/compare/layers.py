@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no ray."""
+"""Light layers: the images of one rig pose under each light alone, so that exposure, power and scale need no ray."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,10 +12,10 @@ from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.lens import distort, is_drawn, undistort
 from activestereo.effects.core.resample import SupersampledImages
 
-# Rendered beyond the frame at finer scales: what calibration errors, lenses and motion bring into sight.
+# Rendered beyond the frame at finer scales: calibration errors, lenses and motion bring it into sight.
 _MARGIN_SHARE = 0.02
 _LARGEST_MARGIN_PX = 200
-# A lens that draws a border pixel so far from where it was looked up draws several places there, or none.
+# A lens that draws a border pixel so far from its place draws several places there, or none.
 _LARGEST_FOLD_PX = 1.0
 # A lens is drawn by resampling, which needs supersampled images.
 _LEAST_SCALE_OF_A_LENS = 2
@@ -52,10 +51,10 @@ class RenderRequest:
 class Layers:
     """One camera's view, float32 [height][width] unless said. Radiance is the mean over the pixel's square.
 
-    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat: what
-    `direct` would be under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions.
+    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat:
+    `direct` under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions.
     depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32. ambient_direct: of
-    `ambient`, what comes straight off the first surface; None where the renderer does not tell it.
+    `ambient`, the part straight off the first surface; None if the renderer does not tell it.
     """
 
     direct: np.ndarray
@@ -82,10 +81,10 @@ class PixelLayers(Layers):
 
 @dataclass(frozen=True)
 class Sampling:
-    """How finely the lights are rendered: scale x scale samples of the image per pixel, margin_px pixels beyond the
+    """The fineness of rendered lights: scale x scale samples of the image per pixel, margin_px pixels beyond the
     frame.
 
-    The samples per pixel stay what they are: they are spread over the supersampled image."""
+    The samples per pixel stay the same, spread over the supersampled image."""
 
     scale: int = 1
     margin_px: int = 0
@@ -112,13 +111,7 @@ class Sampling:
             supersampled, sky = supersampled.warped(column, row), sky and sky.warped(column, row)
         direct, indirect, ambient, flat = (image.astype(np.float32) for image in supersampled.pixels())
         ambient_direct = None if sky is None else sky.pixels()[0].astype(np.float32)
-        surfaces = self._surfaces(layers, column, row)
-        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled=supersampled)
-
-    def _surfaces(
-        self, layers: Layers, column: np.ndarray, row: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Depth, normal and material at pixel positions: of the nearest sample, but depth is a mean where smooth."""
+        # Depth, normal and material at the pixels: of the nearest sample, but depth is a mean on smooth surfaces.
         shape = layers.depth_m.shape
         at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
         exact = [np.clip(x, 0, size - 1.001) for x, size in zip(at, shape, strict=True)]
@@ -131,7 +124,8 @@ class Sampling:
         nearest = layers.depth_m[near_v, near_u]
         smooth = corners.max(axis=0) - corners.min(axis=0) < _SMOOTH_SHARE * corners.min(axis=0)
         depth_m = np.where(smooth, mean, nearest).astype(np.float32)
-        return depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
+        surfaces = depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
+        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled=supersampled)
 
 
 def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -143,7 +137,7 @@ def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[n
 
 
 def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """[2][...]: where the Camera draws what an ideal pinhole of the same K draws at pixels (column, row):
+    """[2][...]: the Camera's pixels for an ideal pinhole's pixels (column, row) of the same K:
     ideal_pixels() inverted; NaN beyond the lens' fold."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
@@ -159,7 +153,19 @@ def sampling_of(rig: Rig, scale: int) -> Sampling:
     cameras = [rig.camera(side) for side in SIDES]
     if scale == 1 and all(camera.is_pinhole for camera in cameras):
         return Sampling()
-    reach = max(_reach_px(camera) for camera in cameras)
+    reach = 0.0  # how far beyond the ideal frames the distorted ones look, pixels
+    for camera in cameras:
+        if camera.is_pinhole:
+            continue
+        right, bottom = camera.width - 1.0, camera.height - 1.0
+        along = np.linspace(0.0, 1.0, 65)
+        border_u = np.concatenate([along * right, along * right, 0 * along, 0 * along + right])
+        border_v = np.concatenate([0 * along, 0 * along + bottom, along * bottom, along * bottom])
+        with np.errstate(all="ignore"):  # a lens beyond all sense diverges
+            u, v = ideal_pixels(camera, border_u, border_v)
+            own = np.max([reach, -u.min(), -v.min(), u.max() - right, v.max() - bottom])
+            fold_px = np.abs(drawn_pixels(camera, u, v) - np.stack([border_u, border_v])).max()
+        reach = float(own) if fold_px < _LARGEST_FOLD_PX and np.isfinite(own) else np.inf
     share = max(int(np.ceil(_MARGIN_SHARE * max(camera.width, camera.height))) for camera in cameras)
     if not reach <= _LARGEST_MARGIN_PX:
         how_far = f"{reach:.0f} pixels" if np.isfinite(reach) else "without limit"
@@ -170,29 +176,10 @@ def sampling_of(rig: Rig, scale: int) -> Sampling:
     return Sampling(max(scale, _LEAST_SCALE_OF_A_LENS), share + int(np.ceil(reach)))
 
 
-def _reach_px(camera: Any) -> float:
-    """How far beyond the ideal frame the distorted one looks, pixels."""
-    if camera.is_pinhole:
-        return 0.0
-    right, bottom = camera.width - 1.0, camera.height - 1.0
-    along = np.linspace(0.0, 1.0, 65)
-    border_u = np.concatenate([along * right, along * right, 0 * along, 0 * along + right])
-    border_v = np.concatenate([0 * along, 0 * along + bottom, along * bottom, along * bottom])
-    with np.errstate(all="ignore"):  # a lens beyond all sense diverges
-        u, v = ideal_pixels(camera, border_u, border_v)
-        reach = np.max([0.0, -u.min(), -v.min(), u.max() - right, v.max() - bottom])
-        is_single_valued = np.abs(drawn_pixels(camera, u, v) - np.stack([border_u, border_v])).max() < _LARGEST_FOLD_PX
-    return float(reach) if is_single_valued and np.isfinite(reach) else np.inf
-
-
 def rig_request(
-    capture: Capture,
-    frame: Frame,
-    samples_per_pixel: int,
-    max_bounces: int,
-    seed: int,
+    capture: Capture, frame: Frame, samples_per_pixel: int, max_bounces: int, seed: int,
     sampling: Sampling = Sampling(),
-) -> RenderRequest:
+) -> RenderRequest:  # fmt: skip
     """The render of a frame's pose: both cameras, and the projector that rides with the rig."""
     rig = capture.rig
     left_to_world = frame.camera_to_world

@@ -38,7 +38,7 @@ VERSION = 4
 
 
 class MattSurfaces(NamedTuple):
-    """Surfaces that a camera sees, alike across what is painted on them, and their albedo [height][width]."""
+    """Surfaces that a camera sees, alike across their paint, and their albedo [height][width]."""
 
     surfaces: Surfaces
     albedo: NDArray[np.float32]
@@ -67,18 +67,17 @@ def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
     """Whether every material of a scene reflects by Lambert's law alone, and no light is its own. is_painted: albedos
     may be textures, which only light of the projector falls on."""
     seen = scene.summary
-    materials = (scene.get_material(number) for number in range(seen.material_count))
-    return seen.light_count == 0 and all(_is_matt(material, is_painted) for material in materials)
-
-
-def _is_matt(m: kuafu.Material, is_painted: bool) -> bool:
-    paint = () if is_painted else (m.base_color_texture, m.ir_albedo_texture)
-    textures = *paint, m.metallic_roughness_texture, m.normal_texture
-    other = (
-        m.metallic, m.specular, m.transmission, m.ir_transmission or 0.0, m.diffuse_transmission, m.subsurface,
-        m.clearcoat, m.diffuse_roughness, m.ir_sheen_color or 0.0, *m.sheen_color, m.ir_emission, *m.emission,
-    )  # fmt: skip
-    return m.bsdf == "gltf" and m.alpha_mode == "opaque" and not any(other) and all(t is None for t in textures)
+    for m in (scene.get_material(number) for number in range(0 if seen.light_count else seen.material_count)):
+        paint = () if is_painted else (m.base_color_texture, m.ir_albedo_texture)
+        textures = *paint, m.metallic_roughness_texture, m.normal_texture
+        other = (
+            m.metallic, m.specular, m.transmission, m.ir_transmission or 0.0, m.diffuse_transmission, m.subsurface,
+            m.clearcoat, m.diffuse_roughness, m.ir_sheen_color or 0.0, *m.sheen_color, m.ir_emission, *m.emission,
+        )  # fmt: skip
+        has_texture = any(texture is not None for texture in textures)
+        if m.bsdf != "gltf" or m.alpha_mode != "opaque" or any(other) or has_texture:
+            return False
+    return seen.light_count == 0
 
 
 def first_light(images: Mapping[str, NDArray], i: int, pattern: NDArray) -> tuple[NDArray, NDArray]:

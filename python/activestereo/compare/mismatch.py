@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a capture's pattern and geometry are those of its files at all: what has to be said before any effect.
+"""Checks a capture's pattern and geometry against its files, before any effect.
 
-The dots are the evidence. Both cameras see the same dots at the scene's depth where its geometry is right, whatever the
-pattern is; and the rendered dots are the measured ones where the pattern is right, too. Both are correlations of images
+The dots are the evidence. Both cameras see the same dots at the scene's depth if its geometry is right, under any
+pattern; and the rendered dots are the measured ones if the pattern is right, too. Both are correlations of images
 without their slow parts, over shifts of a few pixels: effects of calibration may move dots, never exchange them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from activestereo.capture.capture import Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.camera_warp import Warp, warp_between
+from activestereo.compare.camera_warp import warp_between
 from activestereo.compare.noise import NoiseModel
 from activestereo.effects.core.view import View
 
@@ -25,20 +25,19 @@ _SLOW_PX = 3.0
 # Dots may be off by this share of the median disparity, at least by one pixel and at most by so many.
 _SHIFT_SHARE = 0.12
 _MOST_SHIFT_PX = 4
-# Of what noise lets a correlation reach. Another pattern gives 0.05 at most; dots moved, blurred and dimmed by the
+# Of the correlation that noise allows. Another pattern gives 0.05 at most; dots moved, blurred and dimmed by the
 # strongest effects of the library keep more than 0.4.
 _LEAST = 0.25
 # Below this share of it the rendered dots leave so much of the measured ones that it is said.
 _MUCH = 0.75
-_LEAST_DOTS = 1.0  # variance of the dots over that of noise, below which nothing is concluded
+_LEAST_DOTS = 1.0  # variance of the dots over the noise's, below which nothing is concluded
 
 Image = NDArray[np.generic]
 
 
 @dataclass(frozen=True)
 class Match:
-    """Correlations, -1..1, each with the largest that noise allows; None where no dots are seen or there is no frame.
-    """
+    """Correlations, -1..1, each with the largest that noise allows; None without dots or a frame."""
 
     pattern: float | None
     geometry: float | None
@@ -51,7 +50,7 @@ class Match:
 
     @property
     def warnings(self) -> list[str]:
-        """One line each, to be said before all else; empty where pattern and geometry are right or nothing is known."""
+        """One line each, to be said before all else; none if pattern and geometry are right or nothing is known."""
         if self.pattern is None or self.geometry is None or self.possible is None or self.swapped is None:
             return []
         limit = _LEAST * self.possible
@@ -83,12 +82,9 @@ class Match:
 
 
 def match_of(
-    capture: Capture,
-    views: Mapping[ImageKey, View],
-    projector: Mapping[ImageKey, Image],
-    measured: Mapping[ImageKey, Image],
-    noise_model: NoiseModel | None,
-) -> Match:
+    capture: Capture, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
+    measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
+) -> Match:  # fmt: skip
     """The Match of a capture's train frames. projector: rendered light of the projector; measured: DN."""
     frames = [f for f in capture.split("train") if f.projector_power > 0 and not f.is_moving]
     frames = frames[:: max(1, len(frames) // _FRAMES)][:_FRAMES]
@@ -100,13 +96,10 @@ def match_of(
 
 
 def _one(
-    frame: Frame,
-    views: Mapping[ImageKey, View],
-    projector: Mapping[ImageKey, Image],
-    measured: Mapping[ImageKey, Image],
-    noise_model: NoiseModel | None,
-) -> tuple[float, ...] | None:
-    """(frame id, pattern, geometry, swapped, possible), None where dots are not seen."""
+    frame: Frame, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
+    measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
+) -> tuple[float, ...] | None:  # fmt: skip
+    """(frame id, pattern, geometry, swapped, possible), None without dots."""
     keys = (frame.id, "left"), (frame.id, "right")
     left, right = (_fast(measured[key]) for key in keys)
     warp = warp_between(views[keys[0]], views[keys[1]])
@@ -123,23 +116,14 @@ def _one(
     columns = np.arange(inside.shape[1])[None, :]
     disparity = float(np.median(np.abs(columns - warp.u)[inside]))
     reach = int(np.clip(round(_SHIFT_SHARE * disparity), 1, _MOST_SHIFT_PX))
-    pattern = _best_shift(left, _fast(projector[keys[0]]), inside, reach)
-    geometry, swapped = (_between(a, b, warp, inside, reach) for a, b in ((left, right), (right, left)))
-    return frame.id, pattern, geometry, swapped, possible
-
-
-def _between(
-    left: NDArray[np.float64], right: NDArray[np.float64], warp: Warp, inside: NDArray[np.bool_], reach: int
-) -> float:
-    """The best correlation between the cameras over shifts along a row."""
-    return max(_correlation(left[inside], warp.read(right, shift)[inside]) for shift in range(-reach, reach + 1))
-
-
-def _best_shift(image: NDArray[np.float64], other: NDArray[np.float64], inside: NDArray[np.bool_], reach: int) -> float:
-    values, shifts = image[inside], range(-reach, reach + 1)
-    return max(
-        _correlation(values, np.roll(other, (row, column), axis=(0, 1))[inside]) for row in shifts for column in shifts
+    # The best correlations over shifts: of the rendered dots in both directions, of the other camera's along rows.
+    shifts, rendered = range(-reach, reach + 1), _fast(projector[keys[0]])
+    pattern = max(_correlation(left[inside], np.roll(rendered, (v, u), (0, 1))[inside]) for v in shifts for u in shifts)
+    geometry, swapped = (
+        max(_correlation(a[inside], warp.read(b, shift)[inside]) for shift in shifts)
+        for a, b in ((left, right), (right, left))
     )
+    return frame.id, pattern, geometry, swapped, possible
 
 
 def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
@@ -149,7 +133,7 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def _fast(image: Image) -> NDArray[np.float64]:
-    """Without what varies slowly: light of the room, falloff, albedo."""
+    """The image without its slow parts: light of the room, falloff, albedo."""
     value = np.asarray(image, np.float64)
     return value - gaussian_filter(value, _SLOW_PX)
 
@@ -164,6 +148,3 @@ def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
         "albedos or the scene's lights are wrong, or the capture has no room light",
     }
     return [*match.warnings, *(words[name] for name in fit["at_bound"])]
-
-
-__all__: Sequence[str] = ("Match", "match_of", "warnings_of")

@@ -29,7 +29,7 @@ def library(*files: str | Path) -> dict[str, Effect]:
 
 
 def find(effects: dict[str, Effect], effect_id: str) -> Effect:
-    """The effect of an id; ValueError lists what there is, with the nearest."""
+    """The effect of an id. Raises ValueError with all ids and the nearest one."""
     if effect_id not in effects:
         raise ValueError(unknown("effect", effect_id, effects))
     return effects[effect_id]
@@ -37,7 +37,7 @@ def find(effects: dict[str, Effect], effect_id: str) -> Effect:
 
 def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: str | Path | None = None) -> Model:
     """The effects of a model file, or none for None. scene_path: the scene whose surfaces the file may name.
-    ValueError says what is wrong."""
+    Raises ValueError with the fault."""
     if path is None:
         return Model()
     names = surface_names(scene_path)
@@ -48,7 +48,7 @@ def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: 
 
 
 def scene_of(capture_path: str | Path) -> Path | None:
-    """The scene file of a capture folder; None where its capture.json does not tell, which read_capture explains."""
+    """The scene file of a capture folder; None if its capture.json does not tell, which read_capture explains."""
     folder = Path(capture_path)
     file = folder if folder.name == "capture.json" else folder / "capture.json"
     try:

@@ -13,7 +13,7 @@ s^2) / (1 + q2). The noise at gains that no repeat has shown follows from neighb
 
 A capture without repeats has the difference of each frame's two cameras. Where the image is smooth, left and right show
 the same light at the scene's depth: half of the variance of their difference is one camera's noise. Speckle, which
-differs between the cameras, is in it; what the scene's depth gets wrong adds to it, so it is an upper bound.
+differs between the cameras, is in it; errors of the scene's depth add to it, so it is an upper bound.
 
 What is static and random (fixed pattern, static speckle) is not in the floor: it is for effects to explain."""
 
@@ -21,7 +21,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeAlias, TypeVar
+from types import SimpleNamespace
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from scipy.optimize import nnls
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import warp_between
+from activestereo.compare.nuisances import regressors
 from activestereo.effects.core.view import View
 
 _BINS = 40
@@ -50,7 +52,7 @@ _Item = TypeVar("_Item")
 def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
     """The frames of each static view and camera together, in order; frames without repeats are left out.
 
-    items: (frame, camera, what belongs to them).
+    items: (frame, camera, their item).
     """
     groups: dict[tuple[int, str], list[_Item]] = {}
     for frame, side, item in items:
@@ -84,9 +86,9 @@ def repeat_statistics(
     capture: Capture, split: str | None = None, drift: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> list[Repeats]:
     """Pixelwise mean and unbiased variance of every repeat group and camera: [(frames, camera, mean, variance)], DN,
-    NaN where the scene is not known.
+    NaN for an unknown scene.
 
-    drift: {(frame id, side): what is known to differ between repeats, DN [height][width]}, taken out of the images.
+    drift: {(frame id, side): known differences between repeats, DN [height][width]}, taken out of the images.
     """
     known = drift or {}
     statistics = []
@@ -140,39 +142,27 @@ def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
     count = len(frames)
     inside = (mean > 0) & (mean < max_dn - 1)
     mean, variance = mean[inside], variance[inside]
-    edges = _apart(np.quantile(mean, np.linspace(0, 1, _BINS + 1))) if mean.size else np.zeros(1)
+    if not mean.size:
+        return []
+    # Edges that lie too close are left out: repeats of whole numbers agree more often at some means than at others.
+    quantiles = np.quantile(mean, np.linspace(0, 1, _BINS + 1))
+    edges = [quantiles[0]]
+    for edge in quantiles[1:]:
+        if edge >= edges[-1] + _LEAST_WIDTH_DN:
+            edges.append(edge)
     index = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, max(len(edges) - 2, 0))
     rows = []
     for b in np.unique(index):
         m, v = mean[index == b], variance[index == b]
         # A mean of n repeats is itself noisy: its square is too large by variance / n.
         rows.append((frames[0].gain, m.mean(), (m**2 - v / count).mean(), v.mean(), m.size))
-    return _with_weights(rows, count)
-
-
-def _apart(edges: np.ndarray) -> np.ndarray:
-    """Ascending bin edges without those that lie too close: repeats of whole numbers agree more often at some means
-    than at others."""
-    kept = [edges[0]]
-    for edge in edges[1:]:
-        if edge >= kept[-1] + _LEAST_WIDTH_DN:
-            kept.append(edge)
-    return np.array(kept)
-
-
-def _with_weights(rows: list[Any], count: Any) -> list[Any]:
-    """The rows with weights in place of their pixel counts. A bin's error goes by the variance around it: equal and
-    unequal numbers have different means, so that a bin's own variance is large or small by how whole numbers fall into
-    it."""
-    if not rows:
-        return rows
-    gain, mean, square, variance, pixels = np.array(rows).T
-    around = uniform_filter1d(variance * pixels, _NEIGHBOURS, mode="nearest") / uniform_filter1d(
-        pixels, _NEIGHBOURS, mode="nearest"
-    )
+    # A bin's error goes by the variance around it: equal and unequal numbers have different means, so that a bin's own
+    # variance is large or small by how whole numbers fall into it.
+    gain, means, square, variances, pixels = np.array(rows).T
+    around, size = (uniform_filter1d(x, _NEIGHBOURS, mode="nearest") for x in (variances * pixels, pixels))
     # Pixels that vary less than rounding does are clipped somewhere on their way: they must not pass for exact.
-    error = np.maximum(around, ROUNDING_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
-    return list(zip(gain, mean, square, variance, 1.0 / error, strict=True))
+    error = np.maximum(around / size, ROUNDING_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
+    return list(zip(gain, means, square, variances, 1.0 / error, strict=True))
 
 
 def frame_noise_variances(
@@ -181,8 +171,8 @@ def frame_noise_variances(
     """({(frame id, side): (variance in DN^2, "repeats" or "noise model")}, noise model). Without any repeats: ({},
     None).
 
-    The noise model is fitted on the train repeats where there are any, else on all. no_noise: DN [height][width] that
-    are taken out of images: of repeats what is known to differ between them, of others what is no light.
+    The noise model is fitted on the train repeats if there are any, else on all. no_noise: DN [height][width] that are
+    taken out of images: of repeats their known differences, of others DN that are no light.
     """
     known = no_noise or {}
     statistics = repeat_statistics(capture, drift=known)
@@ -208,27 +198,12 @@ _ALIKE = 0.1
 _OUTLIER = 12.0
 
 
-class ObservedImage(Protocol):
-    """One camera of one frame: measured DN [height][width], view.max_dn, key (frame id, side)."""
-
-    @property
-    def frame(self) -> Frame: ...
-    @property
-    def view(self) -> View: ...
-    @property
-    def measured(self) -> np.ndarray: ...
-    @property
-    def key(self) -> tuple[int, str]: ...
-
-
 def noise_model_at_other_gains(
-    noise_model: NoiseModel,
-    observations: Sequence[ObservedImage],
-    images: dict[tuple[int, str], np.ndarray],
+    noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray],
     shown_gains: set[float],
-) -> NoiseModel:
+) -> NoiseModel:  # fmt: skip
     """The noise model with the shot noise that frames at other gains than the repeats' show between neighbours alike in
-    expected value.
+    expected value. observations: objects with the frame, the view, the measured DN and the key (frame id, side).
 
     What a missing effect leaves there grows with the square of the signal, at all gains alike: the shown gains tell
     how much.
@@ -246,12 +221,9 @@ def noise_model_at_other_gains(
 
 
 def _slope(
-    noise_model: NoiseModel,
-    observations: Sequence[ObservedImage],
-    images: dict[tuple[int, str], np.ndarray],
-    lever_of: Callable,
+    noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray], lever_of: Callable,
     missing: float,
-) -> float:
+) -> float:  # fmt: skip
     """By how much the variance between alike neighbours, beyond the noise model's and missing x signal^2, grows with a
     lever.
     """
@@ -282,7 +254,7 @@ Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
 
 
 def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | None:
-    """A NoiseModel from (left view, right view, left DN, right DN) of frames; None where too little is smooth."""
+    """A NoiseModel from (left view, right view, left DN, right DN) of frames; None if too little is smooth."""
     rows = [row for pair in pairs for row in _rows(*pair)]
     if not rows:
         return None
@@ -299,7 +271,10 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
     rest = image - there
     rest = rest - gaussian_filter(rest, _LOCAL_MEAN_PX)
     kept = 1.0 - 1.0 / (2.0 * np.pi * _LOCAL_MEAN_PX**2)  # of the variance, by first order, without the local mean
-    one_side = rest**2 / (kept * (1.0 + warp.interpolation_variance))
+    # A linear interpolation's variance is this part of a pixel's.
+    u, v = warp.u - np.floor(warp.u), warp.v - np.floor(warp.v)
+    interpolated = (u**2 + (1.0 - u) ** 2) * (v**2 + (1.0 - v) ** 2)
+    one_side = rest**2 / (kept * (1.0 + interpolated))
     slope = gaussian_gradient_magnitude(image, 1.0) + gaussian_gradient_magnitude(there, 1.0)
     usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.max_dn - 1)
     if left.known is not None:
@@ -323,25 +298,12 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
     return rows
 
 
-@dataclass(frozen=True)
-class _Shot:
-    frame: Frame
-    view: View
-    measured: np.ndarray
-    key: ImageKey
-
-
 def noise_variances_of(
-    capture: Capture,
-    views: Mapping[ImageKey, View],
-    measured: Mapping[ImageKey, np.ndarray],
-    predicted: Mapping[ImageKey, np.ndarray],
-    black_dn: float,
-    no_noise: Mapping[ImageKey, np.ndarray],
-) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:
-    """({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model). Empty and None where
-    not even the pairs tell: nothing in them is smooth. predicted: expected DN; no_noise: what is known to differ
-    between repeats, DN."""
+    capture: Capture, views: Mapping[ImageKey, View], measured: Mapping[ImageKey, np.ndarray],
+    predicted: Mapping[ImageKey, np.ndarray], black_dn: float, no_noise: Mapping[ImageKey, np.ndarray],
+) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:  # fmt: skip
+    """({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model). Empty and None if
+    nothing in the pairs is smooth. predicted: expected DN; no_noise: known differences between repeats, DN."""
     noise_variances, noise_model = frame_noise_variances(capture, black_dn, no_noise)
     if noise_model is None:
         frames = capture.split("train") or capture.frames
@@ -354,8 +316,12 @@ def noise_variances_of(
         return {
             key: (_variance(noise_model, measured[key], views[key].frame.gain), "pair") for key in measured
         }, noise_model
-    # As a diagnosis has it: at gains that no repeat shows the noise model is what neighbours tell.
-    train = [_Shot(f, views[f.id, e], measured[f.id, e], (f.id, e)) for f in capture.split("train") for e in SIDES]
+    # As in a diagnosis, neighbours tell the noise model at gains that no repeat shows.
+    train = [
+        SimpleNamespace(frame=f, view=views[f.id, e], measured=measured[f.id, e], key=(f.id, e))
+        for f in capture.split("train")
+        for e in SIDES
+    ]
     shown = {f.gain for f in capture.split("train") if f.repeat_group is not None}
     noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
     others = {key: view.frame.gain for key, view in views.items() if view.frame.gain not in shown}
@@ -367,3 +333,39 @@ def noise_variances_of(
 
 def _variance(noise_model: NoiseModel, image: np.ndarray, gain: float) -> float:
     return max(noise_model.mean_variance(image, gain), ROUNDING_VARIANCE)
+
+
+# Neighbouring rows that are taken to see one brightness: 0.4 ms at 26 us a line, a twentieth of a period of 120 Hz.
+_LAMP_ROWS = 15
+# Share of the rows' change that neighbours have to have in common; independent rows have 1 / _LAMP_ROWS.
+_LAMP_SHARE = 0.5
+
+
+def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
+    """{(frame id, side): DN [height][width]} by which a flickering lamp makes a repeat differ from its group's mean:
+    this is no noise, but the variance of repeats contains it. Empty if neighbouring rows do not change together, or if
+    one level for all pixels tells more.
+
+    A rolling shutter lays the lamp's brightness over time along the rows: in every row the ambient light is brighter or
+    darker by one factor, and neighbouring rows have nearly the same factor. Noise that a row's pixels share has another
+    value in every row, and is left to the floor. measured_images: {(frame id, side): (frame, its rendered light,
+    measured DN [height][width])}.
+    """
+    found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
+
+    def common(change: np.ndarray, light: np.ndarray, rows: int = _LAMP_ROWS) -> np.ndarray:
+        """The part of a change that neighbouring rows have in common: the light times one factor in each row."""
+        moment, power = (uniform_filter1d((x * light).sum(axis=1), rows, mode="nearest") for x in (change, light))
+        return (moment / np.maximum(power, 1e-12))[:, None] * light
+
+    for keys in by_repeats((frame, key[1], key) for key, (frame, *_) in measured_images.items()):
+        mean = np.mean([measured_images[key][2] for key in keys], axis=0)
+        for key in keys:
+            frame, light, measured = measured_images[key]
+            ambient = regressors(frame, light)[1]
+            change = measured - mean
+            found[key] = common(change, ambient)
+            lamp += float((found[key] ** 2).sum())
+            level += float((common(change, np.ones(ambient.shape)) ** 2).sum())
+            all_rows += float((common(change, ambient, 1) ** 2).sum())
+    return found if lamp > max(_LAMP_SHARE * all_rows, level) else {}

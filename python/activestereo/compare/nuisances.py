@@ -15,8 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -30,10 +29,10 @@ if TYPE_CHECKING:
 # Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
 # mean.
 _CLIP_MARGIN_SIGMA = 4.0
-# Rounds of what is clipped, of a bent line, of its level, and of exposures that are not exact.
+# Rounds of the clipped pixels, of a bent line, of its level, and of exposures that are not exact.
 _CLIP_ROUNDS, _BENT_ROUNDS, _LEVEL_ROUNDS, _EXPOSURE_ROUNDS = 4, 8, 12, 3
 _STEP = 1e-3
-# A step is halved where the residual deviation grows by more than this factor: noise of what is clipped is less.
+# A step is halved if the residual deviation grows by more than this factor: clipped pixels make less noise.
 _WORSE = 1.01
 # (Frame or View, light, the nuisances or None at the start) -> (columns [3][n], offset [n] or 0): the expected image is
 # offset + nuisances @ columns.
@@ -42,8 +41,7 @@ _Line: TypeAlias = Callable[[Any, Any, "np.ndarray | None"], "tuple[np.ndarray, 
 
 @dataclass(frozen=True)
 class Nuisances:
-    """projector_scale, ambient_scale: DN per (second x gain x unit of rendered radiance); black_dn: DN without light.
-    """
+    """projector_scale, ambient_scale: DN per (second x gain x unit of rendered radiance); black_dn: without light."""
 
     projector_scale: float
     ambient_scale: float
@@ -70,18 +68,9 @@ class Fit:
         return asdict(self) | {"at_bound": list(self.at_bound)}
 
 
-class Images(Protocol):
-    """A view's light of the projector and of the room, [height][width]: Layers, or a Light."""
-
-    @property
-    def projector(self) -> np.ndarray: ...
-
-    @property
-    def ambient(self) -> np.ndarray: ...
-
-
-def regressors(frame: Frame, light: Images) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The derivatives of an unclipped prediction by (projector scale, ambient scale, black), each [height][width]."""
+def regressors(frame: Frame, light: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The derivatives of an unclipped prediction by (projector scale, ambient scale, black), each [height][width].
+    light: Layers, or a Light."""
     projector, ambient = scales(frame)
     images = light.projector.astype(np.float64) * projector, light.ambient.astype(np.float64) * ambient
     return *images, np.ones(light.ambient.shape)
@@ -97,7 +86,7 @@ def slopes(image: Callable[..., np.ndarray], nuisances: np.ndarray) -> tuple[np.
     return here, columns
 
 
-def predict(frame: Frame, light: Images, nuisances: Nuisances, max_dn: float) -> np.ndarray:
+def predict(frame: Frame, light: Any, nuisances: Nuisances, max_dn: float) -> np.ndarray:
     """Expected DN before rounding, float64 [height][width], clipped to 0..max_dn."""
     columns = regressors(frame, light)
     value = sum(scale * column for scale, column in zip(nuisances.vector(), columns, strict=True))
@@ -107,8 +96,8 @@ def predict(frame: Frame, light: Images, nuisances: Nuisances, max_dn: float) ->
 def fit_nuisances(
     observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float, black_dn: tuple[float, float] | None = None
 ) -> Fit:
-    """observations: (frame, light, measured DN, NaN where it is not to count). black_dn: the measured black level and
-    its deviation, which is then held. Returns a Fit; ValueError where there is nothing to fit."""
+    """observations: (frame, light, measured DN, NaN for pixels that do not count). black_dn: the measured black level
+    and its deviation, which is then held. Raises ValueError if there is nothing to fit."""
     return _fitted(observations, _straight, max_dn, black_dn)
 
 
@@ -120,17 +109,39 @@ def fit_under_model(
     linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn, black_dn)
     if model.is_linear:
         return linear
-    start = _at_measured_level(model, observations, linear.nuisances)
-    return _fitted(observations, partial(_touching, model), max_dn, black_dn, start)
+    # 1. A model that bends the line much: its scales are doubled or halved until it is as bright as the measurement.
+    own = linear.nuisances
+    black, target = own.black_dn, sum(float(np.nansum(measured - own.black_dn)) for _, _, measured in observations)
+    factor = previous = 1.0
+    for _ in range(_LEVEL_ROUNDS):
+        scaled = Nuisances(factor * own.projector_scale, factor * own.ambient_scale, black)
+        level = sum(
+            float(np.sum((model.signal(light, view, scaled) - black)[np.isfinite(measured)]))
+            for view, light, measured in observations
+        )
+        step = 2.0 if level < 0.8 * target else 0.5 if level > 1.25 * target else 1.0
+        if step == 1.0 or step * previous == 1.0:
+            break
+        factor, previous = factor * step, step
+
+    # 2. Steps along the line that touches the model's images at the nuisances.
+    def touching(view: View, light: Any, nuisances: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        assert nuisances is not None
+        here, columns = slopes(lambda *values: model.signal(light, view, Nuisances(*values)).ravel(), nuisances)
+        along = np.stack(columns)
+        return along, here - nuisances @ along
+
+    start = np.array([factor * own.projector_scale, factor * own.ambient_scale, black])
+    return _fitted(observations, touching, max_dn, black_dn, start)
 
 
 def fit_with_exposures(
     capture: Capture, model: Any, lights: Mapping[ImageKey, Any], views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
 ) -> tuple[Fit, dict[ImageKey, View]]:  # fmt: skip
-    """(fit_under_model() of the train frames, the views): with the exposures that fit best, of test frames, too, where
-    the capture states that they are not exact. lights: {(frame id, side): what falls on the sensor}. CaptureError where
-    there is nothing to fit."""
+    """(fit_under_model() of the train frames, the views). Also fits exposures (of test frames, too) if the capture
+    states them as inexact. lights: {(frame id, side): the light on the sensor}. Raises CaptureError if there is nothing
+    to fit."""
     seen = dict(views)
 
     def fit() -> Fit:
@@ -145,7 +156,13 @@ def fit_with_exposures(
     for _ in range(_EXPOSURE_ROUNDS if capture.uncertainty.exposure else 0):
         for frame in capture.frames:
             keys = [(frame.id, side) for side in SIDES]
-            share = _exposure_share(model, [(seen[key], lights[key], measured[key]) for key in keys], found)
+            both = np.zeros(2)  # the factor on the frame's light, if something tells it
+            for key in keys:
+                view, image, black_dn = seen[key], measured[key], found.nuisances.black_dn
+                expected = model.signal(lights[key], view, found.nuisances) - black_dn
+                keep = (expected > 0.0) & (image < view.max_dn - 1)  # False for unknown pixels, NaN
+                both += expected[keep] @ (image[keep] - black_dn), expected[keep] @ expected[keep]
+            share = float(both[0] / both[1]) if both.min() > 0.0 else 1.0
             for key in keys:
                 exposed = replace(seen[key].frame, exposure_s=share * seen[key].frame.exposure_s)
                 seen[key] = replace(seen[key], frame=exposed)
@@ -154,73 +171,31 @@ def fit_with_exposures(
 
 
 def predict_under_model(
-    capture: Capture,
-    model: Any,
-    lights: Sequence[Mapping[ImageKey, Any]],
-    views: Mapping[ImageKey, View],
+    capture: Capture, model: Any, lights: Sequence[Mapping[ImageKey, Any]], views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
-) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:
+) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:  # fmt: skip
     """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN, [height][width] each}) under a
     Model.
 
-    lights: {(frame id, side): what falls on the sensor}: those that are fitted, then those whose images are wanted, or
-    the first alone where they are the same; views and measured: {(frame id, side): View and DN}. CaptureError where
+    lights: {(frame id, side): the light on the sensor}: those that are fitted, then those whose images are wanted, or
+    the first alone if they are the same. views and measured: {(frame id, side): View and DN}. Raises CaptureError if
     there is nothing to fit.
     """
     fit, seen = fit_with_exposures(capture, model, lights[0], views, measured)
     wanted = lights[1:] or lights
-    return fit, {
-        key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in seen.items()
-    }
+    return fit, {key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in seen.items()}
 
 
-def _exposure_share(model: Any, observations: Sequence[Any], fit: Fit) -> float:
-    """By what one frame's light is to be multiplied; 1 where nothing tells it."""
-    both = np.zeros(2)
-    for view, light, measured in observations:
-        expected = model.signal(light, view, fit.nuisances) - fit.nuisances.black_dn
-        keep = (expected > 0.0) & (measured < view.max_dn - 1)  # of what is not known, NaN, it does not hold
-        both += expected[keep] @ (measured[keep] - fit.nuisances.black_dn), expected[keep] @ expected[keep]
-    return float(both[0] / both[1]) if both.min() > 0.0 else 1.0
-
-
-def _straight(frame: Frame, light: Images, nuisances: np.ndarray | None) -> tuple[np.ndarray, float]:
+def _straight(frame: Frame, light: Any, nuisances: np.ndarray | None) -> tuple[np.ndarray, float]:
     """The line of a sensor without effects."""
     return np.stack([column.ravel() for column in regressors(frame, light)]), 0.0
 
 
-def _at_measured_level(model: Any, observations: Sequence[Any], start: Nuisances) -> np.ndarray:
-    """start, its scales doubled or halved until a model that bends the line much is as bright as what was measured."""
-    black, target = start.black_dn, sum(float(np.nansum(measured - start.black_dn)) for _, _, measured in observations)
-    factor = previous = 1.0
-    for _ in range(_LEVEL_ROUNDS):
-        scaled = Nuisances(factor * start.projector_scale, factor * start.ambient_scale, black)
-        level = sum(
-            float(np.sum((model.signal(light, view, scaled) - black)[np.isfinite(measured)]))
-            for view, light, measured in observations
-        )
-        step = 2.0 if level < 0.8 * target else 0.5 if level > 1.25 * target else 1.0
-        if step == 1.0 or step * previous == 1.0:
-            break
-        factor, previous = factor * step, step
-    return np.array([factor * start.projector_scale, factor * start.ambient_scale, black])
-
-
-def _touching(model: Any, view: View, light: Any, nuisances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The line that touches a model's images at the nuisances."""
-    here, columns = slopes(lambda *values: model.signal(light, view, Nuisances(*values)).ravel(), nuisances)
-    along = np.stack(columns)
-    return along, here - nuisances @ along
-
-
 def _fitted(
-    observations: Sequence[Any],
-    line: _Line,
-    max_dn: float,
-    black_dn: tuple[float, float] | None,
+    observations: Sequence[Any], line: _Line, max_dn: float, black_dn: tuple[float, float] | None,
     solution: np.ndarray | None = None,
-) -> Fit:
-    """solution: where a bent line begins; None for a straight one."""
+) -> Fit:  # fmt: skip
+    """solution: the start on a bent line; None for a straight one."""
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
     total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
@@ -229,7 +204,10 @@ def _fitted(
         with np.errstate(over="ignore", invalid="ignore"):
             gram, moment, energy, used = _normal_equations(observations, line, solution, deviation, max_dn)
         if not np.isfinite(gram).all():
-            raise ValueError(_beyond_measure(observations))
+            frames = [getattr(seen, "frame", seen) for seen, _, _ in observations]
+            most = max(frames, key=lambda frame: frame.exposure_gain)
+            text = f"frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all measure"
+            raise ValueError(f"nothing to fit: {text}")
         if used == 0 and best is None:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
         if solution is not None and not is_straight:  # a step along a strongly bent line may overshoot: then half of it
@@ -250,18 +228,10 @@ def _fitted(
 
 
 def _deviation(solution: np.ndarray, gram: np.ndarray, moment: np.ndarray, energy: float, used: int) -> float:
-    """RMS residual of the used pixels, DN; infinite where there is none."""
+    """RMS residual of the used pixels, DN; infinite without any."""
     if used == 0:
         return np.inf
     return float(np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used))
-
-
-def _beyond_measure(observations: Sequence[Any]) -> str:
-    frames = [getattr(seen, "frame", seen) for seen, _, _ in observations]
-    most = max(frames, key=lambda frame: frame.exposure_gain)
-    return (
-        f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all measure"
-    )
 
 
 def _normal_equations(
@@ -275,7 +245,7 @@ def _normal_equations(
         measured_dn = measured.ravel().astype(np.float64)
         value = measured_dn - offset
         if solution is None:
-            keep = (measured_dn > 0) & (measured_dn < max_dn)  # of what is not known, NaN, neither holds
+            keep = (measured_dn > 0) & (measured_dn < max_dn)  # False for unknown pixels, NaN
         else:
             predicted = solution @ columns + offset
             margin = _CLIP_MARGIN_SIGMA * deviation
@@ -296,14 +266,8 @@ def solve_bounded(
     matrix, and the scales at that bound. A light that no train frame shows gets scale 0. black_dn: as of
     fit_nuisances()."""
     if black_dn is not None:
-        scales, inverse, at_bound = _bounded(gram[:2, :2], moment[:2] - gram[:2, 2] * black_dn[0])
-        return np.append(scales, black_dn[0]), np.pad(inverse, (0, 1)), at_bound
-    return _bounded(gram, moment)
-
-
-def _bounded(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """solve_bounded() of all unknowns that there are: both scales come first."""
-    size = len(moment)
+        gram, moment = gram[:2, :2], moment[:2] - gram[:2, 2] * black_dn[0]
+    size = len(moment)  # of the unknowns: both scales come first
     best: tuple[float, np.ndarray, np.ndarray, tuple[int, ...]] | None = None
     for fixed in ((), (0,), (1,), (0, 1)):
         free = [j for j in range(size) if j not in fixed]
@@ -316,4 +280,7 @@ def _bounded(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarr
         if not fixed and best is not None:
             break
     assert best is not None  # with both fixed nothing is left that could be negative
-    return best[1], best[2], tuple(("projector_scale", "ambient_scale")[j] for j in best[3])
+    _, solution, inverse, fixed = best
+    if black_dn is not None:
+        solution, inverse = np.append(solution, black_dn[0]), np.pad(inverse, (0, 1))
+    return solution, inverse, tuple(("projector_scale", "ambient_scale")[j] for j in fixed)

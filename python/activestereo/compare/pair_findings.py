@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Findings from a rectified infrared pair without a scene: saturation, gain and offset between the cameras, row offset,
-and f x baseline against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image: pixels
-are not independent.
+and f x baseline against the device's own depth; and statistics of its dots and noise. Intervals are 95 %, from a
+bootstrap over blocks of the image: pixels are not independent.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, map_coordinates, maximum_filter
 
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.bootstrap import interval
 
 _BLOCK_PX = 48
@@ -27,7 +29,7 @@ _LEAST_PIXELS = 500
 
 @dataclass(frozen=True)
 class Finding:
-    """text: what it is; value with its interval, in unit; neutral: the value of a perfect pair."""
+    """text: its name in words; value with its interval, in unit; neutral: the value of a perfect pair."""
 
     name: str
     text: str
@@ -46,25 +48,25 @@ class Finding:
 
 
 def pair_findings(
-    left: np.ndarray,
-    right: np.ndarray,
-    disparity: np.ndarray,
-    max_dn: float,
+    left: np.ndarray, right: np.ndarray, disparity: np.ndarray, max_dn: float,
     device_disparity: np.ndarray | None = None,
-) -> list[Finding]:
+) -> list[Finding]:  # fmt: skip
     """Findings of a pair: left, right DN [height][width]; disparity: matched, left image, 0 = none; device_disparity:
-    the device's own on the same grid, at its nominal f x baseline, 0 = none. ValueError where too little of the image
-    is matched."""
+    the device's own on the same grid, at its nominal f x baseline, 0 = none. Raises ValueError if too little of the
+    image is matched."""
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
     blocks = Blocks(left.shape)
-    found = [_saturation("left", left, max_dn, blocks), _saturation("right", right, max_dn, blocks)]
+    found, everywhere = [], np.ones(left.shape, bool)
+    for side, image in (("left", left), ("right", right)):
+        share = blocks.sums(image >= max_dn, everywhere) / blocks.sums(everywhere, everywhere)
+        found.append(_finding(f"saturated_{side}", f"pixels of the {side} image at full scale", share, "1"))
     v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
     seen = (disparity > 0) & (u - disparity >= 1)
     if seen.sum() < _LEAST_PIXELS:
         raise ValueError(f"only {int(seen.sum())} pixels of the pair are matched; {_LEAST_PIXELS} are needed")
     there = map_coordinates(right, [v, u - disparity], order=1, mode="nearest")
     found += _gain(left, there, seen & (left < max_dn - 1) & (there < max_dn - 1), blocks)
-    found += _rows(left, right, disparity, seen & (left < max_dn - 1), blocks, u, v)
+    found += _rows(left, right, disparity, seen & (left < max_dn - 1), blocks)
     if device_disparity is not None:
         found += _scale(disparity, device_disparity, blocks)
     return found
@@ -87,15 +89,9 @@ class Blocks:
         return self._weights @ of_block
 
 
-def _finding(name: str, text: str, draws: np.ndarray, unit: str, neutral: float) -> Finding:
+def _finding(name: str, text: str, draws: np.ndarray, unit: str, neutral: float = 0.0) -> Finding:
     low, high = interval(draws[1:])
     return Finding(name, text, float(draws[0]), float(low), float(high), unit, neutral)
-
-
-def _saturation(side: str, image: np.ndarray, max_dn: float, blocks: Any) -> Finding:
-    everywhere = np.ones(image.shape, bool)
-    share = blocks.sums(image >= max_dn, everywhere) / blocks.sums(everywhere, everywhere)
-    return _finding(f"saturated_{side}", f"pixels of the {side} image at full scale", share, "1", 0.0)
 
 
 def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) -> list[Finding]:
@@ -112,21 +108,16 @@ def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) ->
     slope = (bb - aa + np.sqrt((bb - aa) ** 2 + 4 * ab**2)) / (2 * np.where(ab != 0, ab, 1e-12))
     return [
         _finding("gain_ratio", "gain of the right camera over the left", slope, "1", 1.0),
-        _finding("offset_dn", "offset of the right camera at that gain", mean_b - slope * mean_a, "DN", 0.0),
+        _finding("offset_dn", "offset of the right camera at that gain", mean_b - slope * mean_a, "DN"),
     ]
 
 
 def _rows(
-    left: np.ndarray,
-    right: np.ndarray,
-    disparity: np.ndarray,
-    mask: np.ndarray,
-    blocks: Any,
-    u: np.ndarray,
-    v: np.ndarray,
+    left: np.ndarray, right: np.ndarray, disparity: np.ndarray, mask: np.ndarray, blocks: Blocks
 ) -> list[Finding]:
     """By how much the right image's rows lie lower, and how that changes from top to bottom and from left to right:
     least squares on the derivative along columns, Lucas and Kanade's step once."""
+    v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
     there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
     above, below = (
         map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1)
@@ -141,9 +132,9 @@ def _rows(
     moment = np.stack([blocks.sums(a * rest, mask) for a in columns], axis=1)
     solution = np.linalg.solve(gram + 1e-9 * np.eye(3), moment[..., None])[..., 0]
     return [
-        _finding("row_offset_px", "rows of the right image lie lower by", solution[:, 0], "px", 0.0),
-        _finding("row_offset_across_px", "further at the right border (roll) by", 2 * solution[:, 1], "px", 0.0),
-        _finding("row_offset_down_px", "further at the bottom (pitch, focal) by", 2 * solution[:, 2], "px", 0.0),
+        _finding("row_offset_px", "rows of the right image lie lower by", solution[:, 0], "px"),
+        _finding("row_offset_across_px", "further at the right border (roll) by", 2 * solution[:, 1], "px"),
+        _finding("row_offset_down_px", "further at the bottom (pitch, focal) by", 2 * solution[:, 2], "px"),
     ]
 
 
@@ -159,10 +150,10 @@ def _scale(disparity: np.ndarray, device: np.ndarray, blocks: Any) -> list[Findi
     scale, offset = dr / np.maximum(dd, 1e-12), r / np.maximum(n, 1.0)
     beside = (n * dr - d * r) / determinant
     return [
-        _finding("focal_baseline_error", "f x baseline larger than given, alone, by", scale, "1", 0.0),
-        _finding("disparity_offset_px", "or disparity larger than given, alone, by", offset, "px", 0.0),
-        _finding("focal_baseline_error_beside_offset", "or f x baseline, with an offset, by", beside, "1", 0.0),
-        _finding("offset_beside_scale_px", "and that offset", (dd * r - d * dr) / determinant, "px", 0.0),
+        _finding("focal_baseline_error", "f x baseline larger than given, alone, by", scale, "1"),
+        _finding("disparity_offset_px", "or disparity larger than given, alone, by", offset, "px"),
+        _finding("focal_baseline_error_beside_offset", "or f x baseline, with an offset, by", beside, "1"),
+        _finding("offset_beside_scale_px", "and that offset", (dd * r - d * dr) / determinant, "px"),
     ]
 
 
@@ -176,4 +167,94 @@ def findings_text(findings: Sequence[Finding]) -> str:
         lines.append(f"{f.text + ':':42}{value:9.3g}{mark}{unit:3}({low:.3g} to {high:.3g})")
     if not all(f.stands_out for f in findings):
         lines.append("* a perfect pair may show this, too")
+    return "\n".join(lines)
+
+
+BLUR_PX = 4.0
+# A dot's peak stands so many standard deviations of the noise above its surroundings.
+_PEAK = 5.0
+_LEVELS_DN = (20.0, 40.0)
+_SMOOTHEST = 0.25
+_DARKEST = 1e-3
+_WARP_NOISE = 0.75  # share of white noise that cubic interpolation keeps on average over all fractions of a pixel
+
+Image = NDArray[np.float64]
+
+
+def residual_image(left: Image, right: Image, disparity: NDArray[np.floating]) -> tuple[Image, NDArray[np.bool_]]:
+    """(left less right at the disparity, both without their blur, DN; a mask of the places that both cameras see)."""
+    v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
+    seen = (disparity > 0) & (u - disparity >= 1)
+    there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
+    rest = np.where(seen, left - there, 0.0)
+    weight = gaussian_filter(seen.astype(np.float64), BLUR_PX)
+    return np.where(seen, rest - gaussian_filter(rest, BLUR_PX) / np.maximum(weight, 1e-6), 0.0), seen
+
+
+def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], max_dn: float) -> list[Finding]:
+    """Statistics of dots and noise in one rectified pair, DN [height][width], to lay beside those of a simulated pair.
+    disparity: matched, 0 = none.
+
+        dot RMS      of the left image less its Gaussian blur of 4 px
+        residual     the same of left less right at the matched disparity, over sqrt 2, as a share of the dot RMS
+        noise        half of the variance of left less right in smooth parts, by level: an upper bound, for speckle and
+                     errors of the disparity are in it
+        black level  the darkest thousandth of both images: an upper bound, too
+    """
+    left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
+    blocks, inside = Blocks(left.shape), left < max_dn - 1
+    rest, seen = residual_image(left, right, disparity)
+    sharp = left - gaussian_filter(left, BLUR_PX)
+    both = seen & inside & (right < max_dn - 1)
+    dots = blocks.sums(sharp**2, both)
+    count = np.maximum(blocks.sums(np.ones(left.shape), both), 1.0)
+    slope = gaussian_gradient_magnitude(left, 1.0)
+    is_smooth = slope <= np.quantile(slope, _SMOOTHEST)
+    chosen = rest[both & is_smooth] ** 2 / (1.0 + _WARP_NOISE)  # of one camera
+    noise_dn2 = np.maximum(chosen, ROUNDING_VARIANCE) if chosen.size else np.array([ROUNDING_VARIANCE])
+    peaks = (sharp == maximum_filter(sharp, 3)) & (sharp > _PEAK * np.sqrt(np.median(noise_dn2))) & inside
+    everywhere = np.ones(left.shape, bool)
+    area = blocks.sums(np.ones(left.shape), everywhere)
+    height = blocks.sums(sharp, peaks) / np.maximum(blocks.sums(np.ones(left.shape), peaks), 1.0)
+    out = [
+        _finding("background_dn", "median of the left image", np.full(len(area), np.median(left)), "DN"),
+        _finding(
+            "dots_per_1000_px",
+            "peaks of dots in 1000 pixels",
+            1e3 * blocks.sums(peaks.astype(float), everywhere) / area,
+            "",
+        ),
+        _finding("dot_peak_dn", "mean height of a dot", height, "DN"),
+        _finding("dot_rms_dn", "RMS of dots and texture, left", np.sqrt(dots / count), "DN"),
+        _finding(
+            "residual_share",
+            "left less right, over that RMS",
+            np.sqrt(blocks.sums(rest**2, both) / 2.0 / np.maximum(dots, 1e-9)),
+            "1",
+        ),
+    ]
+    level = gaussian_filter(left, 1.0)
+    chosen = both & (level > _LEVELS_DN[0]) & (level < _LEVELS_DN[1]) & is_smooth
+    if chosen.sum() > 200:
+        variance = blocks.sums(rest**2, chosen) / np.maximum(blocks.sums(np.ones(left.shape), chosen), 1.0)
+        out.append(
+            _finding("noise_20_40_dn", "noise at 20 to 40 DN, at most", np.sqrt(variance / (1.0 + _WARP_NOISE)), "DN")
+        )
+    darkest = float(np.quantile(np.concatenate([left.ravel(), right.ravel()]), _DARKEST))
+    out.append(_finding("black_dn", "black level, at most", np.full(len(area), darkest), "DN"))
+    return out
+
+
+def statistics_text(columns: dict[str, list[Finding]]) -> str:
+    """A table: one row for each figure, one column for each pair."""
+    lines = [f"{'':32}" + "".join(f"{name:>24}" for name in columns)]
+    for shown in {f.name: f for findings in columns.values() for f in findings}.values():
+        (scale, unit), line = (100.0, "%") if shown.unit == "1" else (1.0, shown.unit), f"{shown.text + ':':32}"
+        for findings in columns.values():
+            found = next((f for f in findings if f.name == shown.name), None)
+            text = "-" if found is None else f"{scale * found.value:.3g} {unit}"
+            if found is not None and found.high > found.low:
+                text += f" ({scale * found.low:.3g}-{scale * found.high:.3g})"
+            line += f"{text:>24}"
+        lines.append(line)
     return "\n".join(lines)

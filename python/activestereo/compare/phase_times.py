@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long the phases of commands took on this machine, kept beside the cache of renders: what is left of a run is
-estimated by the runs before."""
+"""Durations of commands' phases on this machine, kept beside the cache of renders. They estimate the rest of a run."""
 
 from __future__ import annotations
 
@@ -62,11 +61,7 @@ class PhaseTimes:
 
 
 def _runs(stored: Any) -> tuple[tuple[float, float], ...]:
-    """(megapixels, seconds) of what is a list of these."""
+    """(megapixels, seconds) of a list of such pairs; others are left out."""
     pairs = [run for run in stored if isinstance(run, list) and len(run) == 2] if isinstance(stored, list) else []
-    is_run = lambda work, seconds: _is_number(work) and _is_number(seconds) and work > 0.0  # noqa: E731
-    return tuple((float(work), float(seconds)) for work, seconds in pairs if is_run(work, seconds))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and 0.0 <= value < 1e6
+    numbers = [run for run in pairs if all(isinstance(n, int | float) and 0.0 <= n < 1e6 for n in run)]
+    return tuple((float(work), float(seconds)) for work, seconds in numbers if work > 0.0)

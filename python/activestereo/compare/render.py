@@ -6,20 +6,24 @@ changes whenever its pixels may change.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol, TypeAlias
+from dataclasses import replace
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, request_key
-from activestereo.compare.layers import Layers, RenderRequest, rig_request, sampling_of
+from activestereo.compare.layers import Layers, PixelLayers, RenderRequest, rig_request, sampling_of
+from activestereo.effects.core.resample import SupersampledImages
 from activestereo.effects.engines.smooth import half_samples, half_seeds
 
 # {frame id: {side: Layers}}, and of two independent halves of the samples.
 LayersOfFrames: TypeAlias = Mapping[int, Mapping[str, Layers]]
 Halves: TypeAlias = tuple[LayersOfFrames, LayersOfFrames]
 
-# Image samples per pixel side where effects may warp the images: finer ones keep dots sharp.
+# Image samples per pixel side if effects may warp the images: finer ones keep dots sharp.
 WARP_SCALE = 2
 
 
@@ -56,7 +60,7 @@ def render_halves(
     cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
     frames: Sequence[Frame] | None = None,
 ) -> Halves:  # fmt: skip
-    """render_frames() twice with half of the samples each, from independent random numbers (render_noise.py)."""
+    """render_frames() twice with half of the samples each, from independent random numbers."""
     half, seeds = half_samples(samples_per_pixel), half_seeds(seed)
     first, second = _rendered(capture, renderer, half, max_bounces, seeds, cache, progress, scale, frames)
     return first, second
@@ -93,3 +97,49 @@ def _rendered(
         if progress:
             progress((done + 1) / len(requests))
     return [{number: rendered[key] for number, key in of_seed.items()} for of_seed in keys]
+
+
+def noise_square(first: np.ndarray, second: np.ndarray) -> float:
+    """Mean square of the renderer's noise in the mean of two halves, in the square of their unit.
+
+    An image that a renderer expects is the mean x = (a + b) / 2 of two halves of the samples, rendered with independent
+    random numbers. For a measurement m, mean((a - m) (b - m)) has the renderer's noise in neither factor twice. Unlike
+    mean((x - m)^2) it is not raised by it: it is the squared error of an image with infinitely many samples. Both
+    differ by mean((a - b)^2) / 4, whatever m is."""
+    return float(np.mean((np.asarray(first, dtype=np.float64) - second) ** 2)) / 4.0
+
+
+def rmse_without_noise(squares: float, pixels: int, noise_squares: float) -> float:
+    """Root mean square error from a sum of squared errors and the part of it that is the renderer's noise."""
+    return float(np.sqrt(max(squares - noise_squares, 0.0) / pixels))
+
+
+def mean_of_halves(halves: Halves) -> LayersOfFrames:
+    """The Layers of all samples; frames that share their halves share them."""
+    known: dict[tuple[int, int], Layers] = {}
+    means: dict[int, dict[str, Layers]] = {}
+    for number, sides in halves[0].items():
+        for side, first in sides.items():
+            second = halves[1][number][side]
+            key = id(first), id(second)
+            if key not in known:
+                known[key] = _mean_layers(first, second)
+            means.setdefault(number, {})[side] = known[key]
+    return means
+
+
+def _mean_layers(first: Layers, second: Layers) -> Layers:
+    """The mean light of two renders of one view; its geometry is the first one's."""
+
+    def mean(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return (0.5 * (a + b)).astype(np.float32)
+
+    names = ["direct", "indirect", "ambient", "flat"]
+    if first.ambient_direct is not None and second.ambient_direct is not None:
+        names.append("ambient_direct")
+    light: dict[str, Any] = {name: mean(getattr(first, name), getattr(second, name)) for name in names}
+    if isinstance(first, PixelLayers) and isinstance(second, PixelLayers):
+        fine = first.supersampled
+        images = mean(fine.images(), second.supersampled.images())
+        light["supersampled"] = SupersampledImages(images, fine.scale, fine.margin_px)
+    return replace(first, **light)

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How near an effect's images without a render are to what the engines make of its engine fields.
+"""Compares an effect's images by its formula with the engines' images by its engine fields.
 
 Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the
 root mean square difference of the two changes over the engine's own change. Both squares are means of products of two
 renders of different seeds: the renders' noise, which would look like a difference, has no part in them. Both trace
-the same samples, so that what clips, clips alike.
+the same samples, so that the same pixels clip.
 """
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from activestereo.common.pose import look_at
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.nuisances import Nuisances
-from activestereo.compare.render import WARP_SCALE, LayersOfFrames, render_frames
+from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.effects.core.descriptor import Effect, Randomness
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import SURFACES
@@ -49,15 +49,15 @@ class Trial:
     def make(cls, folder: Path, device: str | int = "auto") -> Trial:
         """Writes the world into a folder and renders it."""
         capture = trial_capture(folder)
-        first, second = (_Run.make(capture, folder, device, seed) for seed in _SEEDS)
+        first, second = (_Run(capture, folder, device, seed) for seed in _SEEDS)
         return cls((first, second))
 
     def difference(self, effect: Effect) -> float:
-        """The change by an effect with engine fields at typical values, on all surfaces; what the engines find out by
-        themselves is as it fits best."""
+        """The relative difference of the two changes by an effect at typical values, on all surfaces. Parameters that
+        the engines find out by themselves take the value that fits best."""
         if all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
             return 0.0  # simsense's signal counts in both
-        # A seed also decides what a random pattern is: there both have to be of one.
+        # A seed also draws a random pattern: such effects compare images of one seed.
         runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
         chosen = {p.name: p.neutral for p in effect.parameters if p == SURFACES or not p.in_engine}
         values = effect.typical_values | chosen
@@ -78,48 +78,33 @@ class Trial:
         return float(np.sqrt(max(float(np.mean(left * left_2)), 0.0) / np.mean(engine * engine_2)))
 
 
-@dataclass
 class _Run:
-    """The small world under one seed. engine_base, base: its images without any effect, by the engines and by
-    formulas."""
+    """The small world under one seed."""
 
-    capture: Capture
-    engine: CaptureRenderer
-    views: dict[ImageKey, View]
-    layers: LayersOfFrames
-    engine_base: dict[ImageKey, NDArray] = field(default_factory=dict)
-    base: dict[ImageKey, NDArray] = field(default_factory=dict)
-
-    @classmethod
-    def make(cls, capture: Capture, folder: Path, device: str | int, seed: int) -> _Run:
-        engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
-        layers = render_frames(
-            capture,
-            KuafuRenderer(engine.device, traced=True),
-            _SAMPLES,
-            _BOUNCES,
-            seed=seed,
-            cache=LayerCache(folder / "cache"),
-            scale=WARP_SCALE,
-        )
-        views = {(f.id, side): View.of(capture, f, side, layers[f.id][side]) for f in capture.frames for side in SIDES}
-        run = cls(capture, engine, views, layers)
-        run.engine_base = engine.expected(Model(), _NUISANCES)
-        run.base = run._by_formula(Model())
-        return run
+    def __init__(self, capture: Capture, folder: Path, device: str | int, seed: int) -> None:
+        self._engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
+        renderer, cache = KuafuRenderer(self._engine.device, traced=True), LayerCache(folder / "cache")
+        self._layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, seed=seed, cache=cache, scale=WARP_SCALE)
+        self._views = {
+            (f.id, side): View.of(capture, f, side, self._layers[f.id][side]) for f in capture.frames for side in SIDES
+        }
+        # The images without any effect, by the engines and by formulas.
+        self._engine_base, self._base = self._engine.expected(Model(), _NUISANCES), self._by_formula(Model())
 
     def in_engine(self, model: Model) -> NDArray[np.float64]:
         """A model's change in the engines, DN [image][height][width]."""
-        return _change(self.engine.expected(model, _NUISANCES), self.engine_base)
+        images = self._engine.expected(model, _NUISANCES)
+        return np.stack([images[key].astype(np.float64) - base for key, base in self._engine_base.items()])
 
     def by_formula(self, model: Model) -> NDArray[np.float64]:
         """A model's change by its formulas, DN [image][height][width]."""
-        return _change(self._by_formula(model), self.base)
+        images = self._by_formula(model)
+        return np.stack([images[key].astype(np.float64) - base for key, base in self._base.items()])
 
     def _by_formula(self, model: Model) -> dict[ImageKey, NDArray]:
         out = {}
-        for key, view in self.views.items():
-            light = model.light(self.layers[key[0]][key[1]], view)
+        for key, view in self._views.items():
+            light = model.light(self._layers[key[0]][key[1]], view)
             out[key] = model.signal(light, view, _NUISANCES)
         return out
 
@@ -139,15 +124,23 @@ def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterat
             yield e.id, trial.difference(e)
 
 
-def _change(images: dict[ImageKey, NDArray], base: dict[ImageKey, NDArray]) -> NDArray[np.float64]:
-    return np.stack([images[key].astype(np.float64) - base[key] for key in base])
-
-
 def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
     """The small world's capture, without images: its scene and pattern are written into a folder. scale: of the
     images."""
     scene, pattern = folder / "trial.gltf", folder / "pattern.png"
-    _write_world(scene)
+    writer = GltfWriter("activestereo trial world")  # closed matt bodies: light may wander below their surfaces
+    matt = {"extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
+    surface = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+    table, wall, clay, card = (
+        writer.add_material(name, pbrMetallicRoughness=surface, extras={"ir_albedo": albedo}, **matt)
+        for name, albedo in (("table", 0.5), ("wall", 0.6), ("clay", 0.55), ("card", 0.7))
+    )
+    writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), table, (0.0, -0.04, -0.02))
+    writer.add_mesh("wall", meshes.box(3.2, 2.2, 0.1), wall, (0.0, -0.8, -0.55))
+    writer.add_mesh("ball", meshes.sphere(0.06), clay, (-0.2, 0.06, 0.05))
+    writer.add_mesh("ring", meshes.torus(0.052, 0.02), clay, (0.0, 0.0, 0.13))
+    writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), card, (0.15, 0.0, -0.16), yaw_deg=-14.0)
+    writer.write(scene)
     design = PatternDesign(width=530, height=300, dot_pitch_px=14.4, dot_sigma_px=1.6, seed=2)
     write_gray(pattern, make_pattern(design))
     (width, height), focal_px = (round(scale * side) for side in _SIZE), scale * _FOCAL_PX
@@ -173,25 +166,3 @@ def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
         for i, (position, target) in enumerate(_POSES)
     )
     return Capture(folder, "trial", scene, rig, frames)
-
-
-def _write_world(path: Path) -> None:
-    """Closed matt bodies, so that light may wander below their surfaces."""
-    writer = GltfWriter("activestereo trial world")
-    matt = {"extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
-    materials = [
-        writer.add_material(
-            name,
-            pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 1.0},
-            extras={"ir_albedo": albedo},
-            **matt,
-        )
-        for name, albedo in (("table", 0.5), ("wall", 0.6), ("clay", 0.55), ("card", 0.7))
-    ]
-    table, wall, clay, card = materials
-    writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), table, (0.0, -0.04, -0.02))
-    writer.add_mesh("wall", meshes.box(3.2, 2.2, 0.1), wall, (0.0, -0.8, -0.55))
-    writer.add_mesh("ball", meshes.sphere(0.06), clay, (-0.2, 0.06, 0.05))
-    writer.add_mesh("ring", meshes.torus(0.052, 0.02), clay, (0.0, 0.0, 0.13))
-    writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), card, (0.15, 0.0, -0.16), yaw_deg=-14.0)
-    writer.write(path)

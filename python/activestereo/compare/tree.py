@@ -1,24 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """A shallow honest tree: regions of the covariates that hold most of the explainable error, in words.
 
-Splits are chosen on half A of the blocks and everything that is said is estimated on half B, so the search cannot
+Half A of the blocks chooses the splits and half B estimates all figures, so the search cannot
 flatter itself (Athey and Imbens, PNAS 113, 2016). A split that half B does not confirm is taken back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from activestereo.compare.bootstrap import BlockBootstrap, interval
 from activestereo.compare.covariates import COVARIATES
-from activestereo.compare.where_samples import GROUPS, Samples
-
-if TYPE_CHECKING:
-    from activestereo.compare.covariates import Covariate
+from activestereo.compare.where import GROUPS, Samples
 
 DEPTH = 3
 _SMALLEST_LEAF = 0.01
@@ -50,7 +47,7 @@ class HonestTree:
         a, b = np.flatnonzero(half), np.flatnonzero(~half)
         self._smallest = max(1, int(_SMALLEST_LEAF * len(a)))
         self._bootstrap = BlockBootstrap(GROUPS, draws=1000, seed=seed)
-        # Whitened for the search alone: else a few bright pixels, where noise is large, would choose every split.
+        # Whitened for the search alone: else a few bright, noisy pixels would choose every split.
         floor = np.maximum(samples.floor, 0.25 * samples.floor.mean() if samples.floor.any() else 1.0)
         self._target = samples.excess / floor
         self._root = _Node(a, b, {})
@@ -141,34 +138,19 @@ class HonestTree:
             return {"covariate": name, "values": [], "words": f"no {covariate.words}"}
         if bins.values is not None and covariate.is_category:
             names = [name_of(int(bins.values[c - 1])) for c in codes]
-            return {"covariate": name, "values": names, "words": f"{covariate.words} is {_either(names)}"}
-        low, high = _limits(bins, codes)
-        words = _range_words(covariate, low, high)
-        return {"covariate": name, "low": low, "high": high, "words": words}
-
-
-def _limits(bins: Any, codes: Any) -> tuple[Any, Any]:
-    """(low, high) of a run of codes; None at an end of the range. Between single values the middle is the limit."""
-    if bins.edges is not None:
+            said = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
+            return {"covariate": name, "values": names, "words": f"{covariate.words} is {said}"}
         edges = bins.edges
-    else:
-        v = bins.values
-        edges = np.concatenate([v[:1], (v[1:] + v[:-1]) / 2, v[-1:]])
-    low = None if codes[0] == 1 else float(edges[codes[0] - 1])
-    high = None if codes[-1] == bins.count else float(edges[codes[-1]])
-    return low, high
-
-
-def _range_words(covariate: Covariate, low: Any, high: Any) -> str:
-    unit = f" {covariate.unit}" if covariate.unit and covariate.name != "radius" else ""
-    if low is None and high is None:
-        return f"any {covariate.words}"
-    if high is None:
-        return f"{covariate.words} > {low:.4g}{unit}"
-    if low is None:
-        return f"{covariate.words} ≤ {high:.4g}{unit}"
-    return f"{low:.4g} < {covariate.words} ≤ {high:.4g}{unit}"
-
-
-def _either(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
+        if edges is None:  # between single values the middle is the limit
+            v = bins.values
+            edges = np.concatenate([v[:1], (v[1:] + v[:-1]) / 2, v[-1:]])
+        low = None if codes[0] == 1 else float(edges[codes[0] - 1])
+        high = None if codes[-1] == bins.count else float(edges[codes[-1]])
+        unit = f" {covariate.unit}" if covariate.unit and covariate.name != "radius" else ""
+        if low is None:
+            words = f"any {covariate.words}" if high is None else f"{covariate.words} ≤ {high:.4g}{unit}"
+        elif high is None:
+            words = f"{covariate.words} > {low:.4g}{unit}"
+        else:
+            words = f"{low:.4g} < {covariate.words} ≤ {high:.4g}{unit}"
+        return {"covariate": name, "low": low, "high": high, "words": words}

@@ -1,22 +1,135 @@
 # SPDX-License-Identifier: Apache-2.0
 """The places of a model's failure: the residual against each covariate, binned, with block-bootstrap intervals and
-a false discovery rate."""
+a false discovery rate.
+
+The residuals are one list of pixels with their covariates, bins and blocks, in three channels: infrared (DN), disparity
+(px, of pixels that device and model both measured), validity (1 = the device alone measured, -1 = the model alone).
+Train frames only: test frames stay unseen by readers of these tables.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from activestereo.compare.bootstrap import BlockBootstrap, benjamini_yekutieli, interval, max_t
 from activestereo.compare.covariates import COVARIATES
-from activestereo.compare.where_samples import GROUPS, Samples
 
+BLOCK_PX = 16
+GROUPS = 512
+BINS = 20
+_MOST_PIXELS = 1_200_000
+# A mismatch is an error of any size; beyond this many pixels of disparity it counts no more.
+LARGEST_DISPARITY_ERROR_PX = 2.0
 FALSE_DISCOVERY_RATE = 0.05
 # Statistical certainty is not size: a table is shown as a finding if it moves at least this share of the explainable
 # error.
 SMALLEST_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class ResidualImage:
+    """One image's share: residual, floor (the expected squared residual of a perfect model) and mask,
+    [height][width]; maps: covariates; pose: repeats share it, so that their blocks are one."""
+
+    residual: np.ndarray
+    floor: np.ndarray
+    mask: np.ndarray
+    maps: dict[str, np.ndarray]
+    pose: bytes
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Codes 1..count of a covariate, 0 = not defined. edges: [count + 1] of intervals (low, high], or values: one per
+    code."""
+
+    code: np.ndarray
+    edges: np.ndarray | None
+    values: np.ndarray | None
+
+    @property
+    def count(self) -> int:
+        if self.edges is not None:
+            return len(self.edges) - 1
+        return 0 if self.values is None else len(self.values)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Pixels [n]: residual, excess (squared residual above the floor), floor, group of blocks; bins: {covariate: Bins}.
+    """
+
+    residual: np.ndarray
+    excess: np.ndarray
+    floor: np.ndarray
+    group: np.ndarray
+    bins: dict[str, Bins]
+
+    def group_sums(self, values: np.ndarray, code: np.ndarray | None = None, count: int = 0) -> np.ndarray:
+        """Sums by group, [groups][1], or by group and code 1..count, [groups][count]."""
+        if code is None:
+            return np.bincount(self.group, values, GROUPS)[:, None]
+        sums = np.bincount(self.group * (count + 1) + code, values, GROUPS * (count + 1))
+        return sums.reshape(GROUPS, count + 1)[:, 1:]
+
+
+def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | None:
+    """Samples of ResidualImages, a random subset of very many pixels; None without any pixel."""
+    rng = np.random.Generator(np.random.Philox(seed))
+    total = sum(int(image.mask.sum()) for image in images)
+    if total == 0:
+        return None
+    share = min(1.0, _MOST_PIXELS / total)
+    keep = [i.mask if share == 1.0 else i.mask & (rng.random(i.mask.shape) < share) for i in images]
+
+    def pick(name: str) -> np.ndarray:
+        return np.concatenate([getattr(i, name)[k] for i, k in zip(images, keep, strict=True)]).astype(np.float64)
+
+    residual, floor = pick("residual"), pick("floor")
+    bins = {}
+    for covariate in COVARIATES:
+        values = np.concatenate([i.maps[covariate.name][k] for i, k in zip(images, keep, strict=True)])
+        found = _bin_values(values, covariate.is_category)
+        if found.count > 1:
+            bins[covariate.name] = found
+    return Samples(residual, residual**2 - floor, floor, _groups(images, keep, rng), bins)
+
+
+def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.ndarray:
+    """Blocks of 16 px of one pose and camera, dealt at random to the groups that are resampled."""
+    first, firsts, parts = 0, {}, []
+    for image, kept in zip(images, keep, strict=True):
+        rows, columns = (np.arange(n) // BLOCK_PX for n in kept.shape)
+        across = columns[-1] + 1
+        if image.pose not in firsts:
+            firsts[image.pose] = first
+            first += (rows[-1] + 1) * across
+        parts.append((firsts[image.pose] + rows[:, None] * across + columns)[kept])
+    return (rng.permutation(first) % GROUPS)[np.concatenate(parts)]
+
+
+def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
+    """Own bins for few distinct values, else 20 of equal pixel counts with edges that are round numbers."""
+    finite = np.isfinite(values)
+    some = values[finite]
+    distinct = np.unique(some[:: max(1, some.size // 100_000)]) if not is_category else np.unique(some)
+    if is_category or len(distinct) <= BINS and np.isin(some, distinct).all():
+        code = np.searchsorted(distinct, values) + 1
+        return Bins(np.where(finite, np.minimum(code, len(distinct)), 0), None, distinct.astype(np.float64))
+    edges = np.quantile(some, np.linspace(0.0, 1.0, BINS + 1))
+    fine = (edges[-2] - edges[1]) / 50.0
+    power = 10.0 ** np.floor(np.log10(fine)) if fine > 0 else 1.0
+    step = float(max(m * power for m in (1, 2, 5) if m * power <= max(fine, power)))  # the largest that is not above
+    inner = np.unique(np.round(edges[1:-1] / step) * step)
+    inner = inner[(inner > edges[0]) & (inner < edges[-1])]
+    filled = np.bincount(np.searchsorted(inner, some, side="left"), minlength=len(inner) + 1) > 0
+    inner = inner[filled[:-1]]  # an empty bin is one with the next
+    code = np.searchsorted(inner, values, side="left") + 1
+    return Bins(np.where(finite, code, 0), np.concatenate([edges[:1], inner, edges[-1:]]), None)
 
 
 def where_tables(
@@ -50,7 +163,12 @@ def _table(
     values = (samples.residual, samples.excess)
     (mean, mean_draws), (excess, excess_draws) = columns = bootstrap.ratios([sums(v) for v in values], pixels)
     overall = bootstrap.ratios([samples.group_sums(v) for v in values], samples.group_sums(ones))
-    p_value = _p_value(columns, overall)
+    # The p value of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess
+    # are the overall ones.
+    observed, drawn = 0.0, np.zeros(1)
+    for (value, draws), (all_value, all_draws) in zip(columns, overall, strict=True):
+        largest, t_draws = max_t(value - all_value, draws - all_draws)
+        observed, drawn = max(observed, largest), np.maximum(drawn, t_draws)
     count = pixels.sum(0)
     floor = sums(samples.floor).sum(0) / np.maximum(count, 1)
     share = count / count.sum()
@@ -59,40 +177,8 @@ def _table(
     if explainable and total > 0:  # pixels without this covariate may hold all of it
         concentration = float(np.nansum(np.maximum(share * excess / total - share, 0.0)))
         mean_share = float(np.nansum(share * np.maximum(mean**2 - np.nanvar(mean_draws, axis=0), 0.0)) / total)
-    return {
-        "channel": channel,
-        "unit": unit,
-        "covariate": covariate.name,
-        "covariate_unit": covariate.unit,
-        "concentration": concentration,
-        "mean_share": mean_share,
-        "p_value": p_value,
-        "bins": _bin_rows(covariate, bins, name_of, count, share, (mean, mean_draws), (excess, excess_draws), floor),
-    }
-
-
-def _p_value(columns: np.ndarray, overall: Any) -> float:
-    """The p value of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess
-    are the overall ones."""
-    observed, drawn = 0.0, np.zeros(1)
-    for (value, draws), (all_value, all_draws) in zip(columns, overall, strict=True):
-        t, t_draws = max_t(value - all_value, draws - all_draws)
-        observed, drawn = max(observed, t), np.maximum(drawn, t_draws)
-    return float((1 + np.count_nonzero(drawn >= observed)) / (1 + np.size(drawn)))
-
-
-def _bin_rows(
-    covariate: Any,
-    bins: Any,
-    name_of: Any,
-    count: np.ndarray,
-    share: np.ndarray,
-    mean: tuple[np.ndarray, np.ndarray],
-    excess: tuple[np.ndarray, np.ndarray],
-    floor: np.ndarray,
-) -> list[dict[str, Any]]:
-    mean_low, mean_high = interval(mean[1])
-    excess_low, excess_high = interval(excess[1])
+    mean_low, mean_high = interval(mean_draws)
+    excess_low, excess_high = interval(excess_draws)
     rows = []
     for i in np.flatnonzero(count):
         if covariate.is_category:
@@ -105,12 +191,21 @@ def _bin_rows(
             place
             | {
                 "pixels": int(count[i]),
-                "mean": float(mean[0][i]),
+                "mean": float(mean[i]),
                 "mean_interval": [float(mean_low[i]), float(mean_high[i])],
-                "rmse": float(np.sqrt(max(0.0, excess[0][i] + floor[i]))),
+                "rmse": float(np.sqrt(max(0.0, excess[i] + floor[i]))),
                 "noise_floor": float(np.sqrt(max(0.0, floor[i]))),
-                "excess": float(excess[0][i]),
+                "excess": float(excess[i]),
                 "excess_interval": [float(excess_low[i]), float(excess_high[i])],
             }
         )
-    return rows
+    return {
+        "channel": channel,
+        "unit": unit,
+        "covariate": covariate.name,
+        "covariate_unit": covariate.unit,
+        "concentration": concentration,
+        "mean_share": mean_share,
+        "p_value": float((1 + np.count_nonzero(drawn >= observed)) / (1 + np.size(drawn))),
+        "bins": rows,
+    }

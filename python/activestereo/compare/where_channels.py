@@ -12,8 +12,7 @@ import numpy as np
 from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.compare.covariates import covariate_maps
 from activestereo.compare.tree import HonestTree
-from activestereo.compare.where import where_tables
-from activestereo.compare.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples
+from activestereo.compare.where import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples, where_tables
 from activestereo.effects.core.scene_surfaces import surface_names
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from activestereo.compare.depth_compare import DepthFrame
     from activestereo.compare.noise import NoiseModel
     from activestereo.compare.render import LayersOfFrames
-    from activestereo.compare.where_samples import Samples
+    from activestereo.compare.where import Samples
     from activestereo.effects import View
 
 # Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
@@ -29,25 +28,23 @@ if TYPE_CHECKING:
 _SMALLEST_EXCESS = 0.05
 
 
-
 def where_it_fails(
-    capture: Capture,
-    layers: LayersOfFrames,
-    views: Mapping[ImageKey, View],
-    measured: Mapping[ImageKey, np.ndarray],
-    predictions: Mapping[ImageKey, np.ndarray],
-    noise_variances: Mapping[ImageKey, tuple[float, str]],
-    noise_model: NoiseModel | None,
-    depths: Sequence[DepthFrame],
-    seed: int = 0,
-) -> dict[str, Any]:
+    capture: Capture, layers: LayersOfFrames, views: Mapping[ImageKey, View], measured: Mapping[ImageKey, np.ndarray],
+    predictions: Mapping[ImageKey, np.ndarray], noise_variances: Mapping[ImageKey, tuple[float, str]],
+    noise_model: NoiseModel | None, depths: Sequence[DepthFrame], seed: int = 0,
+) -> dict[str, Any]:  # fmt: skip
     """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
     maps, infrared = {}, []
     for frame in capture.split("train"):
         for side in SIDES:
             key, expected = (frame.id, side), predictions[frame.id, side]
             maps[key] = covariate_maps(views[key], layers[frame.id][side].material, expected, capture.rig.baseline_m)
-            floor = _floor(expected, frame, noise_variances.get(key), noise_model)
+            # The noise model's variance of each pixel, scaled to the image's own floor; 0 if nothing tells it.
+            floor = np.zeros(expected.shape)
+            if key in noise_variances and noise_model is not None:
+                variance, own = noise_model.variance(expected, frame.gain), noise_variances[key][0]
+                mean = variance.mean()
+                floor = variance * (own / mean) if mean > 0 else np.full(expected.shape, own)
             infrared.append((key, measured[key] - expected, floor, views[key].known, _pose(frame, side)))
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
     name_of = surface_text(capture.scene_path)
@@ -66,11 +63,9 @@ def where_it_fails(
 
 
 def residual_channels(
-    infrared: Sequence[tuple[ImageKey, np.ndarray, np.ndarray, np.ndarray | None, bytes]],
-    depths: Sequence[DepthFrame],
-    maps: Mapping[ImageKey, dict[str, np.ndarray]],
-    seed: int = 0,
-) -> dict[str, tuple[Samples, str, bool]]:
+    infrared: Sequence[tuple[ImageKey, np.ndarray, np.ndarray, np.ndarray | None, bytes]], depths: Sequence[DepthFrame],
+    maps: Mapping[ImageKey, dict[str, np.ndarray]], seed: int = 0,
+) -> dict[str, tuple[Samples, str, bool]]:  # fmt: skip
     """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, where the scene
     is known or None, pose)]; depths: DepthFrames; maps: {(frame id, side): covariates}."""
     images = {
@@ -82,8 +77,12 @@ def residual_channels(
     images["disparity"], images["validity"] = [], []
     for d in depths:
         here, pose = maps[d.frame.id, "left"], _pose(d.frame, "left")
-        residual, floor, mask = _disparity(d)
-        images["disparity"].append(ResidualImage(residual, floor, mask, here, pose))
+        # Device minus model, and the squared difference of two exposures of the model.
+        error, valid = d.disparity_error(d.measured, d.model[0])
+        repeat, again = d.disparity_error(d.model[0], d.model[1])
+        limit = LARGEST_DISPARITY_ERROR_PX
+        error, floor = np.clip(error, -limit, limit), np.clip(repeat, -limit, limit) ** 2
+        images["disparity"].append(ResidualImage(error, floor, valid & again, here, pose))
         device, one, two = (np.asarray(z > 0, dtype=np.float64) for z in (d.measured, *d.model))
         images["validity"].append(ResidualImage(device - one, np.abs(one - two), np.ones(one.shape, bool), here, pose))
     units = {"infrared": "DN", "disparity": "px", "validity": "1"}
@@ -91,7 +90,7 @@ def residual_channels(
     for name, parts in images.items():
         samples = gather_samples(parts, seed) if parts else None
         if samples is not None:
-            channels[name] = (samples, units[name], bool(samples.total_excess > _SMALLEST_EXCESS * samples.floor.sum()))
+            channels[name] = (samples, units[name], bool(samples.excess.sum() > _SMALLEST_EXCESS * samples.floor.sum()))
     return channels
 
 
@@ -101,26 +100,6 @@ def surface_text(scene_path: Path) -> Callable[[int], str]:
     return lambda index: names[index] if index < len(names) else f"material {index}"
 
 
-def _floor(
-    expected: np.ndarray, frame: Frame, image_floor: tuple[float, str] | None, noise_model: NoiseModel | None
-) -> np.ndarray:
-    """Variance per pixel [height][width] by the noise model, scaled to the image's own floor; 0 where nothing tells
-    it."""
-    if image_floor is None or noise_model is None:
-        return np.zeros(expected.shape)
-    variance = noise_model.variance(expected, frame.gain)
-    mean = variance.mean()
-    return variance * (image_floor[0] / mean) if mean > 0 else np.full(expected.shape, image_floor[0])
-
-
 def _pose(frame: Frame, side: str) -> bytes:
     """Equal for images whose static errors are the same ones."""
     return side.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()
-
-
-def _disparity(d: DepthFrame) -> tuple[Any, ...]:
-    """(residual, floor, mask): device minus model, and the squared difference of two exposures of the model."""
-    error, valid = d.disparity_error(d.measured, d.model[0])
-    repeat, again = d.disparity_error(d.model[0], d.model[1])
-    limit = LARGEST_DISPARITY_ERROR_PX
-    return np.clip(error, -limit, limit), np.clip(repeat, -limit, limit) ** 2, valid & again

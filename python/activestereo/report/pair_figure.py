@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from activestereo.common.palette import BLUE, ORANGE
-from activestereo.compare.pair_findings import Finding
-from activestereo.compare.pair_statistics import residual_image
+from activestereo.compare.pair_findings import Finding, residual_image
 from activestereo.report.lettering import as_written
 
 _COLOURS = (BLUE, ORANGE)

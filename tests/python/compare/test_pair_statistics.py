@@ -9,7 +9,7 @@ from scipy.ndimage import shift
 
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
-from activestereo.compare.pair_statistics import pair_statistics
+from activestereo.compare.pair_findings import pair_statistics
 
 _DISPARITY_PX = 20
 _BLACK_DN = 16.0

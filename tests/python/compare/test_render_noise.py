@@ -11,8 +11,7 @@ from activestereo.effects import builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.diagnose import diagnose
-from activestereo.compare.render import render_halves
-from activestereo.compare.render_noise import mean_of_halves, noise_square, rmse_without_noise
+from activestereo.compare.render import mean_of_halves, noise_square, render_halves, rmse_without_noise
 from lab_worlds import RememberingRenderer, WorldRenderer
 
 # Of one sample, relative. Much more of it and the fitted scales would be too small: noisy regressors attenuate.

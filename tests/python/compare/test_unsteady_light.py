@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from activestereo.compare.unsteady_light import unsteady_light
+from activestereo.compare.noise import unsteady_light
 
 HEIGHT, WIDTH = 120, 160
 NOISE_DN = 1.5

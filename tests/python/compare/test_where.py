@@ -13,7 +13,7 @@ from activestereo.compare.bootstrap import BlockBootstrap, benjamini_yekutieli, 
 from activestereo.compare.covariates import COVARIATES, covariate_maps
 from activestereo.compare.tree import HonestTree
 from activestereo.compare.where import where_tables
-from activestereo.compare.where_samples import GROUPS, ResidualImage, gather_samples
+from activestereo.compare.where import GROUPS, ResidualImage, gather_samples
 
 HEIGHT, WIDTH = 240, 424
 FLOOR_DN2 = 4.0

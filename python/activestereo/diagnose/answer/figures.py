@@ -16,8 +16,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import ImageErrors, image_errors
-from activestereo.compare.render import Halves, LayersOfFrames
-from activestereo.compare.render_noise import mean_of_halves
+from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves
 from activestereo.diagnose.refine import Fitter, Solution
 from activestereo.diagnose.search.linear import linearised
 from activestereo.effects import Model
@@ -113,7 +112,7 @@ def _stand_alike(a: Capture, b: Capture) -> bool:
 def held_out_figures(
     errors: ErrorsOfModels, given: Model | SensorModel | None, added: list[str], written: SensorModel
 ) -> tuple[dict[str, Any], ImageErrors, ImageErrors, ImageErrors]:
-    """(figures pooled over images, DN, without the renderer's own noise (render_noise.py), None without test frames;
+    """(figures pooled over images, DN, without the renderer's own noise (noise_square), None without test frames;
     the errors of the given model; where the capture stands; those of the written one).
 
     errors: standing by the written model, which model.json holds. added: the effects that it has more.

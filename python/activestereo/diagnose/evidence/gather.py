@@ -8,10 +8,15 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import NoiseModel, frame_noise_variances, noise_model_at_other_gains, pair_noise_model
+from activestereo.compare.noise import (
+    NoiseModel,
+    frame_noise_variances,
+    noise_model_at_other_gains,
+    pair_noise_model,
+    unsteady_light,
+)
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import LayersOfFrames
-from activestereo.compare.unsteady_light import unsteady_light
 from activestereo.diagnose.evidence.geometry import Geometry, focal_slopes, geometry_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
