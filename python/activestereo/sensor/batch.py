@@ -322,12 +322,6 @@ class StereoDepthSensorBatch(SensorResults):
         finally:
             self._devices.close()
 
-    def __enter__(self) -> StereoDepthSensorBatch:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
-
     # ---- inside ----
 
     def _on_each_device(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:

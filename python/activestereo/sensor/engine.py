@@ -104,7 +104,14 @@ class SensorEngine:
         rigs: poses of the RGB cameras, [sensors, 4, 4], body axes. place: static speckle is drawn again if this array
         differs from the last call's. A failed picture, here or in wait(), leaves no result."""
         picture = self._next
-        taken = self._prepare(place)
+        # Exposure, emitter, and static speckle if a sensor has moved.
+        if self._next_setting is not None:
+            self.rig.set_exposure(self._next_setting)
+            self._next_setting = None
+        if self._place is None or not np.array_equal(place, self._place):
+            self._place, self._speckle_draw = place.copy(), self._speckle_draw + 1
+        frame = self.frame + 1
+        taken = Taken(frame, self._speckle_draw, self.rig.begin(frame).speckle_of_laser)
         share = 0.0 if infrared_only else 0.5
         try:
             self.rig.shine(rigs)
@@ -276,16 +283,6 @@ class SensorEngine:
         if self.image_effects is None:
             return self.matcher.compute(*pair, outputs, **lasers)
         return self.image_effects.depth(self.matcher, pair, outputs, **lasers)
-
-    def _prepare(self, place: NDArray[np.float64]) -> Taken:
-        """Sets the values that change between pictures: exposure, emitter, and static speckle if a sensor has moved."""
-        if self._next_setting is not None:
-            self.rig.set_exposure(self._next_setting)
-            self._next_setting = None
-        if self._place is None or not np.array_equal(place, self._place):
-            self._place, self._speckle_draw = place.copy(), self._speckle_draw + 1
-        frame = self.frame + 1
-        return Taken(frame, self._speckle_draw, self.rig.begin(frame).speckle_of_laser)
 
     def _settings(self, outputs: Any, frame: int) -> dict[str, Any]:
         """Keyword arguments of every camera's render."""

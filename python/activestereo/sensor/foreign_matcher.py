@@ -56,13 +56,40 @@ class OnnxMatcher:
             raise ImportError("onnxruntime is missing: pip install onnxruntime") from error
         self._path = checked_file(Path(path))
         try:
-            wanted = onnxruntime.get_available_providers() if providers is None else providers
-            self._session = onnxruntime.InferenceSession(str(self._path), providers=wanted)
+            found = onnxruntime.get_available_providers() if providers is None else providers
+            self._session = onnxruntime.InferenceSession(str(self._path), providers=found)
         except Exception as error:  # each failure has its own class in onnxruntime
             reason = " ".join(str(error).split())
             raise ValueError(f"{path}: onnxruntime cannot run it (custom operators?): {reason}") from error
-        self.interface = self._read_interface() if interface is None else interface
-        self._check()
+        # 1. The interface.
+        text = self._session.get_modelmeta().custom_metadata_map.get(METADATA)
+        if interface is None and text is not None:
+            fields_known = {field.name for field in fields(OnnxInterface)}
+            try:
+                given = json.loads(text)
+                unknown = [name for name in given if name not in fields_known]
+                if unknown:
+                    hint = did_you_mean(unknown[0], fields_known)
+                    raise ValueError(f"'{unknown[0]}' is no field of an OnnxInterface{hint}")
+                interface = OnnxInterface(**given)
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"{self._path}: metadata {METADATA}: {error}") from error
+        self.interface = i = interface or OnnxInterface()
+        # 2. The file's inputs and outputs have to be the interface's.
+        there = {"input": self._session.get_inputs(), "output": self._session.get_outputs()}
+        wanted = {"input": (i.left, i.right), "output": (i.disparity, *([i.confidence] if i.confidence else []))}
+        for kind, names in wanted.items():
+            known = {one.name: one.shape for one in there[kind]}
+            for name in names:
+                if name not in known:
+                    raise ValueError(f"{self._path}: has no {kind} '{name}' (there are: {', '.join(known)})")
+            extra = [name for name in known if kind == "input" and name not in names]
+            if extra:
+                raise ValueError(f"{self._path}: also wants the input {', '.join(extra)}, expected a pair alone")
+            for name in names if kind == "input" else ():
+                shape = known[name]
+                if len(shape) != 4 or shape[1] not in (i.channels, None) and isinstance(shape[1], int):
+                    raise ValueError(f"{self._path}: {name} is {shape}, expected [1, {i.channels}, height, width]")
 
     def __call__(
         self, left: NDArray[Any], right: NDArray[Any]
@@ -91,38 +118,6 @@ class OnnxMatcher:
                 raise ValueError(f"{self._path}: {name} is {list(np.shape(values))} for images of {width}x{height}")
             cut.append(plane[0, :height, :width])
         return i.scale * cut[0], cut[-1]
-
-    def _read_interface(self) -> OnnxInterface:
-        text = self._session.get_modelmeta().custom_metadata_map.get(METADATA)
-        if text is None:
-            return OnnxInterface()
-        known = {field.name for field in fields(OnnxInterface)}
-        try:
-            given = json.loads(text)
-            unknown = [name for name in given if name not in known]
-            if unknown:
-                hint = did_you_mean(unknown[0], known)
-                raise ValueError(f"'{unknown[0]}' is no field of an OnnxInterface{hint}")
-            return OnnxInterface(**given)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{self._path}: metadata {METADATA}: {error}") from error
-
-    def _check(self) -> None:
-        i = self.interface
-        there = {"input": self._session.get_inputs(), "output": self._session.get_outputs()}
-        wanted = {"input": (i.left, i.right), "output": (i.disparity, *([i.confidence] if i.confidence else []))}
-        for kind, names in wanted.items():
-            known = {one.name: one.shape for one in there[kind]}
-            for name in names:
-                if name not in known:
-                    raise ValueError(f"{self._path}: has no {kind} '{name}' (there are: {', '.join(known)})")
-            extra = [name for name in known if kind == "input" and name not in names]
-            if extra:
-                raise ValueError(f"{self._path}: also wants the input {', '.join(extra)}, expected a pair alone")
-            for name in names if kind == "input" else ():
-                shape = known[name]
-                if len(shape) != 4 or shape[1] not in (i.channels, None) and isinstance(shape[1], int):
-                    raise ValueError(f"{self._path}: {name} is {shape}, expected [1, {i.channels}, height, width]")
 
 
 class Matcher(Protocol):
@@ -170,22 +165,7 @@ def foreign_maps(
     for name, found in (("disparities", disparity), ("confidences", confidence)):
         if found is not None and found.shape != expected:
             raise ValueError(f"the matcher gives {name} of {list(found.shape)}, expected {list(expected)}")
-    maps = images | {
-        name: values.reshape(*leading, *values.shape[1:])
-        for name, values in _maps(engine, plan, np.asarray(disparity, np.float32), confidence).items()
-    }
-    missing = [name for name in outputs if name not in maps]
-    if missing:
-        raise ValueError(f"only simsense's own matcher gives {', '.join(missing)}")
-    if isinstance(outputs, Mapping):
-        for name, target in outputs.items():
-            np.copyto(target, maps[name].reshape(target.shape))
-    return {name: maps[name] for name in outputs}
-
-
-def _maps(
-    engine: simsense.Engine, plan: SensorPlan, disparity: NDArray[np.float32], confidence: NDArray[np.float32] | None
-) -> dict[str, NDArray[Any]]:
+    disparity = np.asarray(disparity, np.float32)
     k, baseline_m, left_to_rectified = engine.rectified
     is_measured = np.isfinite(disparity) & (disparity > 0)
     z = np.where(is_measured, k[0, 0] * baseline_m / np.where(is_measured, disparity, 1.0), 0.0)
@@ -195,7 +175,7 @@ def _maps(
     rays = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(u.shape)], axis=-1)
     reason = np.where(is_measured, simsense.REASONS.index("valid"), simsense.REASONS.index("not_unique"))
     reason = np.where(is_measured & (depth == 0), simsense.REASONS.index("out_of_range"), reason)
-    return {
+    found_maps = {
         "disparity": np.where(is_measured, disparity, -1.0).astype(np.float32),
         "confidence": np.where(is_measured, 1.0 if confidence is None else confidence, 0.0).astype(np.float32),
         "reason": reason.astype(np.uint8),
@@ -203,6 +183,14 @@ def _maps(
         "points": (rays * depth[..., None]).astype(np.float32),
         "depth_rgb": np.stack([registered(one, k, left_to_rectified, plan) for one in depth]),
     }
+    maps = images | {name: values.reshape(*leading, *values.shape[1:]) for name, values in found_maps.items()}
+    missing = [name for name in outputs if name not in maps]
+    if missing:
+        raise ValueError(f"only simsense's own matcher gives {', '.join(missing)}")
+    if isinstance(outputs, Mapping):
+        for name, target in outputs.items():
+            np.copyto(target, maps[name].reshape(target.shape))
+    return {name: maps[name] for name in outputs}
 
 
 class OpenCVMatcher:
@@ -222,15 +210,12 @@ class OpenCVMatcher:
         )  # fmt: skip
 
     def __call__(self, left: NDArray[Any], right: NDArray[Any]) -> tuple[NDArray[np.float32], None]:
-        return np.stack([self._match(*pair) for pair in zip(left, right, strict=True)]), None
-
-    def _match(self, left: NDArray[Any], right: NDArray[Any]) -> NDArray[np.float32]:
-        scale = 255.0 / max(255, int(left.max()), int(right.max()))
-        wide = (  # OpenCV leaves the first columns out, as many as there are disparities
-            self._cv2.copyMakeBorder(
-                (image * scale).astype(np.uint8), 0, 0, self._margin, 0, self._cv2.BORDER_REPLICATE
-            )
-            for image in (left, right)
-        )
-        disparity = self._sgbm.compute(*wide)[:, self._margin :].astype(np.float32) / _SGBM_STEPS
-        return np.where(disparity >= self._least, disparity, np.float32(np.nan))
+        found = []
+        for pair in zip(left, right, strict=True):
+            scale, border = 255.0 / max(255, *(int(image.max()) for image in pair)), self._cv2.BORDER_REPLICATE
+            counts = ((image * scale).astype(np.uint8) for image in pair)
+            # OpenCV leaves the first columns out, as many as there are disparities.
+            wide = (self._cv2.copyMakeBorder(image, 0, 0, self._margin, 0, border) for image in counts)
+            disparity = self._sgbm.compute(*wide)[:, self._margin :].astype(np.float32) / _SGBM_STEPS
+            found.append(np.where(disparity >= self._least, disparity, np.float32(np.nan)))
+        return np.stack(found), None

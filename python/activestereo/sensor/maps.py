@@ -127,10 +127,6 @@ class Maps:
         found = self._one(name)
         return found.array(self._shape_of(found.image))
 
-    def values(self) -> list[Any]:
-        """The maps computed so far."""
-        return list(self._found.values())
-
     def _one(self, name: str) -> Any:
         if not self._has_begun:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")

@@ -7,7 +7,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -134,26 +134,14 @@ class UnderWay:
                 continue
 
 
-class BeginsPictures(Protocol):
-    """A pipelined sensor."""
-
-    def wait(self) -> None: ...
-
-
-class PipelinedSensors:
+class PipelinedSensors(weakref.WeakSet[Any]):
     """The pipelined sensors of one scene. Their pictures end before it changes."""
-
-    def __init__(self) -> None:
-        self._sensors: weakref.WeakSet[BeginsPictures] = weakref.WeakSet()
-
-    def add(self, sensor: BeginsPictures) -> None:
-        self._sensors.add(sensor)
 
     def wait(self) -> None:
         """Waits for all pictures. Raises a failed picture's error after the others have ended; the next wait() goes
         on."""
         errors: list[Exception] = []
-        for sensor in self._sensors:
+        for sensor in self:
             try:
                 sensor.wait()
             except Exception as error:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
 from activestereo.sensor.cuda_memory import MAPS, PICTURES, CudaArray
 from activestereo.sensor.engine import SensorEngine
 
+_Sensors = TypeVar("_Sensors", bound="SensorResults")
 CAMERAS = ("rgb", *SIDES)
 
 
@@ -89,6 +90,16 @@ class SensorResults(ABC):
     # Those that get_depth_map() gives.
     _depth_maps: tuple[str, ...] = DEPTH_MAPS
     _config: StereoDepthSensorConfig
+
+    @abstractmethod
+    def close(self) -> None:
+        """Removes the sensors' objects from the scene."""
+
+    def __enter__(self: _Sensors) -> _Sensors:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     @abstractmethod
     def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:

@@ -65,7 +65,16 @@ class Rig:
         own = [] if inputs.projector is None else [inputs.projector]
         for light in (*own, *inputs.rig_lights, *inputs.lights):
             if light.kind == "projector" and pattern is not None and not len(light.dots):
-                light.texture = self._texture_of(pattern, inputs.pattern)
+                seen = inputs.pattern
+                if seen is None or seen is pattern.radiant or np.array_equal(seen, pattern.radiant):
+                    if self._texture is None:
+                        self._texture = self._scene.add_texture(pattern.image, name="projector pattern")
+                    light.texture = self._texture
+                    continue
+                if self._changed_texture is None:  # effects changed the pattern
+                    changed = np.ascontiguousarray(seen, np.float32)
+                    self._changed_texture = self._scene.add_texture(changed, name="changed projector pattern")
+                light.texture = self._changed_texture
         self._materials = {number: self._scene.get_material(number) for number in inputs.materials}
         self._has_medium = inputs.medium is not None
         enter_world(self._scene, inputs)
@@ -128,14 +137,3 @@ class Rig:
             self._scene.set_medium(None)
         self._on_rig, self._numbers, self._standing, self._materials = [], [], [], {}
         self._changed_texture, self._has_medium = None, False
-
-    def _texture_of(self, own: Pattern, seen: NDArray[np.float32] | None) -> int:
-        """The texture of the sensor's own pattern, or of the pattern that effects changed."""
-        if seen is None or seen is own.radiant or np.array_equal(seen, own.radiant):
-            if self._texture is None:
-                self._texture = self._scene.add_texture(own.image, name="projector pattern")
-            return self._texture
-        if self._changed_texture is None:
-            changed = np.ascontiguousarray(seen, np.float32)
-            self._changed_texture = self._scene.add_texture(changed, name="changed projector pattern")
-        return self._changed_texture

@@ -203,11 +203,6 @@ class StereoDepthSensor(SensorResults):
         set_local_pose() does, and is the pose in the middle of the exposure."""
         self._engine.set_twist(checked_twist(linear, angular))
 
-    def get_velocity(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(linear, angular), in the terms of set_velocity()."""
-        twist = self._engine.rig.twist
-        return twist[:3].copy(), twist[3:].copy()
-
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
         """Sets conditions that a model's effects may depend on in the next pictures: the sensor's temperature (None:
         that of its signal) and the seconds since it was switched on."""
@@ -257,12 +252,6 @@ class StereoDepthSensor(SensorResults):
     def ir_cameras(self) -> list[kuafu.Camera]:
         """The left and the right camera at their true places; a model may move them off the calibration."""
         return self._engine.rig.ir_cameras(self._rigs())
-
-    def __enter__(self) -> StereoDepthSensor:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Removes the projector, its pattern and the model's additions from the scene."""

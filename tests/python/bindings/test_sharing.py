@@ -133,7 +133,7 @@ def test_a_frame_copies_nothing_and_the_copying_way_counts(sensors):
         sensor.compute_depth()
         assert sensor.device.copied_bytes - before[0] == expected
         on_gpu = sensor.engine.device.info.kind not in ("host", "cpu")
-        handed_over = sum(array.nbytes for array in sensor._engine.maps.values()) if on_gpu else 0
+        handed_over = sum(array.nbytes for array in sensor._engine.maps._found.values()) if on_gpu else 0
         assert sensor.engine.device.copied_bytes - before[1] == expected + handed_over
 
 

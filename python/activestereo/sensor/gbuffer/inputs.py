@@ -112,7 +112,7 @@ def _checked_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
     return image
 
 
-def red_of(name: str, image: Any, shape: tuple[int, ...]) -> Any:
+def _red(name: str, image: Any, shape: tuple[int, ...]) -> Any:
     """The first channel of an image with three or four, a guess of the infrared."""
     is_rgb = image.ndim > 2 and image.shape[-1] in (3, 4) and tuple(image.shape[-3:-1]) == shape[1:]
     image = _checked_shape(name, image[..., 0] if is_rgb else image, shape)
@@ -130,40 +130,35 @@ class InputImages:
 
     def put(self, given: Mapping[str, Any]) -> dict[str, kuafu.Buffer]:
         """Copies the images that are not None to the memory that kuafu's light_gbuffers() reads."""
-        return {name: self._copy_in(name, image) for name, image in given.items() if image is not None}
-
-    def _copy_in(self, name: str, values: Any) -> kuafu.Buffer:
-        shape = (*self._shape, 3) if name == "normal" else self._shape
-        buffer = self._buffers.get(name)
-        if buffer is None:
-            size_bytes = 4 * int(np.prod(shape))
-            buffer = kuafu.Buffer(
-                self._device, size_bytes, exportable=self._is_on_gpu, host_visible=not self._is_on_gpu
-            )
-            self._buffers[name] = buffer
-        if self._is_on_gpu and getattr(values, "is_cuda", False):
-            self._copy_on_cuda(name, values, buffer, shape)
-            return buffer
-        if name == "albedo":
-            image = red_of(name, np.asarray(_on_host(values)), self._shape)
-        else:
-            image = host_image(name, values, shape)
-        if name == "material":
-            image = self._materials.ids(image, unknown=0)  # no surface here, after require_known()
-        if self._is_on_gpu:
-            buffer.write(np.ascontiguousarray(image, _TYPES[name]))
-        else:
-            np.copyto(buffer.image(_TYPES[name], shape).array(), image, casting="unsafe")
-        return buffer
-
-    def _copy_on_cuda(self, name: str, values: Any, buffer: kuafu.Buffer, shape: tuple[int, ...]) -> None:
-        if name not in self._seen_by_cuda:
-            dtype = "int32" if name == "material" else "float32"  # torch has no arithmetic of uint32
-            self._seen_by_cuda[name] = cuda_tensor(CudaMemory(buffer).array(dtype, shape))
-        image = red_of(name, values, self._shape) if name == "albedo" else _checked_shape(name, values, shape)
-        target = self._seen_by_cuda[name]
-        target.copy_(self._materials.ids_of_tensor(image) if name == "material" else image)
-        wait_for(target)
+        found = {}
+        for name, values in given.items():
+            if values is None:
+                continue
+            shape = (*self._shape, 3) if name == "normal" else self._shape
+            if name not in self._buffers:
+                size_bytes, on_gpu = 4 * int(np.prod(shape)), self._is_on_gpu
+                self._buffers[name] = kuafu.Buffer(self._device, size_bytes, exportable=on_gpu, host_visible=not on_gpu)
+            found[name] = buffer = self._buffers[name]
+            if self._is_on_gpu and getattr(values, "is_cuda", False):
+                if name not in self._seen_by_cuda:
+                    dtype = "int32" if name == "material" else "float32"  # torch has no arithmetic of uint32
+                    self._seen_by_cuda[name] = cuda_tensor(CudaMemory(buffer).array(dtype, shape))
+                image = _red(name, values, self._shape) if name == "albedo" else _checked_shape(name, values, shape)
+                target = self._seen_by_cuda[name]
+                target.copy_(self._materials.ids_of_tensor(image) if name == "material" else image)
+                wait_for(target)
+                continue
+            if name == "albedo":
+                image = _red(name, np.asarray(_on_host(values)), self._shape)
+            else:
+                image = host_image(name, values, shape)
+            if name == "material":
+                image = self._materials.ids(image, unknown=0)  # no surface here, after require_known()
+            if self._is_on_gpu:
+                buffer.write(np.ascontiguousarray(image, _TYPES[name]))
+            else:
+                np.copyto(buffer.image(_TYPES[name], shape).array(), image, casting="unsafe")
+        return found
 
 
 def _on_host(values: Any) -> Any:

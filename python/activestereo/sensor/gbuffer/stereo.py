@@ -24,7 +24,6 @@ from activestereo.common.lens import is_distorting
 from activestereo.common.limits import POWER, Limits
 from activestereo.common.nearest import unknown
 from activestereo.common.shown import shown
-from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.engines.world import copy_record
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaMaps, require_no_capture
@@ -200,9 +199,35 @@ class GBufferStereo:
                 self._link.laser().brighten(light)
         self._frame = frame
         wanted = {*outputs, *(["depth"] if "valid" in outputs else []), *(["ir_left", "reason"] if wants_cause else [])}
-        found = self._matched([name for name in (*_OF_ENGINE, "reason") if name in wanted])
+        names = [name for name in (*_OF_ENGINE, "reason") if name in wanted]
+        link, engine = self._link, self._engine
+        link.deliver()
+        engine.set_parameters(frame_index=frame, scene_index=0)
+        own_light: dict[str, Any] = dict(link.lasers(inputs.speckle_of_laser)) | {"noise_seeds": self._seeds}
+        found: dict[str, Any]
+        if self._on_cuda is None:
+            found = self._batched(engine.compute(link.left, link.right, names, **own_light))
+        else:
+            maps = self._on_cuda.compute(names, lambda new: engine.compute(link.left, link.right, new, **own_light))
+            found = {name: one.array(self.shape) for name, one in maps.items()}
         if wants_cause:
-            found["cause"] = self._causes(given, seen, found, inputs)
+            depths, lit_shares = (
+                np.asarray(
+                    image
+                    if isinstance(image, np.ndarray)
+                    else image.buffer.read().view(image.dtype).reshape(image.shape)  # of GPU memory
+                )[..., 0]
+                for image in (seen["depth"], seen["projector_visibility"])
+            )
+            near, is_lit, is_odd = inverse_depth(depths), lit_shares[: self._count] > 0.5, np.zeros(self.shape, bool)
+            if material is not None:
+                is_odd = self._materials.are_odd(host_image("material", material, self.shape))
+            is_hidden = hidden_from_right(self._config, near[: self._count], near[self._count :])
+            black_dn, counts = float(inputs.left.signal["black_level_dn"]), found["ir_left"]
+            found["cause"] = causes(
+                self._config, near[: self._count], is_odd, is_lit, is_hidden, counts, found.pop("reason"), black_dn,
+                inputs.max_dn,
+            )  # fmt: skip
         if "valid" in outputs:
             found["valid"] = found["depth"] > 0.0
         return cast(StereoImages, {name: found[name] for name in outputs})
@@ -244,37 +269,5 @@ class GBufferStereo:
             numbers, depth = (host_image(whose + name, given[name], self.shape) for name in ("material", "depth"))
             self._materials.require_known(numbers, depth)
 
-    def _matched(self, names: Sequence[str]) -> dict[str, Any]:
-        link, is_laser_apart = self._link, self._rig.inputs().speckle_of_laser
-        link.deliver()
-        self._engine.set_parameters(frame_index=self._frame, scene_index=0)
-        own: dict[str, Any] = dict(link.lasers(is_laser_apart)) | {"noise_seeds": self._seeds}
-        if self._on_cuda is None:
-            return self._batched(self._engine.compute(link.left, link.right, names, **own))
-        found = self._on_cuda.compute(names, lambda wanted: self._engine.compute(link.left, link.right, wanted, **own))
-        return {name: one.array(self.shape) for name, one in found.items()}
-
     def _batched(self, found: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {name: image.reshape(self.shape) for name, image in found.items()}
-
-    def _causes(
-        self, given: Mapping[str, Any], seen: Mapping[str, Any], found: dict[str, NDArray[Any]], inputs: EngineInputs
-    ) -> NDArray[np.uint8]:
-        depth, lit = (
-            np.asarray(
-                image
-                if isinstance(image, np.ndarray)
-                else image.buffer.read().view(image.dtype).reshape(image.shape)  # of GPU memory
-            )[..., 0]
-            for image in (seen["depth"], seen["projector_visibility"])
-        )
-        near, is_lit = inverse_depth(depth), lit[: self._count] > 0.5
-        own, beside = near[: self._count], near[self._count :]
-        is_odd = np.zeros(self.shape, bool)
-        if given["material"] is not None:
-            is_odd = self._materials.are_odd(host_image("material", given["material"], self.shape))
-        is_hidden = hidden_from_right(self._config, own, beside)
-        black_dn = float(inputs.left.signal["black_level_dn"])
-        return causes(
-            self._config, own, is_odd, is_lit, is_hidden, found["ir_left"], found.pop("reason"), black_dn, inputs.max_dn
-        )
