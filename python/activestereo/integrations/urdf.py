@@ -181,11 +181,10 @@ class Urdf:
         kind = None if geometry is None else next(iter(geometry), None)
         if kind is None:
             raise ValueError(f"{self._path}: a <visual> has no geometry")
-        parts, to_visual = self._mesh(kind) if kind.tag == "mesh" else self._solid(kind)
-        return _Visual(parts, self._origin(element) @ to_visual, own)
-
-    def _solid(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
-        """A unit solid, and the 4x4 that gives it its size."""
+        # A mesh file, or a unit solid and the 4x4 that gives it its size.
+        if kind.tag == "mesh":
+            parts, to_visual = self._mesh(kind)
+            return _Visual(parts, self._origin(element) @ to_visual, own)
         if kind.tag == "box":
             mesh, scale = solids.box(), 0.5 * self._numbers(kind.get("size", ""), 3)
         elif kind.tag == "sphere":
@@ -195,7 +194,7 @@ class Urdf:
             mesh, scale = solids.cylinder(), np.array([radius, radius, 0.5 * length])
         else:
             raise ValueError(f"{self._path}: the geometry <{kind.tag}> is not known (box, sphere, cylinder, mesh)")
-        return [Part(mesh)], np.diag([*scale, 1.0])
+        return _Visual([Part(mesh)], self._origin(element) @ np.diag([*scale, 1.0]), own)
 
     def _mesh(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
         """The parts of a file, and the 4x4 from its coordinates: URDF's scale is their unit."""

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -38,7 +37,17 @@ class ManiSkillWorld:
         self.pipelined = PipelinedSensors()
         # For each body, in order: ManiSkill's struct, and the environments of its objects.
         self._places: dict[str, tuple[Any, list[int]]] = {}
-        self._add_lights()
+        self.scene.set_environment(_AMBIENT)
+        for environment, sub_scene in enumerate(scene.sub_scenes):
+            system = render_system(sub_scene)
+            if system is None:
+                continue
+            if environment == 0:
+                self.scene.set_environment(tuple(system.ambient_light))
+            for light in system.lights:
+                record = light_record(light, environment)
+                if record is not None:
+                    self.scene.add_light(record)
         self.update()
         ManiSkillWorld._known[id(scene)] = self
 
@@ -53,54 +62,31 @@ class ManiSkillWorld:
         number of shapes that moved. Raises BodyPoseError, with environment and body, if a state has turned NaN; the
         other environments have moved."""
         self.pipelined.wait()
-        seen = {id(struct): (name, struct) for name, struct in self._structs() if not getattr(struct, "hidden", False)}
+        structs = list(self.mani_skill_scene.actors.items())  # by unique names
+        for name, articulation in self.mani_skill_scene.articulations.items():
+            structs += [(f"{name}: {link.name}", link) for link in articulation.links]
+        seen = {id(struct): (name, struct) for name, struct in structs if not getattr(struct, "hidden", False)}
         for name in [name for name, (struct, _) in self._places.items() if id(struct) not in seen]:
             self.bodies.remove(name)
             del self._places[name]
         known = {id(struct) for struct, _ in self._places.values()}
         for number in [number for number in seen if number not in known]:
-            self._add(*seen[number])
-        return self.bodies.move(self._poses())
-
-    def _structs(self) -> Iterator[tuple[str, Any]]:
-        """Actors and links by unique names."""
-        for name, actor in self.mani_skill_scene.actors.items():
-            yield name, actor
-        for name, articulation in self.mani_skill_scene.articulations.items():
-            for link in articulation.links:
-                yield f"{name}: {link.name}", link
-
-    def _add(self, name: str, struct: Any) -> None:
-        """The struct's objects are of one geometry; materials are each environment's own."""
-        entities = [getattr(thing, "entity", thing) for thing in struct._objs]
-        environments = struct._scene_idxs.tolist()
-        own: dict[int, list[Shape]] = {}
-        if is_visible(entities[0]):
-            first = self._looks.shapes(entities[0], name)
-            for environment, entity in zip(environments, entities, strict=True):
-                materials = self._looks.materials(entity)
-                own[environment] = [replace(s, materials=[m]) for s, m in zip(first, materials, strict=True)]
-        self.bodies.add(name, own, semantic_id=entities[0].per_scene_id)
-        self._places[name] = (struct, environments)
-
-    def _poses(self) -> torch.Tensor:
-        """Poses [E, bodies, 7] on the simulation's device."""
+            name, struct = seen[number]
+            # Its objects are of one geometry; materials are each environment's own.
+            entities = [getattr(thing, "entity", thing) for thing in struct._objs]
+            environments = struct._scene_idxs.tolist()
+            own: dict[int, list[Shape]] = {}
+            if is_visible(entities[0]):
+                first = self._looks.shapes(entities[0], name)
+                for environment, entity in zip(environments, entities, strict=True):
+                    materials = self._looks.materials(entity)
+                    own[environment] = [replace(s, materials=[m]) for s, m in zip(first, materials, strict=True)]
+            self.bodies.add(name, own, semantic_id=entities[0].per_scene_id)
+            self._places[name] = (struct, environments)
+        # Poses [E, bodies, 7] on the simulation's device.
         device = self.mani_skill_scene.device
         out = torch.zeros((self.count, len(self._places), 7), device=device)
         out[..., 3] = 1.0
         for body, (struct, environments) in enumerate(self._places.values()):
             out[environments, body] = struct.pose.raw_pose.to(out)
-        return out
-
-    def _add_lights(self) -> None:
-        self.scene.set_environment(_AMBIENT)
-        for environment, scene in enumerate(self.mani_skill_scene.sub_scenes):
-            system = render_system(scene)
-            if system is None:
-                continue
-            if environment == 0:
-                self.scene.set_environment(tuple(system.ambient_light))
-            for light in system.lights:
-                record = light_record(light, environment)
-                if record is not None:
-                    self.scene.add_light(record)
+        return self.bodies.move(out)

@@ -62,7 +62,14 @@ class MujocoScene:
         self.bodies = Bodies(self.scene, len(self._states) if self.is_batch else None)
         self._looks = Looks(model, self.scene)
         self._meshes: dict[tuple[object, ...], int] = {}
-        self._geoms = [g for g in range(model.ngeom) if self._add_geom(g, groups)]
+        self._geoms: list[int] = []
+        for geom in range(model.ngeom):
+            is_seen = model.geom_matid[geom] >= 0 or model.geom_rgba[geom, 3] != 0
+            number = self._mesh(geom) if is_seen and model.geom_group[geom] in groups else None
+            if number is not None:
+                shape = Shape(number, [self._looks.material(geom)])
+                self.bodies.add(self._name(geom), [shape], semantic_id=geom + 1)
+                self._geoms.append(geom)
         self._lights: list[tuple[int, int, int | None]] = []  # numbers in the scene and in the model, environment
         for environment, state in enumerate(self._states):
             for number in range(model.nlight):
@@ -110,16 +117,6 @@ class MujocoScene:
     def geom_of(self, semantic_id: int) -> str:
         """The name of a geom in the picture 'semantic_id', which stores geom + 1 (0 = no geom)."""
         return self._name(semantic_id - 1)
-
-    def _add_geom(self, geom: int, groups: Sequence[int]) -> bool:
-        model = self.model
-        if model.geom_group[geom] not in groups or (model.geom_matid[geom] < 0 and model.geom_rgba[geom, 3] == 0):
-            return False
-        mesh = self._mesh(geom)
-        if mesh is None:
-            return False
-        self.bodies.add(self._name(geom), [Shape(mesh, [self._looks.material(geom)])], semantic_id=geom + 1)
-        return True
 
     def _mesh(self, geom: int) -> int | None:
         """The scene's mesh of a geom; geoms of one shape, textured alike, share one."""

@@ -17,6 +17,7 @@ from activestereo.integrations.realsense.frames import (
     composite_frame,
     deprojected,
     frame,
+    ignored,
     projected,
     video_frame,
     video_stream_profile,
@@ -264,12 +265,44 @@ class align:
 
     def process(self, frames: composite_frame) -> composite_frame:
         """Aligns a frameset. Raises RuntimeError if it lacks depth or the target stream."""
-        depth, target = frames.first(stream.depth), frames.first(self._to)
-        if self._to == stream.depth:
-            others = [one for one in frames if one.profile.stream_type() != stream.depth]
-            return composite_frame([depth, *(_color_in_depth(one, depth) for one in others)])
-        aligned = _depth_in_color(depth, target.profile)
-        return composite_frame([aligned if one is depth else one for one in frames])
+        depth, target = frames.first(stream.depth), frames.first(self._to).profile
+        if self._to == stream.depth:  # the other frames' pixels at each measured depth; 0 elsewhere
+            aligned = [depth]
+            for other in (one for one in frames if one.profile.stream_type() != stream.depth):
+                pixels, lens = np.asarray(other.get_data()), other.profile.intrinsics
+                v, u = np.nonzero(np.asarray(depth.get_data()))
+                at = _pixels(depth, other.profile, -_CORNER_PX)
+                is_seen = (at[0] >= 0) & (at[0] < lens.width) & (at[1] >= 0) & (at[1] < lens.height)
+                out = np.zeros((*np.asarray(depth.get_data()).shape, *pixels.shape[2:]), pixels.dtype)
+                out[v[is_seen], u[is_seen]] = pixels[at[1, is_seen], at[0, is_seen]]
+                own = depth.profile
+                profile = video_stream_profile(other.profile.request, own.intrinsics, own.left_to_stream)
+                aligned.append(other.changed(out, profile.seen(own.intrinsics)))
+            return composite_frame(aligned)
+        # Each measured pixel moves to the color pixel of its upper left corner. If depth is the coarser image, it
+        # covers the rectangle between its corners. The nearest one stays. As in librealsense, depth keeps the depth
+        # camera's values.
+        lens, counts = target.intrinsics, np.asarray(depth.get_data())
+        first = _pixels(depth, target, -_CORNER_PX)
+        densities = []  # pixels per radian of the field of view, horizontal and vertical
+        for seen in (depth.profile.intrinsics, lens):
+            for middle, size, focal_px in ((seen.ppx, seen.width, seen.fx), (seen.ppy, seen.height, seen.fy)):
+                fov = np.arctan2(middle + 0.5, focal_px) + np.arctan2(size - middle - 0.5, focal_px)
+                densities.append(size / fov)
+        is_coarser = densities[0] < densities[2] or densities[1] < densities[3]
+        last = _pixels(depth, target, _CORNER_PX) if is_coarser else first
+        values, spans = counts[counts > 0], np.minimum(last - first, _WIDEST_PX)
+        far = np.iinfo(np.uint16).max
+        out = np.full((lens.height, lens.width), far, np.uint16)
+        for dy in range(int(spans[1].max(initial=-1)) + 1):
+            for dx in range(int(spans[0].max(initial=-1)) + 1):
+                u, v = first[0] + dx, first[1] + dy
+                covers = (dx <= spans[0]) & (dy <= spans[1])
+                covers &= (u >= 0) & (v >= 0) & (u < lens.width) & (v < lens.height)
+                np.minimum.at(out, (v[covers], u[covers]), values[covers])
+        out[out == far] = 0
+        profile = video_stream_profile(depth.profile.request, lens, target.left_to_stream).seen(lens)
+        return composite_frame([depth.changed(out, profile) if one is depth else one for one in frames])
 
 
 def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
@@ -283,43 +316,6 @@ def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDA
     moved = depth_to_target[:3, :3] @ points + depth_to_target[:3, 3:]
     at = projected(target.intrinsics, moved)
     return np.rint(at + _CORNER_PX).astype(np.int64)
-
-
-def _depth_in_color(depth: frame, target: video_stream_profile) -> frame:
-    """Moves each measured pixel to the color pixel of its upper left corner. If depth is the coarser image, it covers
-    the rectangle between its corners. The nearest one stays. As in librealsense, depth keeps the depth camera's
-    values."""
-    lens, counts = target.intrinsics, np.asarray(depth.get_data())
-    first = _pixels(depth, target, -_CORNER_PX)
-    densities = []  # pixels per radian of the field of view, horizontal and vertical
-    for seen in (depth.profile.intrinsics, lens):
-        for middle, size, focal_px in ((seen.ppx, seen.width, seen.fx), (seen.ppy, seen.height, seen.fy)):
-            fov = np.arctan2(middle + 0.5, focal_px) + np.arctan2(size - middle - 0.5, focal_px)
-            densities.append(size / fov)
-    is_coarser = densities[0] < densities[2] or densities[1] < densities[3]
-    last = _pixels(depth, target, _CORNER_PX) if is_coarser else first
-    values, spans = counts[counts > 0], np.minimum(last - first, _WIDEST_PX)
-    far = np.iinfo(np.uint16).max
-    out = np.full((lens.height, lens.width), far, np.uint16)
-    for dy in range(int(spans[1].max(initial=-1)) + 1):
-        for dx in range(int(spans[0].max(initial=-1)) + 1):
-            u, v = first[0] + dx, first[1] + dy
-            covers = (dx <= spans[0]) & (dy <= spans[1]) & (u >= 0) & (v >= 0) & (u < lens.width) & (v < lens.height)
-            np.minimum.at(out, (v[covers], u[covers]), values[covers])
-    out[out == far] = 0
-    return depth.changed(out, video_stream_profile(depth.profile.request, lens, target.left_to_stream).seen(lens))
-
-
-def _color_in_depth(other: frame, depth: frame) -> frame:
-    """The other frame's pixel at each measured depth; 0 elsewhere."""
-    pixels, lens = np.asarray(other.get_data()), other.profile.intrinsics
-    v, u = np.nonzero(np.asarray(depth.get_data()))
-    at = _pixels(depth, other.profile, -_CORNER_PX)
-    is_seen = (at[0] >= 0) & (at[0] < lens.width) & (at[1] >= 0) & (at[1] < lens.height)
-    out = np.zeros((*np.asarray(depth.get_data()).shape, *pixels.shape[2:]), pixels.dtype)
-    out[v[is_seen], u[is_seen]] = pixels[at[1, is_seen], at[0, is_seen]]
-    seen = video_stream_profile(other.profile.request, depth.profile.intrinsics, depth.profile.left_to_stream)
-    return other.changed(out, seen.seen(depth.profile.intrinsics))
 
 
 _VERTEX = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
@@ -406,8 +402,7 @@ class save_to_ply(filter):
         super().__init__()
         self._path, self._cloud = filename, pc or pointcloud()
 
-    def set_option(self, which: int, value: float) -> None:
-        """Ignored: the file is binary, with colours if there are any."""
+    set_option = ignored  # the file is binary, with colours if there are any
 
     def process(self, given: frame) -> frame:
         texture = None

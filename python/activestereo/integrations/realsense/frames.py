@@ -83,6 +83,10 @@ def getter(path: str) -> Any:
     return lambda self: read(self)
 
 
+def ignored(self: Any, *values: Any, **named: Any) -> None:
+    """Does nothing: a simulated camera has no use for it."""
+
+
 @dataclass(frozen=True)
 class StreamRequest:
     """A stream that a config asks for; 0 and format.any: whatever there is."""
@@ -174,8 +178,7 @@ class frame:
             raise RuntimeError(f"metadata not available for {which}")
         return self.metadata[which]
 
-    def keep(self) -> None:
-        """Ignored: a frame lives as long as its references."""
+    keep = ignored  # a frame lives as long as its references
 
 
 class video_frame(frame):

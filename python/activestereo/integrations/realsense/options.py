@@ -22,16 +22,25 @@ class option_range:
     default: float = 0.0
 
 
+class Described:
+    """A thing with texts by the numbers of camera_info."""
+
+    info: dict[int, str] = {}
+
+    def get_info(self, which: int) -> str:
+        if which not in self.info:
+            raise RuntimeError(f"info {which} not supported by the device")
+        return self.info[which]
+
+
 class Options:
     """ranges: each option's range, None for a read-only one. on_change: called before an option takes a value; it may
     refuse it."""
 
     def __init__(
-        self,
-        ranges: Mapping[option, option_range],
-        read_only: Mapping[option, float] | None = None,
+        self, ranges: Mapping[option, option_range], read_only: Mapping[option, float] | None = None,
         on_change: Callable[[option, float], None] = lambda which, value: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._ranges, self._read_only, self._on_change = dict(ranges), dict(read_only or {}), on_change
         self._values = {which: r.default for which, r in self._ranges.items()} | self._read_only
 

@@ -21,10 +21,11 @@ from activestereo.integrations.realsense.frames import (
     frame,
     frame_queue,
     getter,
+    ignored,
     video_frame,
     video_stream_profile,
 )
-from activestereo.integrations.realsense.options import Options, controls
+from activestereo.integrations.realsense.options import Described, Options, controls
 
 _PRODUCT_IDS = {"D405": "0B5B", "D415": "0AD3", "D435": "0B07", "D435I": "0B3A", "D455": "0B5C"}
 _SIZES, _FPS = ((640, 480), (848, 480), (1280, 720)), 30
@@ -36,14 +37,14 @@ def simulate(world: World) -> None:
     _worlds[:] = [world]
 
 
-class sensor(Options):
+class sensor(Options, Described):
     """One of a device's sensors. modes: of each stream and index, its formats."""
 
     modes: dict[tuple[stream, int], tuple[format, ...]] = {(stream.color, 0): (format.rgb8, format.bgr8)}
 
     def __init__(self, name: str, camera: SimulatedCamera, *args: Any) -> None:
         super().__init__(*args)
-        self.name, self._camera = name, camera
+        self.name, self._camera, self.info = name, camera, {camera_info.name: name}
 
     def get_stream_profiles(self) -> list[video_stream_profile]:
         """The usual modes; a pipeline takes any size."""
@@ -53,11 +54,6 @@ class sensor(Options):
             for size in _SIZES
             for form in forms
         ]
-
-    def get_info(self, which: int) -> str:
-        if which != camera_info.name:
-            raise RuntimeError(f"info {which} not supported by the device")
-        return self.name
 
 
 class depth_sensor(sensor):
@@ -79,7 +75,7 @@ class depth_sensor(sensor):
         return self._camera.values[option.depth_units]
 
 
-class device:
+class device(Described):
     def __init__(self, camera: SimulatedCamera | None = None) -> None:
         if camera is None:
             scene, model = os.environ.get("ACTIVESTEREO_SCENE"), os.environ.get("ACTIVESTEREO_SENSOR", "D435")
@@ -87,7 +83,7 @@ class device:
         self.camera, self._depth, self._color = camera, depth_sensor(camera), sensor("RGB Camera", camera, {})
         self.sensors: list[sensor] = [self._depth, self._color]
         model = self.camera.base.model.upper().removeprefix("SAPIEN-")
-        self._info = {
+        self.info = {
             camera_info.name: f"Intel RealSense {model} (simulated)",
             camera_info.serial_number: "000000000000",
             camera_info.firmware_version: "5.16.0.1",
@@ -99,12 +95,7 @@ class device:
         }
 
     def supports(self, which: int) -> bool:
-        return which in self._info
-
-    def get_info(self, which: int) -> str:
-        if which not in self._info:
-            raise RuntimeError(f"info {which} not supported by the device")
-        return self._info[which]
+        return which in self.info
 
     query_sensors, first_depth_sensor, first_color_sensor = getter("sensors"), getter("_depth"), getter("_color")
 
@@ -137,8 +128,7 @@ class rs400_advanced_mode:
     def is_enabled(self) -> bool:
         return True
 
-    def toggle_advanced_mode(self, enable: bool) -> None:
-        """Ignored: advanced mode is always on."""
+    toggle_advanced_mode = ignored  # it is always on
 
     def load_json(self, text: str) -> None:
         """Raises RuntimeError, as librealsense does, if a key is unknown or out of range."""
@@ -226,8 +216,7 @@ class config:
     def disable_all_streams(self) -> None:
         self.requests.clear()
 
-    def enable_device(self, serial: str) -> None:
-        """Ignored: there is one camera, with any serial number."""
+    enable_device = ignored  # there is one camera, with any serial number
 
     def enable_device_from_file(self, file_name: str, repeat_playback: bool = True) -> None:
         raise RuntimeError(f"{file_name}: a simulated camera plays no recordings: 'activestereo import' reads them")

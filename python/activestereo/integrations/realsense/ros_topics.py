@@ -19,7 +19,7 @@ import numpy as np
 from activestereo.common.mcap_file import McapFile
 from activestereo.common.ros_images import camera_info_message, image_message
 from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream, timestamp_domain
-from activestereo.integrations.realsense.frames import composite_frame, extrinsics, video_stream_profile
+from activestereo.integrations.realsense.frames import composite_frame, video_stream_profile
 
 Key = tuple[stream, int]
 # In the order of the device's sensors and their streams: the stream's name, and its image's.
@@ -109,42 +109,33 @@ def _header(time_ns: int, axes: str, make: Maker) -> Any:
 
 def _places(profiles: dict[Key, video_stream_profile], make: Maker) -> Iterator[Published]:
     """Depth's extrinsics to each other stream, and the frames' tree below camera_link, which is depth's."""
+    from scipy.spatial.transform import Rotation
+
     base = profiles.get(_DEPTH)
     if base is None:
         return
-    tree = []
+    tree, optical = [], Rotation.from_quat(_OPTICAL_XYZW)
     for key, profile in profiles.items():
         name = _STREAMS[key][0]
         if key != _DEPTH:
             kind, there = "realsense2_camera_msgs/msg/Extrinsics", base.get_extrinsics_to(profile)
             message = make(kind, rotation=np.array(there.rotation), translation=np.array(there.translation))
             yield f"{_NODE}/extrinsics/depth_to_{name}", kind, message, 0, *_LATCHED
-        place = _in_ros_axes(profile.get_extrinsics_to(base))
-        turned = (0.0, 0.0, 0.0), _OPTICAL_XYZW
+        # The place of optical axes in x forward, y left, z up: translation, and quaternion x y z w with w >= 0.
+        there = profile.get_extrinsics_to(base)
+        x, y, z = there.translation
+        turn = (optical * Rotation.from_matrix(there.matrix()[:3, :3]) * optical.inv()).as_quat()
+        place, turned = ((z, -x, -y), turn if turn[3] >= 0.0 else -turn), ((0.0, 0.0, 0.0), _OPTICAL_XYZW)
         for body in [f"camera_{name}_frame"] + [f"camera_aligned_depth_to_{name}_frame"] * (key == _LEFT):
-            tree += [_transform(_BASE_FRAME, body, *place, make), _transform(body, _axes(name), *turned, make)]
+            for parent, child, (translation, rotation) in ((_BASE_FRAME, body, place), (body, _axes(name), turned)):
+                offset = make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, translation), strict=True)))
+                quaternion = dict(zip("xyzw", map(float, rotation), strict=True))
+                rotated = make("geometry_msgs/msg/Quaternion", **quaternion)
+                moved = make("geometry_msgs/msg/Transform", translation=offset, rotation=rotated)
+                fields = {"header": _header(0, parent, make), "child_frame_id": child, "transform": moved}
+                tree.append(make("geometry_msgs/msg/TransformStamped", **fields))
     kind = "tf2_msgs/msg/TFMessage"
     yield "/tf_static", kind, make(kind, transforms=tree), 0, *_LATCHED
-
-
-def _in_ros_axes(of: extrinsics) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """(translation, x y z w) of optical axes' extrinsics in x forward, y left, z up."""
-    from scipy.spatial.transform import Rotation
-
-    optical = Rotation.from_quat(_OPTICAL_XYZW)
-    x, y, z = of.translation
-    turn = (optical * Rotation.from_matrix(of.matrix()[:3, :3]) * optical.inv()).as_quat()
-    return (z, -x, -y), tuple(float(q) for q in (turn if turn[3] >= 0.0 else -turn))  # w >= 0
-
-
-def _transform(
-    parent: str, child: str, translation: tuple[float, ...], rotation: tuple[float, ...], make: Maker
-) -> Any:
-    header = _header(0, parent, make)
-    offset = make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, translation), strict=True)))
-    turn = make("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, rotation), strict=True)))
-    place = make("geometry_msgs/msg/Transform", translation=offset, rotation=turn)
-    return make("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=place)
 
 
 def write_topics(path: str | Path, frames: Iterable[composite_frame]) -> int:

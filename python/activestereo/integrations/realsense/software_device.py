@@ -110,26 +110,22 @@ class software_sensor(Options):
         if given.profile is None or self._target is None:
             raise RuntimeError("a software frame needs a profile, and its sensor open() and start() before")
         profile = given.profile
+        dtype, channels = _KINDS[profile.format()]
+        width, height = profile.width(), profile.height()
+        row = width * channels * np.dtype(dtype).itemsize
+        content = np.ascontiguousarray(given.pixels).reshape(-1).view(np.uint8)
+        stride = given.stride or row
+        if stride < row or content.size != stride * height:
+            raise RuntimeError(
+                f"the pixels have {content.size} bytes and the stride {stride}, expected {row * height} bytes of "
+                f"{width}x{height} {profile.format().name}"
+            )
+        pixels: NDArray[Any] = content.reshape(height, stride)[:, :row].copy().view(dtype)
+        pixels = pixels if channels == 1 else pixels.reshape(height, width, channels)
         unit_m = given.depth_units or self._values.get(option.depth_units, 0.001)
         kind = depth_frame if profile.stream_type() == stream.depth else video_frame
-        made = kind(_pixels(given, profile), profile, given.frame_number, given.timestamp, None, unit_m)
+        made = kind(pixels, profile, given.frame_number, given.timestamp, None, unit_m)
         self._target.put(made) if isinstance(self._target, frame_queue) else self._target(made)
-
-
-def _pixels(given: software_video_frame, profile: video_stream_profile) -> NDArray[Any]:
-    """A copy of the pixels, [height][width] or [height][width][channels]."""
-    kind, channels = _KINDS[profile.format()]
-    width, height = profile.width(), profile.height()
-    row = width * channels * np.dtype(kind).itemsize
-    content = np.ascontiguousarray(given.pixels).reshape(-1).view(np.uint8)
-    stride = given.stride or row
-    if stride < row or content.size != stride * height:
-        raise RuntimeError(
-            f"the pixels have {content.size} bytes and the stride {stride}, expected {row * height} bytes of "
-            f"{width}x{height} {profile.format().name}"
-        )
-    rows: NDArray[Any] = content.reshape(height, stride)[:, :row].copy().view(kind)
-    return rows if channels == 1 else rows.reshape(height, width, channels)
 
 
 @dataclass

@@ -63,25 +63,21 @@ class SapienScene:
             shapes = self.looks.shapes(entity, name)
             self.bodies.add(name, shapes, pose=as_matrix(entity.pose), semantic_id=number)
             self._names[number] = name
-        self._follow_lights()
+        system = render_system(self.sapien_scene)
+        if system is not None:
+            if self._ambient != (ambient := tuple(system.ambient_light)):
+                self.scene.set_environment(ambient)
+                self._ambient = ambient
+            records = [(light, record) for light in system.lights if (record := light_record(light)) is not None]
+            if [light for light, _ in self._lights] != [light for light, _ in records]:
+                for _, number in self._lights:
+                    self.scene.remove_light(number)
+                self._lights = [(light, self.scene.add_light(record)) for light, record in records]
+            for (_, number), (_, record) in zip(self._lights, records, strict=True):
+                before = self.scene.get_light(number)
+                is_there = np.array_equal(before.light_to_world, record.light_to_world)
+                if not is_there or before.intensity != record.intensity:
+                    self.scene.set_light(number, record)
         # Bodies and names are in one order: both lose and gain at the same places.
         poses = [seen[number].pose.to_transformation_matrix() for number in self._names]
         return self.bodies.move(np.array(poses, np.float64).reshape(-1, 4, 4))
-
-    def _follow_lights(self) -> None:
-        system = render_system(self.sapien_scene)
-        if system is None:
-            return
-        if self._ambient != (ambient := tuple(system.ambient_light)):
-            self.scene.set_environment(ambient)
-            self._ambient = ambient
-        records = [(light, record) for light in system.lights if (record := light_record(light)) is not None]
-        if [light for light, _ in self._lights] != [light for light, _ in records]:
-            for _, number in self._lights:
-                self.scene.remove_light(number)
-            self._lights = [(light, self.scene.add_light(record)) for light, record in records]
-            return
-        for (_, number), (_, record) in zip(self._lights, records, strict=True):
-            before = self.scene.get_light(number)
-            if before.intensity != record.intensity or not np.array_equal(before.light_to_world, record.light_to_world):
-                self.scene.set_light(number, record)
