@@ -74,11 +74,9 @@ def mean_gap(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float
 
 
 def agreement(
-    simulated: NDArray[np.bool_],
-    real: NDArray[np.bool_],
-    seed: int = 0,
+    simulated: NDArray[np.bool_], real: NDArray[np.bool_], seed: int = 0,
     known: tuple[Sequence[float], Sequence[float]] = ((), ()),
-) -> Agreement:
+) -> Agreement:  # fmt: skip
     """The agreement of successes [methods, views] in two worlds. known: scores of further methods in both, without
     views to resample. Raises ValueError if the two differ in methods or views."""
     if simulated.shape != real.shape or simulated.ndim != 2:

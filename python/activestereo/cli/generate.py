@@ -87,9 +87,8 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.generate.formats import require, write_formats
     from activestereo.benchmarks.generate.layout import Ranges
-    from activestereo.benchmarks.generate.run import generate
+    from activestereo.benchmarks.generate.run import generate, require_formats, write_formats
     from activestereo.benchmarks.generate.studio import Settings
     from activestereo.common.declared_ranges import read_ranges
     from activestereo.common.progress_bar import ProgressBar, duration
@@ -100,7 +99,7 @@ def run(args: argparse.Namespace) -> None:
     if args.ray is not None and args.workers is not None:
         raise CommandError("--workers does not go with --ray, whose actors take the workers' place: --ray-cpus")
     try:
-        require(args.also)
+        require_formats(args.also)
     except ImportError as error:
         raise CommandError(f"--also: {error}") from error
     for path in args.things:

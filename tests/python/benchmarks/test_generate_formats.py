@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.benchmarks.generate import bop, formats, lerobot
+from activestereo.benchmarks.generate import bop, lerobot, run
 from activestereo.benchmarks.generate.bop import stored_frames
 from activestereo.benchmarks.generate.studio import Frame
 from activestereo.cli import generate as command
@@ -75,7 +75,7 @@ def test_lerobots_package_reads_the_same_depth(data_set, tmp_path):
 
 def test_mcap_has_a_cameras_topics_with_their_geometry(data_set, tmp_path):
     highlevel = pytest.importorskip("rosbags.highlevel", reason="the package rosbags is not installed")
-    formats.write_formats(data_set, 2, ["mcap"])
+    run.write_formats(data_set, 2, ["mcap"])
     with highlevel.AnyReader([data_set / "mcap"]) as reader:
         found = {c.topic: reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()}
     depth = found["/camera/aligned_depth_to_color/image_raw"]
@@ -90,8 +90,8 @@ def test_what_is_missing_is_said_before_anything_is_made(tmp_path, monkeypatch, 
     def package():
         raise ImportError("rosbags is missing: pip install rosbags")
 
-    monkeypatch.setitem(formats._WRITERS, "mcap", SimpleNamespace(package=package))
-    assert tuple(formats._WRITERS) == command.FORMATS
+    monkeypatch.setitem(run._FORMATS, "mcap", SimpleNamespace(package=package))
+    assert tuple(run._FORMATS) == command.FORMATS
     options = ["generate", "no.glb", "--count", "1", "--out", str(tmp_path / "set"), "--also", "mcap"]
     assert main(options) == 2
     assert "pip install rosbags" in capsys.readouterr().err

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 import simsense
 from activestereo.benchmarks.generate.layout import Thing
-from activestereo.benchmarks.generate.studio import Found, Frame
+from activestereo.benchmarks.generate.studio import Frame
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
 from activestereo.capture.images import read_color, read_gray
@@ -101,7 +101,17 @@ def write_frame(out: Path, frame: Frame) -> None:
                 }
                 for found in frame.found
             ],
-            "gt_info": [_info(found, frame.depth) for found in frame.found],
+            "gt_info": [
+                {
+                    "bbox_obj": _box(found.mask),
+                    "bbox_visib": _box(found.mask_visible),
+                    "px_count_all": (whole := int(found.mask.sum())),
+                    "px_count_valid": int((found.mask & is_found).sum()),
+                    "px_count_visib": (visible := int(found.mask_visible.sum())),
+                    "visib_fract": visible / whole if whole else 0.0,
+                }
+                for found in frame.found
+            ],
             # Pixels: with something there; measured ones of these; all measured ones; invented ones of these.
             "depth": {
                 "px_there": int(is_there.sum()),
@@ -163,18 +173,6 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
     (out / "models").mkdir(exist_ok=True)
     _write_json(out / "models" / "models_info.json", models)
     _write_json(out / "dataset.json", about)
-
-
-def _info(found: Found, depth: NDArray[np.float32]) -> dict[str, Any]:
-    whole, visible = int(found.mask.sum()), int(found.mask_visible.sum())
-    return {
-        "bbox_obj": _box(found.mask),
-        "bbox_visib": _box(found.mask_visible),
-        "px_count_all": whole,
-        "px_count_valid": int((found.mask & (depth > 0)).sum()),
-        "px_count_visib": visible,
-        "visib_fract": visible / whole if whole else 0.0,
-    }
 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:

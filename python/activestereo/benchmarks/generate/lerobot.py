@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from activestereo.benchmarks.generate.bop import FRAMES_PER_S, Stored, stored_frames
+from activestereo.benchmarks.generate.bop import FRAMES_PER_S, stored_frames
 
 _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -33,8 +33,15 @@ def package() -> Any:
 def write(out: Path, count: int, to: Path) -> None:
     """Frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
     data: Any = None
+    pictures: dict[str, Any]
     for frame in stored_frames(out, count):
-        images = _images(frame)
+        pictures = {"rgb": frame.rgb}
+        for side, image in (("ir_left", frame.ir_left), ("ir_right", frame.ir_right)):
+            counts = image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8)
+            pictures[side] = np.repeat(counts[..., None], 3, axis=2)
+        for name, depth_mm in (("depth", frame.depth_mm), ("depth_true", frame.depth_true_mm)):
+            pictures[name] = depth_mm[..., None].astype(np.uint16)
+        images = {f"observation.images.{name}": image for name, image in pictures.items()}
         if data is None:
             features: dict[str, Any] = {
                 name: {"dtype": "image", "shape": image.shape, "names": ["height", "width", "channels"]}
@@ -53,13 +60,3 @@ def write(out: Path, count: int, to: Path) -> None:
         data.save_episode()
     if data is not None:
         data.finalize()
-
-
-def _images(frame: Stored) -> dict[str, Any]:
-    pictures = {"rgb": frame.rgb} | {
-        side: np.repeat((image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8))[..., None], 3, axis=2)
-        for side, image in (("ir_left", frame.ir_left), ("ir_right", frame.ir_right))
-    }
-    depths = {"depth": frame.depth_mm, "depth_true": frame.depth_true_mm}
-    pictures |= {name: image[..., None].astype(np.uint16) for name, image in depths.items()}
-    return {f"observation.images.{name}": image for name, image in pictures.items()}

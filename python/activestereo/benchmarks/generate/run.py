@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a data set with workers, each with its own device. Skips frames that exist."""
+"""Makes a data set with workers, each with its own device, and writes it in other formats. Skips frames that exist."""
 
 from __future__ import annotations
 
 import json
 import math
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import kuafu
-from activestereo.benchmarks.generate import bop
+from activestereo.benchmarks.generate import bop, lerobot, mcap
 from activestereo.benchmarks.generate.layout import physics
 from activestereo.benchmarks.generate.ray_actors import made_by_ray, ray_package
 from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config, things_of
@@ -164,3 +165,27 @@ def _begin(settings: Settings, begun: Any) -> None:
 def _make(out: Path, number: int) -> int:
     assert _studio is not None
     return _write(out, _studio.make_frame(number))
+
+
+# ---- other formats ----
+
+_FORMATS = {"lerobot": lerobot, "mcap": mcap}
+
+
+def require_formats(names: list[str]) -> None:
+    """Raises ImportError, with the packages to install, if a format's package is missing."""
+    for name in names:
+        _FORMATS[name].package()
+
+
+def write_formats(out: Path, count: int, names: list[str]) -> None:
+    """Writes frames 0 to count - 1 of the data set `out`, each format into its folder out/NAME. Writes a folder whole
+    or not at all, and replaces an old one."""
+    aside = out / ".unfinished"
+    shutil.rmtree(aside, ignore_errors=True)
+    aside.mkdir()
+    for name in names:
+        _FORMATS[name].write(out, count, aside / name)
+        shutil.rmtree(out / name, ignore_errors=True)
+        (aside / name).rename(out / name)
+    aside.rmdir()
