@@ -4,6 +4,7 @@
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
@@ -11,8 +12,9 @@ from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.refine import Fitter, ParameterSpace
-from activestereo.diagnose.search.formulas import freed, gain_beyond
+from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
 from activestereo.diagnose.search.linear import linearised
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
 from lab_worlds import WorldRenderer
@@ -98,3 +100,20 @@ def test_a_further_name_explains_what_the_formula_of_the_first_cannot_look_like(
     fit = fitter.refine(space, start, named.phi, 6)
     beyond = gain_beyond(freed(linearised(fitter, named), [first], 0.035), fit)
     assert low <= beyond / (named.sums.total - fit.sums.total) <= high
+
+
+def warm_charge(image, view):
+    """Dark current that doubles faster than usual."""
+    return image + 400.0 * view.frame.exposure_s * view.frame.gain * 2.0 ** (view.warming_k / 5.0)
+
+
+def test_what_may_stand_for_a_shape_of_a_name_is_told(clean):
+    frames = {0: {"temperature_c": 45.0}, 2: {"exposure_s": 0.002}}
+    taken = [replace(o.frame, **frames.get(o.frame.id, {})) for o in clean.train]
+    train = (replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(clean.train, taken, strict=True))
+    evidence = seen(replace(clean, train=tuple(train)), warm_charge)
+    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
+    space = ParameterSpace.of(Model(), builtin()["dark_signal"])
+    linear = linearised(fitter, fitter.refine(space, np.array([300.0, 6.0]), fitter.phi0(evidence.nuisances), 8))
+    others = [builtin()[name] for name in ("black_level", "gain_mismatch", "lens_psf")]
+    assert stand_ins(linear, builtin()["dark_signal"], others, 100.0, NUMBERS) == ["black_level"]

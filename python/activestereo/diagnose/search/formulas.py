@@ -2,15 +2,18 @@
 """The freedom of formulas: what the formula of a named effect misses looks like the effect itself, weighed by place or
 by brightness, or like its smooth part (glare that fades with distance), and is not another effect's."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine import Solution
+from activestereo.diagnose.search.dictionary import atoms_of, columns_of
 from activestereo.diagnose.search.linear import Columns, Linear
 from activestereo.diagnose.search.scores import scores
+from activestereo.diagnose.search.selection import candidates
 from activestereo.effects import Effect
 
 
@@ -43,6 +46,25 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
     change = linear.residual - np.concatenate([p.of(row.residual) * p.root_weight for p, row in pairs])
     information, score, _ = scores(linear, change[None].astype(np.float32)).of(slice(0, 1))
     return float(score[0] ** 2 / max(information[0, 0], 1e-9))
+
+
+def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: float, numbers: Numbers) -> list[str]:
+    """Other effects that explain nearly all that a shape of a named one does within what is usual: a black level that
+    moves with temperature, for a dark signal's doubling. floor: the fall of chi2 that counts."""
+    space, model, out = linear.solution.space, linear.solution.model, []
+    own, values = next((e, values) for e, values in model.effects if e.id == effect.id)
+    for i, (e, p) in enumerate(space.pairs):
+        if e.id != effect.id or p.neutral == 0.0 or p.choice or not others:
+            continue
+        usual = values[p.name] + (p.typical if values[p.name] + p.typical <= p.high else -p.typical)
+        change = linear.change(model.with_effect(own, **values | {p.name: usual}), linear.images(model))
+        atoms = atoms_of(linear, others, numbers.prior_reach)
+        rest = {name: np.delete(getattr(linear, name), i, axis=0) for name in ("nuisances", "precision")}
+        alone = replace(linear, **rest, pull=np.zeros(len(rest["precision"])), residual=change)
+        seen = scores(alone, columns_of(linear, atoms, 1))
+        found = candidates(atoms, seen) if seen.total > floor else {}
+        out += [name for name, c in found.items() if c.gain > (1.0 - numbers.formula_error) * seen.total]
+    return out
 
 
 def _smooth(linear: Linear, row: Columns) -> Columns:

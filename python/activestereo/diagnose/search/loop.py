@@ -20,7 +20,7 @@ from activestereo.diagnose.score.likelihood import design_effect, occam_nats
 from activestereo.diagnose.score.structure import local_structure
 from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of
 from activestereo.diagnose.search.fields import fields_of
-from activestereo.diagnose.search.formulas import freed, gain_beyond
+from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
 from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
 from activestereo.diagnose.search.refit import Refit, formula_error, refits
 from activestereo.diagnose.search.scores import scores
@@ -127,6 +127,7 @@ class Search:
             self._drop_needless()
             linear = linearised(self._fitter, self._solution)
             columns = carried(columns, before, self._fitter)
+            self._widen_last_set(linear)
             self._structure = local_structure(self._rows)
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
         drawn = sum(n.gain for n in self._names if n.field is not None)
@@ -221,6 +222,18 @@ class Search:
         else:
             self._take_draws(named.field)
         return True
+
+    def _widen_last_set(self, linear: Linear) -> None:
+        """Adds what may stand for a part of the last name, as likely as a set leaves out the truth."""
+        name = self._names[-1] if self._names else None
+        if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
+            return
+        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE and e.family == name.effect.family]
+        others = [e for e in images if self._is_open(e) and e.id not in name.members]
+        if more := stand_ins(linear, name.effect, others, self._floor(), self._numbers):
+            left_out = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
+            kept = {member: p * self._numbers.credible for member, p in name.members.items()}
+            self._names[-1] = replace(name, members=kept | left_out)
 
     def _say_first_words(self, found: Mapping[str, Candidate]) -> None:
         """The likeliest effects by their scores, and the rank of each of a user's own."""

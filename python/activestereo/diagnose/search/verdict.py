@@ -14,7 +14,7 @@ class Remainder:
     mean square above the noise.
     structure: of what is left (score/structure.py); structure_before: without names. strain: how far a name takes the
     rig or an albedo beyond what is stated, or without names a second albedo is from it, in stated deviations.
-    test_explained, test_left: explained and left on test frames, where all that is named foretells them."""
+    test_explained, test_left: explained and left on test frames, None where a name does not foretell them."""
 
     explained: float
     left: float
@@ -22,8 +22,8 @@ class Remainder:
     structure_before: float
     strain: float = 0.0
     drawn: float = 0.0
-    test_explained: float = 0.0
-    test_left: float = 0.0
+    test_explained: float | None = None
+    test_left: float | None = None
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
@@ -33,16 +33,18 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     from what is stated: they would stand for what surfaces do. So it is beside draws, which explain no structure, and
     beside what repeats show, which explains nothing of the expected images. Beside other names the structure has to be
     a part of the first one, for formulas are not exact; and no more may be left than is explained. Test frames have to
-    confirm either.
+    confirm either, and count as much as train frames do beside a name.
     """
-    unconfirmed = rest.test_left / max(rest.test_explained, numbers.scene_error)
+    unconfirmed, is_tested = 0.0, rest.test_left is not None
+    if rest.test_left is not None:
+        unconfirmed = max(rest.test_left, 0.0) / max(rest.test_explained or 0.0, numbers.scene_error)
     if not is_named or rest.explained - rest.drawn < numbers.least_excess:
         structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
         return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
-    left = rest.left / max(rest.explained + rest.drawn, numbers.structure)
-    return max(structure, left, rest.strain / numbers.strain, unconfirmed)
+    train = max(structure, rest.left / max(rest.explained + rest.drawn, numbers.structure))
+    return max((train + unconfirmed) / 2.0 if is_tested else train, rest.strain / numbers.strain, unconfirmed)
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:
