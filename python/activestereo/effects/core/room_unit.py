@@ -8,8 +8,6 @@ places are then polished, first with a blurred pattern, then with a sharper one.
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
@@ -81,17 +79,21 @@ def _likely_places(seen: SeenPoints) -> np.ndarray:
     low, high = np.quantile(seen.points, 0.02, axis=0) - _BEYOND_M, np.quantile(seen.points, 0.98, axis=0) + _BEYOND_M
     step_m = max(_STEP_M, float(np.cbrt(np.prod(high - low) / _MOST_OF_GRID)))
     few, (xs, ys, zs) = seen.some(800), (np.arange(a, b, step_m) for a, b in zip(low, high, strict=True))
-    dots = few.dots - few.dots.mean()
+    points, normals, strength, dots = (
+        x.astype(np.float32) for x in (few.points, few.normals, few.glow * np.sqrt(few.weight), few.dots)
+    )
+    dots -= dots.mean()
     places, likeness = [], []
-    for x, y in product(xs, ys):
-        column = np.stack([np.full_like(zs, x), np.full_like(zs, y), zs], axis=-1)
-        way, lit = few.lit_from(column)
-        is_free = (way**2).sum(-1).min(-1) > _NEAR_M**2
-        shown = (lit * np.sqrt(few.weight))[is_free]
+    for x in xs:  # distances and cosines of a slab of places are matrix products
+        slab = np.stack(np.meshgrid([x], ys, zs), axis=-1).reshape(-1, 3).astype(np.float32)
+        square = (slab**2).sum(-1)[:, None] + (points**2).sum(-1) - 2.0 * slab @ points.T
+        is_free = square.min(-1) > _NEAR_M**2
+        slab, square = slab[is_free], square[is_free]
+        cosine = np.maximum(slab @ normals.T - (points * normals).sum(-1), 0.0)
+        shown = strength * cosine / (square * np.sqrt(square))
         shown -= shown.mean(axis=-1, keepdims=True)
-        places.append(column[is_free])
-        size = np.linalg.norm(shown, axis=-1) * np.linalg.norm(dots)
-        likeness.append(shown @ dots / np.maximum(size, 1e-30))
+        places.append(slab.astype(np.float64))
+        likeness.append(shown @ dots / np.maximum(np.linalg.norm(shown, axis=-1) * np.linalg.norm(dots), 1e-30))
     of_all = np.concatenate(likeness)
     if of_all.max(initial=0.0) < _LEAST_LIKENESS:
         return np.empty((0, 3))
