@@ -309,16 +309,12 @@ def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray
 
 def _moved(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
     """Clipped where focal length and geometry move it: the expected image itself ends at the range's ends already."""
-    change = _displacement(pixels, phi)
-    if not np.any(change):
-        return image
-    moved = image + change
-    return np.clip(moved, 0.0, pixels.observation.view.max_dn, out=moved)
-
-
-def _displacement(pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
-    """The change of an image by focal length and geometry, DN [n]; 0 where they are as rendered."""
     o = pixels.observation
     twists = phi[SCALES + o.geometry_places].astype(np.float32)
     change = phi[SCALES + o.view.is_right] * pixels.focal_slope
-    return change + twists @ pixels.geometry_slopes if twists.any() else change
+    if twists.any():
+        change = change + twists @ pixels.geometry_slopes
+    elif not np.any(change):
+        return image
+    moved = image + change
+    return np.clip(moved, 0.0, o.view.max_dn, out=moved)

@@ -189,7 +189,10 @@ class Search:
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
-        fields = {name: f for name, f in fields.items() if f[0] * self._chi2 > self._floor_of_draws()}
+        # Beside other fields a field has to gain more: every image adds its noise to what is known of their draws, and
+        # the images of a camera share it.
+        drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
+        fields = {name: f for name, f in fields.items() if f[0] * self._chi2 > drawn * self._pixels}
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
@@ -199,7 +202,9 @@ class Search:
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():
-            if self._may_be_draws(name) and self._chi2 * share > self._missed([n.missed for n in self._names]):
+            # Draws leave no structure, unless pixels that lie together share them.
+            may_be = self._structure < numbers.structure or has_extended_draws(self._effect(name))
+            if may_be and self._chi2 * share > self._missed([n.missed for n in self._names]):
                 left[name] = self._chi2 * (1.0 - share)
         if not left:
             return False
@@ -210,7 +215,7 @@ class Search:
         now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
             return False
-        effect = next(e for e in self._effects if e.id == name)
+        effect = self._effect(name)
         missed = numbers.formula_error
         if name in fits and not (fits[name].rendered or is_response(effect)):
             missed = max(2.0 * missed, formula_error(effect, missed))
@@ -263,25 +268,16 @@ class Search:
         """The fall of chi2 that these shares of the names' gains are."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
 
-    def _floor_of_draws(self) -> float:
-        """The fall of chi2 that a field needs beside other fields: every image adds its noise to what is known of their
-        draws, and the images of a camera share it."""
-        images = len(self._evidence.train) / len(SIDES)
-        return self._pixels * sum(n.gain for n in self._names if n.field is not None) / images
-
     def _fields(self) -> Fields:
         effects = [e for e in self._effects if self._is_open(e)]
         return fields_of(effects, self._rows, float(self._solution.phi[SCALES - 1]), self._numbers)
 
+    def _effect(self, name: str) -> Effect:
+        return next(e for e in self._effects if e.id == name)
+
     def _is_open(self, effect: Effect) -> bool:
         """Whether an effect may be named yet. A needless name stays out, so that a search ends."""
         return effect.id not in self._needless | {n.id for n in self._names}
-
-    def _may_be_draws(self, name: str) -> bool:
-        """Draws leave no structure, unless pixels that lie together share them."""
-        return self._structure < self._numbers.structure or has_extended_draws(
-            next(e for e in self._effects if e.id == name)
-        )
 
     def _fits(self, found: dict[str, Candidate]) -> dict[str, Refit]:
         most = max((c.gain for c in found.values()), default=0.0)
