@@ -16,6 +16,7 @@ from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.diagnose import diagnose
+from activestereo.diagnose.room import names
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
 from activestereo.diagnose.room.names import glare_of, seen_of, with_take
@@ -51,6 +52,21 @@ def nothing(dn, side, rng):
     return dn
 
 
+def soft(dn, side, rng):
+    """Both cameras saturate softly: the black level and full scale stay."""
+    x = np.maximum(dn - BLACK_DN, 0.0) / 255.0
+    return BLACK_DN + 255.0 * 1.4 * x / (1.0 + 0.4 * x)
+
+
+def pedestal(dn, side, rng):
+    return dn + 3.0
+
+
+def again(dn, side, rng):
+    """Another session, its tripod not quite where it was."""
+    return dn
+
+
 @pytest.fixture(scope="module")
 def capture_with(tmp_path_factory):
     """A function: the folder of a capture that was measured with an effect in the recording."""
@@ -59,7 +75,9 @@ def capture_with(tmp_path_factory):
     def capture(change):
         if change not in made:
             folder, rng = tmp_path_factory.mktemp(change.__name__), np.random.default_rng(0)
-            views = Room(turns_deg=((0, 0), (14, 3), (-13, -4)), exposures=(1.0, 0.85, 1.3)).write(folder / "views")
+            turns = ((0.3, 0.1), (13.8, 3.2), (-13.3, -4.1)) if change is again else ((0, 0), (14, 3), (-13, -4))
+            room = Room(turns_deg=turns, exposures=(1.0, 0.85, 1.3), session=int(change is again))
+            views = room.write(folder / "views")
             for path in sorted(views.glob("*t/*.png")):
                 dn = change(cv2.imread(str(path), cv2.IMREAD_UNCHANGED).astype(float), path.parent.name, rng)
                 cv2.imwrite(str(path), np.rint(np.clip(dn, 0, 255)).astype(np.uint8))
@@ -122,8 +140,16 @@ def test_a_camera_that_lacks_nothing_is_told_so_and_what_would_tell_more(capture
     assert sum(result["probabilities"]["named"].values()) + result["probabilities"]["none"] == pytest.approx(1.0)
 
 
-def test_a_good_session_of_the_unit_tells_what_one_alone_leaves_open(capture_with):
+@pytest.mark.parametrize("change, also", [(nothing, []), (soft, ["response_gamma"]), (pedestal, ["black_level"])])
+def test_a_good_session_of_the_same_place_tells_what_one_alone_leaves_open(capture_with, change, also):
+    """What changes all images alike is taken for the room's own light without it."""
+    result = diagnose(capture_with(change), reference=[capture_with(again)]).result
+    assert result["added"] == ["vignetting", *also]
+
+
+def test_a_good_session_of_another_place_tells_the_unit_s_own(capture_with, monkeypatch):
     good, alone = capture_with(nothing), diagnose(capture_with(gain)).result
+    monkeypatch.setattr(names, "room_beside", lambda room, other: None)
     beside = diagnose(capture_with(gain), reference=[good]).result
     gained = [{e["effect"]: e["score_nats"] for e in r["ranking"]}["gain_mismatch"] for r in (alone, beside)]
     assert beside["added"] == ["vignetting", "gain_mismatch"] and gained[1] > 1.2 * gained[0]

@@ -35,13 +35,14 @@ class Warm:
 
 @dataclass
 class Room:
-    """turns_deg: of each view, about y and x, perhaps z; exposures: relative."""
+    """turns_deg: of each view, about y and x, perhaps z; exposures: relative; session: its noise."""
 
     turns_deg: tuple[tuple[float, ...], ...] = ((0, 0), (14, 3), (-13, -4), (6, -3))
     exposures: tuple[float, ...] = (1.0, 0.85, 1.3, 1.1)
     dots_dn: float = 180.0
     room_dn: float = 110.0
     seed: int = 3
+    session: int = 0
     balls: dict[int, list] = field(default_factory=dict)  # of a view, where they are others
 
     def pose(self, k: int) -> np.ndarray:
@@ -57,6 +58,7 @@ class Room:
         rng = np.random.default_rng(self.seed)
         pattern = _dots(rng)
         waves = _waves(rng)
+        rng = np.random.default_rng([self.seed, self.session]) if self.session else rng
         for name in ("left", "right", "depth"):
             (folder / name).mkdir(parents=True)
         for k in range(len(self.turns_deg)):

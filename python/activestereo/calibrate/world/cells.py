@@ -77,7 +77,8 @@ class Places:
 class Room:
     """The images of one scene's views with depth, and the cells that they share.
 
-    capture: as `calibrate world` writes it. frames: ids of the views, the first four of its scene by default.
+    capture: as `calibrate world` writes it. frames: ids of the views, the first four of its scene by default. judged:
+    the first so many views show the camera that is judged; further ones, the same camera when it was good.
     """
 
     def __init__(self, capture: Capture, frames: list[int] | None = None) -> None:
@@ -87,7 +88,7 @@ class Room:
             chosen = [f for f in chosen if f.id in frames]
         elif told is not None:
             chosen = [f for f in chosen if f.id in told and f.split == "train"][:_MOST_VIEWS]
-        self.capture, self.frames = capture, chosen
+        self.capture, self.frames, self.judged = capture, chosen, len(chosen)
         self.rig = binned(capture, _HALF).rig
         pattern = blurred(capture.rig.projector.pattern().astype(np.float32), _PATTERN_BLUR)
         self.images = [image for n, frame in enumerate(chosen) for image in self._pair(n, frame, pattern)]

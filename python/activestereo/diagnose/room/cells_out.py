@@ -56,15 +56,15 @@ class Normal:
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
     """The Blocks of every view in every band."""
-    frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
+    frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.judged) for band in bands}
     frames = {key: frame for key, frame in frames.items() if frame.cells}
     blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
     for number, column in enumerate(columns):
-        for k in range(len(room.images)):
+        for k in range(len(room.images) if column.effect is None else 2 * room.judged):
             changed = _changed(light, column, k, bands)
             for (band, m), frame in frames.items():
                 if band in changed and k in frame.images:
-                    frame.fill(blocks[band, m].columns[number], k, changed[band])
+                    blocks[band, m].columns[number, frame.images.index(k)] = frame.read(k, changed[band])
     return list(blocks.values())
 
 
@@ -105,7 +105,8 @@ class _Frame:
         chosen = [
             k
             for k, image in enumerate(room.images)
-            if (band != "dots" or image.side == "left") and (band != "pair" or image.view == view)
+            if (band != "dots" or (image.side == "left" and image.view < room.judged))  # a pattern's scale is a session's
+            and (band != "pair" or image.view == view)
         ]
         places = {k: room.places(own, k) for k in chosen}
         new = room.images[own].usable.copy()
@@ -119,7 +120,14 @@ class _Frame:
         live = seen.sum(axis=0) > 1
         row, column = np.indices(live.shape)
         tile = (view * _TILES[0] + row * _TILES[0] // live.shape[0]) * _TILES[1] + column * _TILES[1] // live.shape[1]
-        at = {k: (places[k].column[step][live][None], places[k].row[step][live][None]) for k in chosen}
+        # Cells lie between pixels, for every image is to be interpolated alike: a warp's column is blur in part.
+        across, down = np.random.default_rng(0).uniform(-0.5, 0.5, (2, *live.shape)).astype(np.float32)
+        between = [np.float32(1) + _STEP[band] * n.astype(np.float32) for n in (column, row)]
+        between = [between[0] + across, between[1] + down]
+        at = {
+            k: tuple(cv2.remap(m, *between, cv2.INTER_LINEAR)[live][None] for m in (places[k].column, places[k].row))
+            for k in chosen
+        }
         return cls(room, view, band, tuple(chosen), at, seen[:, live], tile[live])
 
     def read(self, k: int, image: Image, order: int = cv2.INTER_CUBIC) -> NDArray[np.float32]:
@@ -131,10 +139,6 @@ class _Frame:
                 image, column[part], row[part], order, borderMode=cv2.BORDER_REPLICATE
             )
         return out
-
-    def fill(self, columns: NDArray[np.float32], k: int, image: Image) -> None:
-        """Writes the column of image k."""
-        columns[self.images.index(k)] = self.read(k, image, cv2.INTER_LINEAR)
 
     def block(self, light: RoomLight, columns: int) -> Block:
         """The Block with empty columns."""

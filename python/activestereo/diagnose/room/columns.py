@@ -29,11 +29,12 @@ _REACH = 2.0
 # where its cameras differ in it: elsewhere its columns are what looks leave of textures and dots.
 _MOVED, _SCALED, _OF_ONE_CAMERA = ("slow", "fine", "pair"), ("slow",), ("slow", "pair")
 _APART = 0.25
-_TURN_RAD, _FOCAL, _BASELINE = 5e-4, 0.003, 0.1
+_TURN_RAD, _MOVE_M, _FOCAL, _BASELINE, _NEAREST_M = 5e-4, 5e-4, 0.003, 0.1, 0.3
 _SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
 # Periods of bands, in heights of the image.
 _PERIODS = tuple(0.12 * 1.09**k for k in range(21))
 _PERIODIC = "flicker_banding"
+_TONE = "response_gamma"
 # Shares of a parameter's range at which an effect's size is looked up.
 _LADDER = np.geomspace(0.02, 1.0, 9)
 
@@ -101,11 +102,17 @@ def _of_geometry(room: Room) -> Iterator[Column]:
                 x, y = room.images[k].rays()
                 return ((x * y, 1 + y * y), (1 + x * x, x * y), (-y, x))[axis]
 
+            def moved(k: int, axis: int = axis) -> tuple[Image, Image]:
+                x, y = room.images[k].rays()
+                near = 1.0 / np.maximum(room.images[k].depth_m, _NEAREST_M)
+                return ((near, 0 * near), (0 * near, near), (-x * near, -y * near))[axis]
+
             yield _flow(room, f"turn {'xyz'[axis]} {view}", turned, f, _TURN_RAD, view)
+            yield _flow(room, f"move {'xyz'[axis]} {view}", moved, f, _MOVE_M, view)
     ones, zeros = np.ones(room.shape, np.float32), np.zeros(room.shape, np.float32)
     yield _flow(room, "right column", lambda k: (ones, zeros), 0.5, 1.0, side="right")
     yield _flow(room, "right row", lambda k: (zeros, ones), 0.5, 1.0, side="right")
-    near = lambda k: (1.0 / np.maximum(room.images[k].depth_m, 0.3), zeros)  # noqa: E731
+    near = lambda k: (1.0 / np.maximum(room.images[k].depth_m, _NEAREST_M), zeros)  # noqa: E731
     yield _flow(room, "baseline", near, 5.0, _BASELINE, side="right")
     yield _flow(room, "focal length", lambda k: room.images[k].rays(), f, _FOCAL)
 
@@ -132,8 +139,8 @@ def _flow(
 
     def change(k: int, image: Image) -> Image | None:
         seen = room.images[k]
-        if view not in (None, seen.view) or side not in (None, seen.side):
-            return None
+        if view not in (None, seen.view) or side not in (None, seen.side) or (view is None and seen.view >= room.judged):
+            return None  # geometry that all views share is the session's
         down, across = np.gradient(image)
         dx, dy = of(k)
         return np.asarray(-np.float32(scale) * (dx * across + dy * down), np.float32)
@@ -155,10 +162,29 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
             value = min(p.typical_value * share, p.high)
             if p is not lead and not _stands_alone(effect, p, views[0], light.room[0]):
                 continue
-            change = _difference(effect, {p.name: value}, views, light.black_dn, 1.0 / share)
+            change = _difference(effect, {p.name: value}, views, light.black_dn, 1.0 / share, share < 1.0 and p.low < 0.0)
             bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
             out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands))
+            if effect.id == _TONE:
+                bend = _bend(change, light, room.rig.max_dn)
+                out.append(Column(f"{effect.id}.bend", bend, _REACH, effect, p, value / share, bands))
     return out
+
+
+def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
+    """The change by a soft saturation, x (1 - x), beyond the best exponent and exposure: responses differ in the dark,
+    where a pedestal would be taken for them."""
+    x = light.both[0]
+    laws = [lambda k, image: image * (1.0 - image / full_dn), power, lambda k, image: image]
+    saturated, *others = (np.asarray(law(0, x)).ravel() for law in laws)
+    share = np.linalg.lstsq(np.stack(others, axis=1), saturated, rcond=None)[0]
+    scale = np.float32(np.linalg.norm(others[0]) / max(float(np.linalg.norm(saturated)), 1e-9))
+
+    def change(k: int, image: Image) -> Image | None:
+        soft, exponent, exposure = (law(k, image) for law in laws)
+        return None if exponent is None else scale * (soft - share[0] * exponent - share[1] * exposure)
+
+    return change
 
 
 def _share(effect: Effect) -> float:
@@ -185,10 +211,17 @@ def _stands_alone(effect: Effect, p: Parameter, view: View, image: Image) -> boo
     return bool(np.any(acting(effect, {p.name: p.typical_value}, image, view, 0.0) != image))
 
 
-def _difference(effect: Effect, values: dict[str, float], views: list[View], black_dn: float, scale: float) -> Change:
+def _difference(
+    effect: Effect, values: dict[str, float], views: list[View], black_dn: float, scale: float, both_ways: bool
+) -> Change:
     def change(k: int, image: Image) -> Image | None:
         moved = acting(effect, values, image, views[k], black_dn)
-        return np.asarray(scale * (moved - image), np.float32) if np.any(moved != image) else None
+        if not np.any(moved != image):
+            return None
+        if both_ways:  # what resampling blurs is even in the step
+            back = acting(effect, {name: -value for name, value in values.items()}, image, views[k], black_dn)
+            return np.asarray(0.5 * scale * (moved - back), np.float32)
+        return np.asarray(scale * (moved - image), np.float32)
 
     return change
 
@@ -251,7 +284,8 @@ def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
     p = effect.parameters[0]
     one = np.full(room.shape, p.typical, np.float32)
     of = lambda view: lambda k, image: one if room.images[k].view == view else None  # noqa: E731
-    return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical, _SCALED) for v in range(1, room.views)]
+    first = 1 if room.judged == room.views else 0  # which is in the measured black level but for a good session
+    return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical, _SCALED) for v in range(first, room.judged)]
 
 
 def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
@@ -265,7 +299,7 @@ def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
         angle = 2.0 * np.pi * rows / period
         out[period] = [
             Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical, _SCALED)
-            for view in range(room.views)
+            for view in range(room.judged)
             for name, wave in (("sine", p.typical * np.sin(angle)), ("cosine", p.typical * np.cos(angle)))
         ]
     return out

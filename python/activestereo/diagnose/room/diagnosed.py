@@ -175,6 +175,8 @@ def parameters_of(found: Found, seen: Seen) -> Parameters:
     columns = {c.name: c for c in seen.scores.columns if c.effect is found.effect}
     out = {}
     for name, (value, deviation) in found.parameters.items():
+        if name.endswith(".bend"):
+            continue  # beyond the exponent
         slope = 1.0
         if name in columns and not found.finding:
             value, slope = size_of(seen.room, seen.light, columns[name], value)

@@ -108,7 +108,8 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
             lead = room.columns[way[0]]
             if lead.parameter is None or lead.parameter.name in least:
                 continue  # all parameters together
-            unit = H[:, way] @ np.full(len(way), np.sqrt(0.5) if lead.name.endswith("sine") else 1.0)
+            share = {"sine": np.sqrt(0.5), "bend": 0.0}
+            unit = H[:, way] @ [next((s for end, s in share.items() if names[j].endswith(end)), 1.0) for j in way]
             occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
             missing = gaussian(needed, few) + occam + cost + np.log(len(ways))
             units = (np.sqrt(2.0 * missing) + ONE_SIDED) / np.sqrt(max(unit @ np.linalg.solve(null, unit), 1e-12))

@@ -19,14 +19,17 @@ _BORDER_PX, _LEAST_GEOMETRY, _MOST_GEOMETRY = 3, 0.02, 5.0
 @dataclass(frozen=True)
 class Take:
     """One more pair from where the first view was taken: turned about the axes x, y, z (degrees), at a factor of its
-    exposure. One that is not turned is of the same view, its factor known."""
+    exposure, or by the camera when it was good. One that is neither turned nor good is of the same view, its factor
+    known."""
 
     turn_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     exposure: float = 1.0
+    is_good: bool = False
 
     @property
-    def is_turned(self) -> bool:
-        return any(self.turn_deg)
+    def is_further(self) -> bool:
+        """Whether it is a view of its own."""
+        return any(self.turn_deg) or self.is_good
 
 
 class ImaginedRoom(Room):
@@ -34,11 +37,12 @@ class ImaginedRoom(Room):
 
     def __init__(self, room: Room, light: RoomLight, take: Take) -> None:
         self.capture, self.rig, self._room = room.capture, room.rig, room
-        self.frames = [*room.frames, room.frames[0]] if take.is_turned else list(room.frames)
+        self.frames = [*room.frames, room.frames[0]] if take.is_further else list(room.frames)
+        self.judged = room.views if take.is_good else self.views
         x, y, z = (cv2.Rodrigues(np.radians(take.turn_deg[i]) * np.eye(3)[i])[0] for i in range(3))
         self._turn = [image.K @ z @ y @ x @ np.linalg.inv(image.K) for image in room.images[:2]]
         self._places = {}
-        view = room.views if take.is_turned else 0
+        view = room.views if take.is_further else 0
         self.images = [*room.images, *(self._taken(light, side, view, take) for side in (0, 1))]
 
     def _taken(self, light: RoomLight, side: int, view: int, take: Take) -> RoomImage:

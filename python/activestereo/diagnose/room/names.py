@@ -17,7 +17,8 @@ from activestereo.diagnose.room.evidence import ONE_SIDED, Found, Reduced, gauss
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
 from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.rows import row_variance
-from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SHARED
+from activestereo.diagnose.room.same_place import room_beside
+from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SAME_PLACE, SHARED
 from activestereo.diagnose.search.selection import credible
 from activestereo.effects import Effect, Model
 
@@ -68,24 +69,24 @@ class Seen:
     period_rows: int | None
     trust: Mapping[str, float]
 
-    def known(self, spread: Mapping[str, float]) -> dict[str, float]:
-        """{column: deviation between sessions, in units}."""
-        return {c.name: spread[key(c)] / c.step for c in self.scores.columns if c.effect is not None}
-
 
 def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
-    """The Names of a room beside a given model. reference: rooms of the same unit when it was good."""
+    """The Names of a room beside a given model. reference: rooms of the same unit when it was good. One of the same
+    place is seen together with the room; of others, what they find alone is taken off."""
     asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
-    spread = BETWEEN if reference else OF_A_UNIT
     seen = seen_of(room, asked)
-    scores, rows = seen.scores, _rows(room, asked)
+    scores, spread, rows = seen.scores, OF_A_UNIT, _rows(room, asked)
     rows += _drops(room, seen.light.lens, asked)
+    both = next(filter(None, (room_beside(room, other) for other in reference)), None)
+    if both is not None:
+        scores, spread = seen_of(both, asked).scores, SAME_PLACE
+    elif reference:
+        scores, spread = _beside(scores, [seen_of(other, asked).scores for other in reference]), BETWEEN
     if reference:
-        scores = _beside(scores, [seen_of(other, asked).scores for other in reference])
         rows += _pitch(room, reference, asked)
     named: list[Named] = []
     ranking: tuple[Found, ...] = ()
-    known = seen.known(spread)
+    known = known_of(scores, spread)
     while len(named) < _MOST_NAMES:
         before = {n.found.effect.id for n in named} | {f.effect.id for f in rows}
         found = [*(f for f in judged(scores, known, LOOKED, NEEDED) if f.effect.id not in before), *rows]
@@ -105,6 +106,11 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         named.append(Named(best, members))
         known = {name: deviation for name, deviation in known.items() if name not in own}
     return Names(tuple(named), ranking, seen)
+
+
+def known_of(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
+    """{column: deviation between sessions, in units}."""
+    return {c.name: spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
 def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
@@ -131,7 +137,7 @@ def with_take(seen: Seen, take: Take) -> Reduced:
 
 def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Sequence[Column]) -> list[Column]:
     """Columns of effects with a known spread."""
-    return [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if key(c) in OF_A_UNIT]
+    return [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if _key(c) in OF_A_UNIT]
 
 
 def _looked_at(columns: Sequence[Column]) -> list[int]:
@@ -175,17 +181,20 @@ def _row_offset(room: Room) -> float:
 
 
 def glare_of(found: Found, seen: Seen) -> Found | None:
-    """The veiling glare that lifts each view by a share of its light, where that is what black levels of their own do:
-    their common part is in the measured one. Else nothing."""
+    """The veiling glare that lifts each view by a share of its light, where that is what black levels of their own do,
+    and a common one does it less. Without a good session that is in the measured one, as is the first view's. Else
+    nothing."""
     effect = next((e for e in seen.asked if e.id == "veiling_glare"), None)
     if effect is None or found.effect.id != "black_level":
         return None
     light = np.array([image[seen.room.images[k].usable].mean() for k, image in enumerate(seen.light.seen)])
     light = 0.5 * (light[::2] + light[1::2])
     lifted, deviation = np.array(list(found.parameters.values())).T
-    more = light[1:] - light[0]
+    is_whole = len(lifted) == len(light)
+    more = light if is_whole else light[1:] - light[0]
+    beside = ((lifted - lifted.mean()) ** 2).sum() if is_whole else _UNLIKE_GLARE * (lifted**2).sum()
     share = float(np.vdot(lifted, more)) / max(float(np.vdot(more, more)), 1e-9)
-    if share <= 0.0 or ((lifted - share * more) ** 2).sum() > _UNLIKE_GLARE * (lifted**2).sum():
+    if share <= 0.0 or ((lifted - share * more) ** 2).sum() > beside:
         return None
     told = {
         "veiling_glare.fraction": (share, float(np.linalg.norm(deviation)) / max(float(np.linalg.norm(more)), 1e-9))
@@ -201,7 +210,7 @@ def _with_prior(value: float, deviation: float, reach: float) -> float:
     return student(float(nats), FEW)
 
 
-def key(column: Column) -> str:
+def _key(column: Column) -> str:
     """A column's place in a table of spreads."""
     assert column.effect is not None and column.parameter is not None
     return f"{column.effect.id}.{column.parameter.name}"

@@ -12,8 +12,8 @@ import numpy as np
 from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
-from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, beside_columns, key, with_take
-from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT
+from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, beside_columns, known_of, with_take
+from activestereo.diagnose.room.sessions import OF_A_UNIT, SAME_PLACE
 from activestereo.effects import Effect, Stage
 
 Sizes = Mapping[str, float]
@@ -57,10 +57,11 @@ def plan_of(seen: Seen) -> list[Recording]:
     asked about stands in one of them."""
     this = told_by(seen)
     now = {effect: told for effect, told in this.items() if _is_usual(seen, effect, told)}
-    offers = [(text, 1.0, _tells(seen, r, _known(r, OF_A_UNIT))) for text, take in _VIEWS
+    offers = [(text, 1.0, _tells(seen, r, known_of(r, OF_A_UNIT))) for text, take in _VIEWS
               for r in [with_take(seen, take)]]  # fmt: skip
-    offers.append((_COVERED, 1.0, _tells(seen, _covered(seen.scores), seen.known(OF_A_UNIT))))
-    offers.append((_REFERENCE, 2.0, _tells(seen, seen.scores, seen.known(BETWEEN))))
+    offers.append((_COVERED, 1.0, _tells(seen, _covered(seen.scores), known_of(seen.scores, OF_A_UNIT))))
+    good = with_take(seen, Take(is_good=True))
+    offers.append((_REFERENCE, 2.0, _tells(seen, good, known_of(good, SAME_PLACE))))
     plan = []
     for text, minutes, tells in offers:
         usual = {e: told for e, told in tells.items() if _is_usual(seen, e, told)}
@@ -73,7 +74,7 @@ def plan_of(seen: Seen) -> list[Recording]:
 
 def told_by(seen: Seen) -> dict[str, Sizes]:
     """{effect: {parameter: least size}} of those that a recording names, with what no column tells."""
-    return _tells(seen, seen.scores, seen.known(OF_A_UNIT)) | dict(beside_columns(seen.room, seen.asked))
+    return _tells(seen, seen.scores, known_of(seen.scores, OF_A_UNIT)) | dict(beside_columns(seen.room, seen.asked))
 
 
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:
@@ -100,10 +101,6 @@ def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
 
 def _is_more(told: Sizes, now: Sizes | None) -> bool:
     return now is None or any(size < _MUCH_LESS * now.get(name, np.inf) for name, size in told.items())
-
-
-def _known(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
-    return {c.name: spread[key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
 def _covered(scores: Reduced) -> Reduced:

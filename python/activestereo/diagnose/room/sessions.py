@@ -29,3 +29,18 @@ FREEDOM = {"focus_mismatch": 16.0, "gain_mismatch": 16.0}
 BETWEEN = OF_A_UNIT | {"focus_mismatch.sigma_px": 0.36, "gain_mismatch.gain": 0.0105}
 # The share of what one session finds that another one of the unit has, too.
 SHARED = 0.5
+# Between a session and a good one of the same place, whose images show each cell without the effect.
+SAME_PLACE = {
+    "focus_mismatch.sigma_px": 0.2,
+    "radial_distortion.k1": 0.0015,
+    "radial_distortion.k2": 0.002,
+    "tangential_distortion.p1": 0.00015,
+    "tangential_distortion.p2": 0.00015,
+    "lens_ghost.fraction": 0.002,
+    "veiling_glare.fraction": 0.01,
+    "gain_mismatch.gain": 0.005,
+    "gain_mismatch.offset_dn": 0.1,
+    "response_gamma.log_exponent": 0.006,
+    "black_level.offset_dn": 0.2,
+    "flicker_banding.depth": 0.005,
+}
