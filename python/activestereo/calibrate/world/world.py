@@ -8,24 +8,40 @@ is kept by leaving its step out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps, information_of
-from activestereo.calibrate.world.light import darkness
-from activestereo.calibrate.world.light_steps import Progress, albedo_step, exposure_step
+from activestereo.calibrate.world.light import (
+    LightEstimate,
+    black_level,
+    darkness,
+    light_view,
+    merged_textures,
+    solve_light,
+)
+from activestereo.calibrate.world.masks import known_masks
+from activestereo.calibrate.world.mesh import write_scene
+from activestereo.calibrate.world.overlaps import Overlap, Surface
 from activestereo.calibrate.world.pair_geometry import pair_geometry
-from activestereo.calibrate.world.pattern import recover_pattern
-from activestereo.calibrate.world.pictures import poses_picture, write_pictures
+from activestereo.calibrate.world.pattern import PatternEstimate, recover_pattern
+from activestereo.calibrate.world.pictures import (
+    albedo_picture,
+    exposure_picture,
+    known_picture,
+    poses_picture,
+    write_pictures,
+)
 from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
-from activestereo.calibrate.world.state import World
-from activestereo.calibrate.world.views import read_views
-from activestereo.capture.capture import SIDES, Frame, read_capture
+from activestereo.calibrate.world.views import SceneView, read_views
+from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.common.progress_bar import part_of
 
@@ -38,6 +54,64 @@ _LEAST_ON = 0.85
 # The camera has turned where the picture moves by this share of its width: else the lens's falloff stays untold.
 _LEAST_TURN = 0.02
 _Z90 = 1.645
+# Overlaps tell exposures no better than this, relative.
+_LEAST_EXPOSURE = 0.005
+# The pattern's image is dark, or was never lit, where nothing shines within so many of its pixels.
+_LIT_PX = 41
+
+Progress = Callable[[float], object] | None
+
+
+@dataclass
+class World:
+    """A capture on its way. lines: what each step found, for the user; surfaces, overlaps, groups: of views, where
+    steps compare their surfaces; poses, dots: as steps of this run measured them; pictures: by their names."""
+
+    capture: Capture
+    views: list[SceneView]
+    pattern: NDArray[np.uint8]
+    lines: list[str] = field(default_factory=list)
+    surfaces: list[Surface] = field(default_factory=list)
+    overlaps: list[Overlap] = field(default_factory=list)
+    groups: list[list[int]] = field(default_factory=list)
+    poses: PoseEstimate | None = None
+    dots: PatternEstimate | None = None
+    masks: dict[tuple[int, str], NDArray[np.bool_]] = field(default_factory=dict)
+    pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
+
+    @property
+    def K(self) -> NDArray[np.float64]:
+        return self.capture.rig.left.K
+
+    @property
+    def where(self) -> str:
+        return str(self.capture.path)
+
+    def note(self, name: str, values: dict[str, Any], line: str) -> None:
+        """Keeps what a step measured."""
+        self.capture = replace(self.capture, measured={**self.capture.measured, name: values})
+        self.lines.append(line)
+
+    def scene_views(self) -> tuple[list[SceneView], list[NDArray[np.float64]]]:
+        """Views of one scene and their view_to_world: as measured, or as the capture states them. ValueError where it
+        states none."""
+        if self.poses is not None:
+            return [self.views[i] for i in self.poses.views], list(self.poses.view_to_world)
+        frames = {frame.id: frame.camera_to_world for frame in self.capture.frames}
+        views = [view for view in self.views if view.frame.id in frames]
+        if len({frames[view.frame.id].tobytes() for view in views}) < min(len(views), 2):
+            raise ValueError(f"{self.where}: its views have no poses: take 'calibrate poses' first, or give them")
+        return views, [frames[view.frame.id] for view in views]
+
+    def projected(self) -> PatternEstimate:
+        """The projector's dots: as measured, or as the capture states them."""
+        if self.dots is not None:
+            return self.dots
+        projector = self.capture.rig.projector
+        shining = cv2.dilate((self.pattern > 0).astype(np.uint8), np.ones((_LIT_PX, _LIT_PX), np.uint8)) > 0
+        image = np.where(shining, self.pattern / np.float32(255.0), np.nan).astype(np.float32)
+        place = np.linalg.inv(projector.left_to_projector)[:3, 3]
+        return PatternEstimate(image, projector.K, place, np.zeros((3, 3)), {})
 
 
 def calibrate_world(
@@ -209,12 +283,105 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
     world.note("pattern", values, line)
 
 
+def _exposure(world: World, seed: int, folder: Path, progress: Progress) -> None:
+    """Measures each frame's exposure, the black level and the lens's falloff by places that several views see."""
+    views, poses = world.scene_views()
+    train = _train(world)
+    given = world.capture.rig.black_dn if "exposure" not in world.capture.measured else None
+    believed = given or black_level([view for view in world.views if view.frame.split == "train"])
+    lights = [light_view(view, world.K, world.projected()) for view in views]
+    estimate = solve_light([lights[k] for k in train], [poses[k] for k in train], world.K, believed)
+    if given is not None:
+        estimate = replace(estimate, black_dn=given)
+    exposure, deviation = (
+        dict(zip(train, values, strict=True)) for values in (estimate.exposure, estimate.exposure_deviation)
+    )
+    for k in (k for k in range(len(views)) if k not in exposure):
+        both = solve_light([lights[train[0]], lights[k]], [poses[train[0]], poses[k]], world.K, believed, estimate)
+        exposure[k], deviation[k] = float(both.exposure[1]), float(both.exposure_deviation[1])
+    first = views[train[0]].frame.exposure_s
+    times = {views[k].frame.id: first * e for k, e in exposure.items()}
+    frames = tuple(replace(f, exposure_s=times.get(f.id, f.exposure_s)) for f in world.capture.frames)
+    rig = replace(world.capture.rig, black_dn=estimate.black_dn)
+    known = [sd / exposure[k] for k, sd in deviation.items() if np.isfinite(sd) and sd > 0]
+    uncertainty = replace(world.capture.uncertainty, exposure=max(float(np.max(known, initial=0.0)), _LEAST_EXPOSURE))
+    world.capture = replace(world.capture, frames=frames, rig=rig, uncertainty=uncertainty)
+    values = {
+        "black_dn": list(estimate.black_dn),
+        "exposure_s": {str(frame): time for frame, time in times.items()},
+        "relative_deviation": {
+            str(views[k].frame.id): float(sd / exposure[k]) if np.isfinite(sd) else None for k, sd in deviation.items()
+        },
+        "vignetting_exponent": None if estimate.exponent is None else list(estimate.exponent),
+        "log_scatter": list(estimate.scatter) if np.isfinite(estimate.scatter[0]) else None,
+    }
+    world.note("exposure", values, _exposure_line(estimate, times, first))
+    if len(train) > 1:
+        own = [views[k] for k in train]
+        world.pictures["exposure"] = exposure_picture(own, [poses[k] for k in train], world.K, estimate)
+
+
+def _exposure_line(estimate: LightEstimate, times: dict[int, float], first: float) -> str:
+    shares = ", ".join(f"{frame}: {time / first:.3f}" for frame, time in times.items())
+    black = f"black level {estimate.black_dn[0]:.2f} +- {_Z90 * estimate.black_dn[1]:.2f} DN"
+    if estimate.exponent is None:
+        return f"exposure: {shares}; {black}; no overlaps: the lens's falloff cannot be told from the surfaces"
+    n, sd = estimate.exponent
+    return (
+        f"exposure: {shares}; {black}; in overlaps light falls as cos^{n:.2f} +- {_Z90 * sd:.2f} of the angle (90 %): "
+        f"log-ratios scatter by {estimate.scatter[0]:.3f} without, {estimate.scatter[1]:.3f} with"
+    )
+
+
+def _albedo(world: World, seed: int, folder: Path, progress: Progress) -> None:
+    """Makes the scene: each view's surface under its albedo and the room's light, without exposure and falloff."""
+    views, poses = world.scene_views()
+    train, measured = _train(world), world.capture.measured.get("exposure", {})
+    exponent = measured.get("vignetting_exponent")
+    times = {frame.id: frame.exposure_s for frame in world.capture.frames}
+    own = [views[k] for k in train]
+    relative = np.array([times[view.frame.id] for view in own])
+    estimate = LightEstimate(
+        relative / relative[0], np.zeros(len(own)), world.capture.rig.black_dn or black_level(own),
+        None if exponent is None else (float(exponent[0]), float(exponent[1])), (np.nan, np.nan),
+    )  # fmt: skip
+    lights = [light_view(view, world.K, world.projected()) for view in own]
+    textures = []
+    for done in range(len(train)):
+        textures.append(merged_textures(done, lights, [poses[j] for j in train], estimate, world.K))
+        if progress:
+            progress((done + 1) / len(train) * 0.7)
+    scene = folder / "scene.glb"
+    triangles = write_scene(scene, own, [poses[k] for k in train], textures, world.capture.rig.left)
+    world.capture = replace(world.capture, scene_path=scene)
+    world.masks = known_masks(views, poses, [k in train for k in range(len(views))], world.capture.rig)
+    world.pictures |= {"albedo": albedo_picture(textures), "known": known_picture(views, world.masks)}
+    share = float(np.mean([mask.mean() for mask in world.masks.values()]))
+    spread = np.concatenate([t.deviation[np.isfinite(t.deviation)][::37] for t in textures])
+    deviation = float(np.median(spread)) if spread.size else None
+    values: dict[str, Any] = {"room_relative_deviation": deviation, "known_share": share}
+    line = f"albedo: {triangles} triangles under albedo and room light; predicted by other views in {100 * share:.0f} %"
+    if deviation is not None:
+        line += f" of the images, where views differ by {100 * deviation:.1f} % in the median"
+    world.note("albedo", values, line)
+
+
+def _train(world: World) -> list[int]:
+    """Indices of the scene's views that are not held out."""
+    views, _ = world.scene_views()
+    split = {frame.id: frame.split for frame in world.capture.frames}
+    train = [k for k, view in enumerate(views) if split[view.frame.id] == "train"]
+    if not train:
+        raise ValueError(f"{world.where}: every view of the scene is held out: leave some to measure its light on")
+    return train
+
+
 _STEP = {
     "camera": _camera,
     "poses": _poses,
     "pattern": _pattern,
-    "exposure": exposure_step,
-    "albedo": albedo_step,
+    "exposure": _exposure,
+    "albedo": _albedo,
 }
 _SHARE = {
     "camera": (0.35, 0.45),

@@ -102,12 +102,9 @@ class _Frame:
     @classmethod
     def of(cls, room: Room, light: RoomLight, band: str, view: int) -> _Frame:
         step, own = np.s_[1 :: _STEP[band], 1 :: _STEP[band]], 2 * view
-        chosen = [
-            k
-            for k, image in enumerate(room.images)
-            if (band != "dots" or (image.side == "left" and image.view < room.judged))  # a pattern's scale is a session's
-            and (band != "pair" or image.view == view)
-        ]
+        asked = {"dots": lambda i: i.side == "left" and i.view < room.judged,  # the pattern's scale is a session's
+                 "pair": lambda i: i.view == view}.get(band, lambda i: True)  # fmt: skip
+        chosen = [k for k, image in enumerate(room.images) if asked(image)]
         places = {k: room.places(own, k) for k in chosen}
         new = room.images[own].usable.copy()
         for earlier in range(view if band != "pair" else 0):

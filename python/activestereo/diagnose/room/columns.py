@@ -139,8 +139,9 @@ def _flow(
 
     def change(k: int, image: Image) -> Image | None:
         seen = room.images[k]
-        if view not in (None, seen.view) or side not in (None, seen.side) or (view is None and seen.view >= room.judged):
-            return None  # geometry that all views share is the session's
+        of_all = range(room.judged) if view is None else (view,)  # what all views share is the session's
+        if seen.view not in of_all or side not in (None, seen.side):
+            return None
         down, across = np.gradient(image)
         dx, dy = of(k)
         return np.asarray(-np.float32(scale) * (dx * across + dy * down), np.float32)
@@ -162,7 +163,7 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
             value = min(p.typical_value * share, p.high)
             if p is not lead and not _stands_alone(effect, p, views[0], light.room[0]):
                 continue
-            change = _difference(effect, {p.name: value}, views, light.black_dn, 1.0 / share, share < 1.0 and p.low < 0.0)
+            change = _difference(effect, p, value, share, views, light.black_dn)
             bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
             out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands))
             if effect.id == _TONE:
@@ -211,17 +212,15 @@ def _stands_alone(effect: Effect, p: Parameter, view: View, image: Image) -> boo
     return bool(np.any(acting(effect, {p.name: p.typical_value}, image, view, 0.0) != image))
 
 
-def _difference(
-    effect: Effect, values: dict[str, float], views: list[View], black_dn: float, scale: float, both_ways: bool
-) -> Change:
+def _difference(effect: Effect, p: Parameter, value: float, share: float, views: list[View], black_dn: float) -> Change:
     def change(k: int, image: Image) -> Image | None:
-        moved = acting(effect, values, image, views[k], black_dn)
+        moved = acting(effect, {p.name: value}, image, views[k], black_dn)
         if not np.any(moved != image):
             return None
-        if both_ways:  # what resampling blurs is even in the step
-            back = acting(effect, {name: -value for name, value in values.items()}, image, views[k], black_dn)
-            return np.asarray(0.5 * scale * (moved - back), np.float32)
-        return np.asarray(scale * (moved - image), np.float32)
+        if share == 1.0 or p.low == p.neutral:
+            return np.asarray((moved - image) / share, np.float32)
+        back = acting(effect, {p.name: -value}, image, views[k], black_dn)
+        return np.asarray(0.5 / share * (moved - back), np.float32)  # what resampling blurs is even in the step
 
     return change
 
