@@ -116,13 +116,9 @@ def _board(view: SceneView) -> _Board | None:
         return None
     corners = corners.reshape(-1, 2).astype(np.float64)
     column, row = np.rint(corners).astype(int).T
-    depth = np.array([_median_depth(view.depth_m, c, r) for c, r in zip(column, row, strict=True)])
+    around = [view.depth_m[max(r - 2, 0) : r + 3, max(c - 2, 0) : c + 3] for c, r in zip(column, row, strict=True)]
+    depth = np.array([np.median(patch[patch > 0]) if (patch > 0).any() else np.nan for patch in around])
     return _Board(view.frame.id, meta.shape, corners, depth)
-
-
-def _median_depth(depth_m: NDArray, column: int, row: int) -> float:
-    patch = depth_m[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
-    return float(np.median(patch[patch > 0])) if (patch > 0).any() else np.nan
 
 
 def _grid(shape: tuple[int, int]) -> Vector:

@@ -135,19 +135,16 @@ def recover_pattern(
     if not estimate.r_median() > _LEAST_R:
         covered = [f.used.sum() / max(view.surface.sum(), 1) for view, f in zip(views, dots, strict=True)]
         if np.median(covered) > _COVERED:
-            return _own_dots(canvas, dots, np.asarray(start, float), r)
+            stated = np.asarray(start, float)
+            sums = [canvas.sums(f, stated) for f in dots]
+            total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
+            image, unsure = _mean(total, count, 0.15), np.diag(_STEPS_M**2)
+            return PatternEstimate(image, canvas.K, stated, unsure, r, is_common=False)
         raise ValueError(
             f"the views have no dots in common (each view's dots correlate {estimate.r_median():.2f} in the median "
             "with what the others predict, 0.5 and more where they do): switch the projector on, and record one device"
         )
     return estimate
-
-
-def _own_dots(canvas: _Canvas, dots: Sequence[DotView], place: Vector, r: dict[int, float]) -> PatternEstimate:
-    """The PatternEstimate of views without common dots, at a stated place."""
-    sums = [canvas.sums(f, place) for f in dots]
-    total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
-    return PatternEstimate(_mean(total, count, 0.15), canvas.K, place, np.diag(_STEPS_M**2), r, is_common=False)
 
 
 def _some(view: DotView, rng: np.random.Generator) -> DotView:

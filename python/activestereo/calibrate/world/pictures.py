@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from activestereo.calibrate.world.light import LightEstimate, Textures
 from activestereo.calibrate.world.overlaps import Pose
 from activestereo.calibrate.world.views import Image, SceneView, places_of, points_of
-from activestereo.common.output_files import write_png
 
 _CHECKER_PX = 40
 _SMALL = np.s_[::2, ::2]
@@ -50,13 +48,6 @@ def known_picture(
     """Each view's left image, dark where the scene is not known."""
     rows = [np.where(masks[v.frame.id, "left"], 1.0, 0.3) * _gray(v.left) for v in views]
     return np.vstack(rows).astype(np.uint8)[_SMALL]
-
-
-def write_pictures(folder: Path, pictures: Mapping[str, NDArray[np.uint8]]) -> None:
-    """Makes the folder with a PNG file of each picture."""
-    folder.mkdir()
-    for name, picture in pictures.items():
-        write_png(folder / f"{name}.png", picture)
 
 
 def _checker(

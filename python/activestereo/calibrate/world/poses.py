@@ -94,17 +94,12 @@ def solve_poses(
         if np.abs(moved[3:]).max() < 1e-6 and np.abs(moved[:3]).max() < 1e-3:
             break
     scatter = blocks[:, free].T @ blocks[:, free]
+    scatter[:3, :3] += prior
     covariance = np.zeros((len(gradient), len(gradient)))
-    covariance[np.ix_(free, free)] = inverse @ (scatter + _padded(prior, len(free))) @ inverse
+    covariance[np.ix_(free, free)] = inverse @ scatter @ inverse
     return PoseEstimate(
         tuple(group), tuple(poses), covariance[3:, 3:], tuple(own), sums.distance_m, (camera, covariance[:3, :3])
     )
-
-
-def _padded(prior: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    out = np.zeros((size, size))
-    out[:3, :3] = prior
-    return out
 
 
 def _chained(group: Sequence[int], overlaps: Sequence[Overlap]) -> list[Pose]:

@@ -37,12 +37,12 @@ from activestereo.calibrate.world.pictures import (
     exposure_picture,
     known_picture,
     poses_picture,
-    write_pictures,
 )
 from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
 from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.write import write_capture
+from activestereo.common.output_files import write_png
 from activestereo.common.progress_bar import part_of
 
 STEPS = ("camera", "poses", "pattern", "exposure", "albedo")
@@ -208,7 +208,9 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
             f"{world.where}: its {len(group)} views look the same way from one place: turn the camera by 10 to 30 "
             "degrees between views, or move it"
         )
-    covariance = _with_camera(world, group, estimate)
+    camera, covariance = world.capture.measured.get("camera", {}).get("covariance_px2"), estimate.covariance
+    if camera is not None:  # poses err by what the camera's own leaves open, too
+        covariance = solve_poses(world.surfaces, world.overlaps, group, world.K, information_of(camera)).covariance
     world.poses = estimate
     world.pictures["poses"] = poses_picture(*world.scene_views(), world.K)
     pose_of = {world.views[i].frame.id: p for i, p in zip(group, estimate.view_to_world, strict=True)}
@@ -234,14 +236,6 @@ def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
     """The angle, rad, by which a motion moves things at a distance."""
     turn = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
     return float(turn + np.linalg.norm(pose[:3, 3]) / distance_m)
-
-
-def _with_camera(world: World, group: Sequence[int], poses: PoseEstimate) -> NDArray[np.float64]:
-    """The covariance of poses with what the camera's own leaves open."""
-    told = world.capture.measured.get("camera", {}).get("covariance_px2")
-    if told is None:
-        return poses.covariance
-    return solve_poses(world.surfaces, world.overlaps, group, world.K, information_of(told)).covariance
 
 
 def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
@@ -407,7 +401,9 @@ def _write(world: World, out: Path, folder: Path) -> None:
             colors[frame.id] = color
     named = replace(capture, name=out.name)
     write_capture(out, named, images, world.pattern, depths, colors, known | world.masks)
-    write_pictures(out / "measured", world.pictures)
+    (out / "measured").mkdir()
+    for name, picture in world.pictures.items():
+        write_png(out / "measured" / f"{name}.png", picture)
 
 
 def _ids(frames: Sequence[Frame]) -> str:

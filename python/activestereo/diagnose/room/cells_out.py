@@ -150,12 +150,8 @@ class _Frame:
             level[n] = np.abs(self.read(k, each["dots" if self.band == "dots" else "slow"], cv2.INTER_LINEAR))
         variance = np.where(self.seen, floor**2 + (share * level) ** 2, np.inf).astype(np.float32)
         shape = (columns, *self.seen.shape)
-        return Block(residual, np.zeros(shape, np.float32), gain, variance, self.tile + _offset(self))
-
-
-def _offset(frame: _Frame) -> int:
-    """Tiles of bands are apart."""
-    return BANDS.index(frame.band) * _tiles(frame.room)
+        tile = self.tile + BANDS.index(self.band) * _tiles(self.room)  # tiles of bands are apart
+        return Block(residual, np.zeros(shape, np.float32), gain, variance, tile)
 
 
 def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: Sequence[int]) -> Normal:

@@ -61,14 +61,14 @@ def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: floa
     out = [*_of_exposure(room), *_of_falloff(room, vignetting_sd), *_of_geometry(room)]
     even = [np.ones(room.shape, np.float32)] * len(room.images)
     out.append(Column("black", lambda k, image: even[k], black_sd))
-    out.append(Column("light between dots", lambda k, image: _between_dots(light, k, image), _DOTS_LIGHT))
+
+    def between_dots(k: int, image: Image) -> Image | None:
+        """The dots' light is even by as much as the pattern's darkness is wrong: of the room's light, not of the
+        dots'."""
+        return light.looks[k].even(light.looks[k].amplitude(light.seen[k])) if image is light.room[k] else None
+
+    out.append(Column("light between dots", between_dots, _DOTS_LIGHT))
     return out
-
-
-def _between_dots(light: RoomLight, k: int, image: Image) -> Image | None:
-    """The dots' light is even by as much as the pattern's darkness is wrong: of the room's light, not of the dots'."""
-    amplitude = light.looks[k].even(light.looks[k].amplitude(light.seen[k]))
-    return amplitude if image is light.room[k] else None
 
 
 def _of_exposure(room: Room) -> Iterator[Column]:
@@ -161,8 +161,9 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
         for p in (p for p in effect.parameters if lead.neutral == p.neutral == 0.0):
             moves, share = effect.stage is Stage.CAMERA, _share(effect)
             value = min(p.typical_value * share, p.high)
-            if p is not lead and not _stands_alone(effect, p, views[0], light.room[0]):
-                continue
+            image = light.room[0]
+            if p is not lead and not np.any(acting(effect, {p.name: p.typical_value}, image, views[0], 0.0) != image):
+                continue  # it does not show while the effect's first one is neutral
             change = _difference(effect, p, value, share, views, light.black_dn)
             bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
             out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands))
@@ -205,11 +206,6 @@ def _differs(change: Change, image: Image) -> bool:
 def _in_camera(effect: Effect) -> bool:
     own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE
     return own and effect.channel is Channel.EXPECTED_IMAGE
-
-
-def _stands_alone(effect: Effect, p: Parameter, view: View, image: Image) -> bool:
-    """Whether a parameter shows while the effect's first one is neutral."""
-    return bool(np.any(acting(effect, {p.name: p.typical_value}, image, view, 0.0) != image))
 
 
 def _difference(effect: Effect, p: Parameter, value: float, share: float, views: list[View], black_dn: float) -> Change:

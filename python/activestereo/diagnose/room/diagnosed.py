@@ -65,6 +65,7 @@ def diagnosed_room(
         for name, (value, deviation) in parameters.items():
             intervals[effect.id, name] = (value - Z90 * deviation, value + Z90 * deviation)
     added = [effect.id for effect, _ in found]
+    ranked = {*(f.effect.id for f in names.ranking), *(e.id for e, _ in given.effects), _FALLOFF}
     by_view = _unseen(room, capture, given, accepted)
     result: dict[str, Any] = {
         "verdict": UNDETERMINED if beyond else EFFECT if added else NONE,
@@ -76,7 +77,9 @@ def diagnosed_room(
         "sets": [{"effects": list(n.members), "probabilities": list(n.members.values())}
                  for n in names.named[: len(possible)]],
         "own": {e.id: _NOT_RANKED for e in effects if builtin().get(e.id) is not e},
-        "not_ranked": _not_ranked(effects, given, names),
+        "not_ranked": [
+            {"effect": e.id, "family": e.family, "reason": _NOT_RANKED} for e in effects if e.id not in ranked
+        ],
         "added": added,
         "depth": {"verdict": "undetermined", "reason": "a measured room is judged by its images", "ranking": [],
                   "added": []},
@@ -227,11 +230,6 @@ def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
     if not named and added:
         named = {added[0]: 1.0}
     return {"named": named, "none": max(1.0 - sum(named.values()), 0.0), "something_else": 0.0}
-
-
-def _not_ranked(effects: Sequence[Effect], given: Model, names: Names) -> list[dict[str, str]]:
-    ranked = {f.effect.id for f in names.ranking} | {e.id for e, _ in given.effects} | {_FALLOFF}
-    return [{"effect": e.id, "family": e.family, "reason": _NOT_RANKED} for e in effects if e.id not in ranked]
 
 
 def _next(names: Names) -> list[dict[str, Any]]:

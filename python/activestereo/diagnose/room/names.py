@@ -172,8 +172,9 @@ def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> 
     moved = (_row_offset(room) - float(np.mean(off))) / room.capture.rig.left.K[0, 0]
     deviation = _ROWS_PX / room.capture.rig.left.K[0, 0]
     reach = 2.0 * effect.parameters[0].typical
-    nats = _with_prior(moved, deviation, reach)
-    return [Found(effect, nats, {"stereo_pitch.angle_rad": (moved, deviation)})]
+    whole = deviation**2 + reach**2
+    nats = 0.5 * moved**2 * (deviation**-2 - 1.0 / whole) - 0.5 * np.log(whole / deviation**2)
+    return [Found(effect, student(float(nats), FEW), {"stereo_pitch.angle_rad": (moved, deviation)})]
 
 
 def _row_offset(room: Room) -> float:
@@ -201,13 +202,6 @@ def glare_of(found: Found, seen: Seen) -> Found | None:
     }
     said = "Even light lifts each view by a share of its own: veiling glare, or a black level that drifts alike"
     return Found(effect, found.nats, told, finding=said)
-
-
-def _with_prior(value: float, deviation: float, reach: float) -> float:
-    """Nats of a value with a prior deviation, over none, as Student's."""
-    whole = deviation**2 + reach**2
-    nats = 0.5 * value**2 * (deviation**-2 - 1.0 / whole) - 0.5 * np.log(whole / deviation**2)
-    return student(float(nats), FEW)
 
 
 def _key(column: Column) -> str:

@@ -4,7 +4,7 @@ bring, and by the commands that measure what no view of a room shows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,7 +59,13 @@ def plan_of(seen: Seen) -> list[Recording]:
     now = {effect: told for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, known_of(r, OF_A_UNIT))) for text, take in _VIEWS
               for r in [with_take(seen, take)]]  # fmt: skip
-    offers.append((_COVERED, 1.0, _tells(seen, _covered(seen.scores), known_of(seen.scores, OF_A_UNIT))))
+    black = np.diag([
+        (c.step / _COVERED_DN) ** 2 if c.name.startswith("black") else 0.0 for c in seen.scores.columns
+    ])  # fmt: skip
+    covered = replace(
+        seen.scores, information=seen.scores.information + black, covariance=seen.scores.covariance + black
+    )
+    offers.append((_COVERED, 1.0, _tells(seen, covered, known_of(covered, OF_A_UNIT))))
     good = with_take(seen, Take(is_good=True))
     offers.append((_REFERENCE, 2.0, _tells(seen, good, known_of(good, SAME_PLACE))))
     plan = []
@@ -68,8 +74,11 @@ def plan_of(seen: Seen) -> list[Recording]:
         plan.append(Recording(text, minutes, {e: told for e, told in usual.items() if _is_more(told, now.get(e))}))
     plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
     told = {effect for r in plan for effect in r.tells} | set(now)
-    beside = _by_commands(e for e in seen.asked if e.id not in told)
-    return [Recording(_THIS, 0.0, this), *plan, *beside]
+    beside: list[dict[str, None]] = [{} for _ in _COMMANDS]
+    for e in (e for e in seen.asked if e.id not in told):
+        beside[_command(e)][e.id] = None
+    commands = [Recording(text, minutes, own) for (text, minutes), own in zip(_COMMANDS, beside, strict=True) if own]
+    return [Recording(_THIS, 0.0, this), *plan, *commands]
 
 
 def told_by(seen: Seen) -> dict[str, Sizes]:
@@ -101,21 +110,6 @@ def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
 
 def _is_more(told: Sizes, now: Sizes | None) -> bool:
     return now is None or any(size < _MUCH_LESS * now.get(name, np.inf) for name, size in told.items())
-
-
-def _covered(scores: Reduced) -> Reduced:
-    """The scores with every view's black level known."""
-    more = np.array([
-        (c.step / _COVERED_DN) ** 2 if c.name.startswith("black") else 0.0 for c in scores.columns
-    ])  # fmt: skip
-    return replace(scores, information=scores.information + np.diag(more), covariance=scores.covariance + np.diag(more))
-
-
-def _by_commands(effects: Iterable[Effect]) -> list[Recording]:
-    tells: list[dict[str, None]] = [{} for _ in _COMMANDS]
-    for effect in effects:
-        tells[_command(effect)][effect.id] = None
-    return [Recording(text, minutes, own) for (text, minutes), own in zip(_COMMANDS, tells, strict=True) if own]
 
 
 def _command(effect: Effect) -> int:
