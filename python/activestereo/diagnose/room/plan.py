@@ -53,10 +53,10 @@ _COMMANDS = (
 
 def plan_of(seen: Seen) -> list[Recording]:
     """This recording with the sizes that it tells; then recordings that tell what it cannot tell at typical size, or
-    much less of what it can: views of this room, most effects per minute first, then commands. Every effect that was
-    asked about stands in one of them."""
+    much less of what it can: views of this room, most effects per minute first, then commands for what none of them
+    tells at typical size. Every effect that was asked about stands in one of them."""
     this = told_by(seen)
-    now = {effect: told for effect, told in this.items() if _is_usual(seen, effect, told)}
+    now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, known_of(r, OF_A_UNIT))) for text, take in _VIEWS
               for r in [with_take(seen, take)]]  # fmt: skip
     black = np.diag([
@@ -68,14 +68,16 @@ def plan_of(seen: Seen) -> list[Recording]:
     offers.append((_COVERED, 1.0, _tells(seen, covered, known_of(covered, OF_A_UNIT))))
     good = with_take(seen, Take(is_good=True))
     offers.append((_REFERENCE, 2.0, _tells(seen, good, known_of(good, SAME_PLACE))))
-    plan = []
+    plan, enough = [], set(now)
     for text, minutes, tells in offers:
-        usual = {e: told for e, told in tells.items() if _is_usual(seen, e, told)}
-        plan.append(Recording(text, minutes, {e: told for e, told in usual.items() if _is_more(told, now.get(e))}))
+        usual = {e for e, told in tells.items() if _is_usual(seen, e, told)}
+        more = {e for e, told in tells.items() if e in this for name, size in told.items()
+                if size < _MUCH_LESS * this[e].get(name, np.inf)}  # fmt: skip
+        plan.append(Recording(text, minutes, {e: tells[e] for e in tells if e in more | (usual - now)}))
+        enough |= usual
     plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
-    told = {effect for r in plan for effect in r.tells} | set(now)
     beside: list[dict[str, None]] = [{} for _ in _COMMANDS]
-    for e in (e for e in seen.asked if e.id not in told):
+    for e in (e for e in seen.asked if e.id not in enough):
         beside[_command(e)][e.id] = None
     commands = [Recording(text, minutes, own) for (text, minutes), own in zip(_COMMANDS, beside, strict=True) if own]
     return [Recording(_THIS, 0.0, this), *plan, *commands]
@@ -106,10 +108,6 @@ def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
     """Whether all sizes are at most what is typical, or need no other recording."""
     typical = {p.name: p.typical for e in seen.asked if e.id == effect for p in e.parameters}
     return effect in _NEEDS_NO_MORE or all(size <= typical.get(name, np.inf) for name, size in told.items())
-
-
-def _is_more(told: Sizes, now: Sizes | None) -> bool:
-    return now is None or any(size < _MUCH_LESS * now.get(name, np.inf) for name, size in told.items())
 
 
 def _command(effect: Effect) -> int:
