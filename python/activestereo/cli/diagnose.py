@@ -82,7 +82,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_shared(parser, out=True)
     add_shared(parser, model="model.json to start from (default: no effects)")
-    text = "a room of calibrate world of the same unit when it was good, best of the same place; repeatable"
+    text = "a room of calibrate world of the same unit when it was good, best of the same views; repeatable"
     parser.add_argument("--reference", type=Path, metavar="CAPTURE", action="append", default=[], help=text)
     add_shared(parser, effects=", ranked beside the built-in ones")
     text = "fit what surfaces, air and lights do to kuafu's own images (default; --no-refine saves their renders)"

@@ -141,13 +141,13 @@ def test_a_camera_that_lacks_nothing_is_told_so_and_what_would_tell_more(capture
 
 
 @pytest.mark.parametrize("change, also", [(nothing, []), (soft, ["response_gamma"]), (pedestal, ["black_level"])])
-def test_a_good_session_of_the_same_place_tells_what_one_alone_leaves_open(capture_with, change, also):
+def test_a_good_session_of_the_same_views_tells_what_one_alone_leaves_open(capture_with, change, also):
     """What changes all images alike is taken for the room's own light without it."""
     result = diagnose(capture_with(change), reference=[capture_with(again)]).result
     assert result["added"] == ["vignetting", *also]
 
 
-def test_a_good_session_of_another_place_tells_the_unit_s_own(capture_with, monkeypatch):
+def test_a_good_session_of_other_views_tells_the_unit_s_own(capture_with, monkeypatch):
     good, alone = capture_with(nothing), diagnose(capture_with(gain)).result
     monkeypatch.setattr(names, "room_beside", lambda room, other: None)
     beside = diagnose(capture_with(gain), reference=[good]).result

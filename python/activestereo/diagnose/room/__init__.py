@@ -10,7 +10,7 @@ rows       noise that the rows of one image share
 drops      places of one camera that are blurred in every view
 names      what may be named
 unseen     held-out views as the others predict them
-same_place a room with a good session of it
+same_place a room with a good session of the same views
 imagined   a room with a view that was not recorded yet
 plan       what to record for what
 diagnosed  all of it as diagnose.json holds it

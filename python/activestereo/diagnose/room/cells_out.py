@@ -56,7 +56,7 @@ class Normal:
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
     """The Blocks of every view in every band."""
-    frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.judged) for band in bands}
+    frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
     frames = {key: frame for key, frame in frames.items() if frame.cells}
     blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
     for number, column in enumerate(columns):

@@ -72,7 +72,7 @@ class Seen:
 
 def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
     """The Names of a room beside a given model. reference: rooms of the same unit when it was good. One of the same
-    place is seen together with the room; of others, what they find alone is taken off."""
+    views is seen together with the room; of others, what they find alone is taken off."""
     asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
     seen = seen_of(room, asked)
     scores, spread, rows = seen.scores, OF_A_UNIT, _rows(room, asked)
@@ -136,8 +136,12 @@ def with_take(seen: Seen, take: Take) -> Reduced:
 
 
 def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Sequence[Column]) -> list[Column]:
-    """Columns of effects with a known spread."""
-    return [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if _key(c) in OF_A_UNIT]
+    """Columns of effects with a known spread; beside a good session, of what the unit has of them in both, too."""
+    own = [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if _key(c) in OF_A_UNIT]
+    if room.judged == room.views:
+        return own
+    lasting = [c for c in own if c.effect is not None and c.effect.id not in ("black_level", "flicker_banding")]
+    return own + [Column(f"unit's {c.name}", c.change, OF_A_UNIT[_key(c)] / c.step, bands=c.bands) for c in lasting]
 
 
 def _looked_at(columns: Sequence[Column]) -> list[int]:

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A room together with a session of the same place when the camera was good: each cell's radiance is known by images
-without the effect, so that what changes all images of the room alike shows, too."""
+"""A room together with a session of the same views when the camera was good: each cell's radiance is known by images
+without the effect, so that what changes all images of the room alike shows, too.
+
+Views that are turned by 15 degrees are of no use here: their slow light differs, and looks like another response.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +17,8 @@ from activestereo.calibrate.world.cells import Room, RoomImage
 from activestereo.calibrate.world.overlaps import Surface, find_overlap, surface_of
 from activestereo.calibrate.world.views import SceneView, near_edges
 
-_LEAST_SHARED = 0.05
+# A tripod stands again where it stood to so much.
+_SAME_TURN_RAD, _SAME_PLACE_M, _LEAST_SHARED = 0.05, 0.05, 0.05
 
 
 class RoomBeside(Room):
@@ -33,11 +38,14 @@ class RoomBeside(Room):
 
 
 def room_beside(room: Room, good: Room) -> RoomBeside | None:
-    """The RoomBeside of two sessions whose first views overlap; None where they show different places."""
+    """The RoomBeside of two sessions whose first views are the same; None where they are not."""
     rng = np.random.default_rng(0)
     first, second = (_surface(session, rng) for session in (good, room))
     overlap = find_overlap(0, 1, first, second, room.capture.rig.left.K)
     if overlap is None:
+        return None
+    turned, moved = np.linalg.norm(cv2.Rodrigues(overlap.a_to_b[:3, :3])[0]), np.linalg.norm(overlap.a_to_b[:3, 3])
+    if turned > _SAME_TURN_RAD or moved > _SAME_PLACE_M:
         return None
     to_world = room.pose(room.images[0]) @ overlap.a_to_b @ np.linalg.inv(good.pose(good.images[0]))
     both = RoomBeside(room, good, to_world)
