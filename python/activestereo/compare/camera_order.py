@@ -46,30 +46,26 @@ def camera_order(
 ) -> CameraOrder:
     """The CameraOrder of (left, right) images [height][width] of one size. offset_px: cx of the right camera less that
     of the left one: infinitely far things lie so much further right."""
-    found = np.concatenate([np.zeros((0, 2)), *(_shifts(left, right) for left, right in pairs)])
-    if not len(found):
+    shifts = []  # how far a patch lies further right and lower in the right image, pixels
+    for pair in pairs:
+        a, b = (np.ascontiguousarray(image, np.float32) for image in pair)
+        height, width = a.shape
+        reach, half = int(_DISPARITY_SHARE * width), _PATCH_PX // 2
+        margin = half + _ROWS_PX
+        if height <= 2 * margin or width <= 2 * margin:
+            continue
+        step = max(_PATCH_PX, int(np.sqrt((height - 2 * margin) * width / _MOST_PATCHES)))
+        for v in range(margin, height - margin, step):
+            for u in range(margin, width - margin, step):
+                patch = a[v - half : v + half + 1, u - half : u + half + 1]
+                start, end = max(0, u - reach - half), min(width, u + reach + half + 1)
+                if patch.std() > 1.0:
+                    score = cv2.matchTemplate(b[v - margin : v + margin + 1, start:end], patch, cv2.TM_CCOEFF_NORMED)
+                    _, best, _, (x, y) = cv2.minMaxLoc(score)
+                    if best > _LEAST_CORRELATION and 0 < y < 2 * _ROWS_PX:
+                        shifts.append((start + x + half - u, y - _ROWS_PX + vertex(*score[y - 1 : y + 2, x].tolist())))
+    if not shifts:
         return CameraOrder(0, 0.0, 0.0, 0.0)
+    found = np.array(shifts, np.float64)
     low, middle, high = np.percentile(found[:, 1], [16, 50, 84])
     return CameraOrder(len(found), float(np.mean(found[:, 0] > offset_px + 0.5)), float(middle), float(high - low) / 2)
-
-
-def _shifts(left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.float64]:
-    """[patch][2]: by how much a patch lies further right and lower in the right image, pixels."""
-    a, b = (np.ascontiguousarray(image, np.float32) for image in (left, right))
-    height, width = a.shape
-    reach, half = int(_DISPARITY_SHARE * width), _PATCH_PX // 2
-    margin = half + _ROWS_PX
-    if height <= 2 * margin or width <= 2 * margin:
-        return np.zeros((0, 2))
-    step = max(_PATCH_PX, int(np.sqrt((height - 2 * margin) * width / _MOST_PATCHES)))
-    out = []
-    for v in range(margin, height - margin, step):
-        for u in range(margin, width - margin, step):
-            patch = a[v - half : v + half + 1, u - half : u + half + 1]
-            start, end = max(0, u - reach - half), min(width, u + reach + half + 1)
-            if patch.std() > 1.0:
-                score = cv2.matchTemplate(b[v - margin : v + margin + 1, start:end], patch, cv2.TM_CCOEFF_NORMED)
-                _, best, _, (x, y) = cv2.minMaxLoc(score)
-                if best > _LEAST_CORRELATION and 0 < y < 2 * _ROWS_PX:
-                    out.append((start + x + half - u, y - _ROWS_PX + vertex(*score[y - 1 : y + 2, x].tolist())))
-    return np.array(out, np.float64).reshape(-1, 2)

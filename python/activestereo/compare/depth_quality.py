@@ -60,7 +60,13 @@ def depth_quality(
     known = np.isfinite(single)  # each metric's mean over the frames that have it
     mean = np.where(known, single, 0).sum(axis=0) / np.maximum(1, known.sum(axis=0))
     fill, accuracy, plane_fit, subpixel = map(float, np.where(known.any(axis=0), mean, np.nan))
-    return DepthQuality(fill, accuracy, plane_fit, subpixel, _temporal_noise_percent(frames))
+    # The temporal noise of the pixels that at least half of the frames measure.
+    measured, temporal = frames > 0, np.nan
+    often = 2 * measured.sum(axis=0) >= max(3, len(frames))
+    if len(frames) > 1 and often.any():
+        depths = np.where(measured, frames, np.nan)[:, often]
+        temporal = float(np.median(100.0 * np.nanstd(depths, axis=0) / np.nanmedian(depths, axis=0)))
+    return DepthQuality(fill, accuracy, plane_fit, subpixel, temporal)
 
 
 def quality_table(quality: DepthQuality) -> str:
@@ -111,15 +117,3 @@ def _fit_plane(points: np.ndarray) -> tuple[np.ndarray, float] | None:
     if abs(normal[2]) < 1e-6:
         return None  # seen edge on
     return normal, -float(normal @ centre)
-
-
-def _temporal_noise_percent(frames: np.ndarray) -> float:
-    """Over the pixels measured in at least half of the frames."""
-    if len(frames) < 2:
-        return np.nan
-    measured = frames > 0
-    often = 2 * measured.sum(axis=0) >= max(3, len(frames))
-    if not often.any():
-        return np.nan
-    depths = np.where(measured, frames, np.nan)[:, often]
-    return float(np.median(100.0 * np.nanstd(depths, axis=0) / np.nanmedian(depths, axis=0)))

@@ -56,6 +56,7 @@ def pair_findings(
     image is matched."""
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
     blocks = Blocks(left.shape)
+    # 1. Saturation.
     found, everywhere = [], np.ones(left.shape, bool)
     for side, image in (("left", left), ("right", right)):
         share = blocks.sums(image >= max_dn, everywhere) / blocks.sums(everywhere, everywhere)
@@ -64,12 +65,62 @@ def pair_findings(
     seen = (disparity > 0) & (u - disparity >= 1)
     if seen.sum() < _LEAST_PIXELS:
         raise ValueError(f"only {int(seen.sum())} pixels of the pair are matched; {_LEAST_PIXELS} are needed")
+    # 2. Right = gain x left + offset, by orthogonal regression of smoothed images: both are equally noisy.
     there = map_coordinates(right, [v, u - disparity], order=1, mode="nearest")
-    found += _gain(left, there, seen & (left < max_dn - 1) & (there < max_dn - 1), blocks)
-    found += _rows(left, right, disparity, seen & (left < max_dn - 1), blocks)
-    if device_disparity is not None:
-        found += _scale(disparity, device_disparity, blocks)
-    return found
+    mask = seen & (left < max_dn - 1) & (there < max_dn - 1)
+    weight = gaussian_filter(mask.astype(np.float64), _SMOOTH_PX)
+    a, b = (
+        gaussian_filter(np.where(mask, image, 0.0), _SMOOTH_PX) / np.maximum(weight, 1e-6) for image in (left, there)
+    )
+    inside = mask & (weight > 0.6)
+    n = np.maximum(blocks.sums(np.ones(a.shape), inside), 1.0)
+    mean_a, mean_b = blocks.sums(a, inside) / n, blocks.sums(b, inside) / n
+    aa, bb = blocks.sums(a * a, inside) / n - mean_a**2, blocks.sums(b * b, inside) / n - mean_b**2
+    ab = blocks.sums(a * b, inside) / n - mean_a * mean_b
+    slope = (bb - aa + np.sqrt((bb - aa) ** 2 + 4 * ab**2)) / (2 * np.where(ab != 0, ab, 1e-12))
+    found += [
+        _finding("gain_ratio", "gain of the right camera over the left", slope, "1", 1.0),
+        _finding("offset_dn", "offset of the right camera at that gain", mean_b - slope * mean_a, "DN"),
+    ]
+    # 3. The row offset of the right image, and its change from top to bottom and from left to right: least squares on
+    # the derivative along columns, Lucas and Kanade's step once.
+    mask = seen & (left < max_dn - 1)
+    there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
+    above, below = (
+        map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1)
+    )
+    row_slope = (below - above) / (2 * _ROW_STEP_PX)
+    # The cameras' own gain and offset must not pass for a shift.
+    smooth = lambda image: gaussian_filter(image, 4 * _SMOOTH_PX)  # noqa: E731
+    rest = (left - smooth(left)) - (there - smooth(there))
+    x, y = 2 * u / (u.shape[1] - 1) - 1, 2 * v / (v.shape[0] - 1) - 1
+    columns = [row_slope, row_slope * x, row_slope * y]
+    gram = np.stack([[blocks.sums(a * b, mask) for b in columns] for a in columns]).transpose(2, 0, 1)
+    moment = np.stack([blocks.sums(a * rest, mask) for a in columns], axis=1)
+    solution = np.linalg.solve(gram + 1e-9 * np.eye(3), moment[..., None])[..., 0]
+    found += [
+        _finding("row_offset_px", "rows of the right image lie lower by", solution[:, 0], "px"),
+        _finding("row_offset_across_px", "further at the right border (roll) by", 2 * solution[:, 1], "px"),
+        _finding("row_offset_down_px", "further at the bottom (pitch, focal) by", 2 * solution[:, 2], "px"),
+    ]
+    if device_disparity is None:
+        return found
+    # 4. Own disparity = (1 + scale) x the device's + offset: with one of the two, and with both.
+    device = np.asarray(device_disparity)
+    both = (disparity > 0) & (device > 0)
+    apart = disparity - device
+    both &= np.abs(apart - np.median(apart[both]) if both.any() else 0.0) < _LARGEST_MISMATCH_PX
+    n, d, r = blocks.sums(np.ones(device.shape), both), blocks.sums(device, both), blocks.sums(apart, both)
+    dd, dr = blocks.sums(device**2, both), blocks.sums(device * apart, both)
+    determinant = np.maximum(n * dd - d * d, 1e-12)
+    scale, offset = dr / np.maximum(dd, 1e-12), r / np.maximum(n, 1.0)
+    beside = (n * dr - d * r) / determinant
+    return found + [
+        _finding("focal_baseline_error", "f x baseline larger than given, alone, by", scale, "1"),
+        _finding("disparity_offset_px", "or disparity larger than given, alone, by", offset, "px"),
+        _finding("focal_baseline_error_beside_offset", "or f x baseline, with an offset, by", beside, "1"),
+        _finding("offset_beside_scale_px", "and that offset", (dd * r - d * dr) / determinant, "px"),
+    ]
 
 
 class Blocks:
@@ -92,69 +143,6 @@ class Blocks:
 def _finding(name: str, text: str, draws: np.ndarray, unit: str, neutral: float = 0.0) -> Finding:
     low, high = interval(draws[1:])
     return Finding(name, text, float(draws[0]), float(low), float(high), unit, neutral)
-
-
-def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) -> list[Finding]:
-    """Right = gain x left + offset, by orthogonal regression of smoothed images: both are equally noisy."""
-    weight = gaussian_filter(mask.astype(np.float64), _SMOOTH_PX)
-    a, b = (
-        gaussian_filter(np.where(mask, image, 0.0), _SMOOTH_PX) / np.maximum(weight, 1e-6) for image in (left, there)
-    )
-    inside = mask & (weight > 0.6)
-    n = np.maximum(blocks.sums(np.ones(a.shape), inside), 1.0)
-    mean_a, mean_b = blocks.sums(a, inside) / n, blocks.sums(b, inside) / n
-    aa, bb = blocks.sums(a * a, inside) / n - mean_a**2, blocks.sums(b * b, inside) / n - mean_b**2
-    ab = blocks.sums(a * b, inside) / n - mean_a * mean_b
-    slope = (bb - aa + np.sqrt((bb - aa) ** 2 + 4 * ab**2)) / (2 * np.where(ab != 0, ab, 1e-12))
-    return [
-        _finding("gain_ratio", "gain of the right camera over the left", slope, "1", 1.0),
-        _finding("offset_dn", "offset of the right camera at that gain", mean_b - slope * mean_a, "DN"),
-    ]
-
-
-def _rows(
-    left: np.ndarray, right: np.ndarray, disparity: np.ndarray, mask: np.ndarray, blocks: Blocks
-) -> list[Finding]:
-    """By how much the right image's rows lie lower, and how that changes from top to bottom and from left to right:
-    least squares on the derivative along columns, Lucas and Kanade's step once."""
-    v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
-    there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
-    above, below = (
-        map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1)
-    )
-    slope = (below - above) / (2 * _ROW_STEP_PX)
-    # The cameras' own gain and offset must not pass for a shift.
-    smooth = lambda image: gaussian_filter(image, 4 * _SMOOTH_PX)  # noqa: E731
-    rest = (left - smooth(left)) - (there - smooth(there))
-    x, y = 2 * u / (u.shape[1] - 1) - 1, 2 * v / (v.shape[0] - 1) - 1
-    columns = [slope, slope * x, slope * y]
-    gram = np.stack([[blocks.sums(a * b, mask) for b in columns] for a in columns]).transpose(2, 0, 1)
-    moment = np.stack([blocks.sums(a * rest, mask) for a in columns], axis=1)
-    solution = np.linalg.solve(gram + 1e-9 * np.eye(3), moment[..., None])[..., 0]
-    return [
-        _finding("row_offset_px", "rows of the right image lie lower by", solution[:, 0], "px"),
-        _finding("row_offset_across_px", "further at the right border (roll) by", 2 * solution[:, 1], "px"),
-        _finding("row_offset_down_px", "further at the bottom (pitch, focal) by", 2 * solution[:, 2], "px"),
-    ]
-
-
-def _scale(disparity: np.ndarray, device: np.ndarray, blocks: Any) -> list[Finding]:
-    """Own disparity = (1 + scale) x device's + offset: with one of the two, and with both."""
-    both = (disparity > 0) & (device > 0)
-    both &= (
-        np.abs(disparity - device - np.median((disparity - device)[both]) if both.any() else 0.0) < _LARGEST_MISMATCH_PX
-    )
-    n, d, r = blocks.sums(np.ones(device.shape), both), blocks.sums(device, both), blocks.sums(disparity - device, both)
-    dd, dr = blocks.sums(device**2, both), blocks.sums(device * (disparity - device), both)
-    determinant = np.maximum(n * dd - d * d, 1e-12)
-    scale, offset = dr / np.maximum(dd, 1e-12), r / np.maximum(n, 1.0)
-    beside = (n * dr - d * r) / determinant
-    return [
-        _finding("focal_baseline_error", "f x baseline larger than given, alone, by", scale, "1"),
-        _finding("disparity_offset_px", "or disparity larger than given, alone, by", offset, "px"),
-        _finding("focal_baseline_error_beside_offset", "or f x baseline, with an offset, by", beside, "1"),
-        _finding("offset_beside_scale_px", "and that offset", (dd * r - d * dr) / determinant, "px"),
-    ]
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
