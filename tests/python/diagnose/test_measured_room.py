@@ -142,7 +142,7 @@ def test_a_camera_that_lacks_nothing_is_told_so_and_what_would_tell_more(capture
 
 @pytest.mark.parametrize("change, also", [(nothing, []), (soft, ["response_gamma"]), (pedestal, ["black_level"])])
 def test_a_good_session_of_the_same_views_tells_what_one_alone_leaves_open(capture_with, change, also):
-    """What changes all images alike is taken for the room's own light without it."""
+    """Alone, a room takes for its own light whatever changes all of its images alike."""
     result = diagnose(capture_with(change), reference=[capture_with(again)]).result
     assert result["added"] == ["vignetting", *also]
 
