@@ -79,7 +79,15 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     background = gaussian_filter(minimum_filter(gaussian_filter(image, 0.6 * sigma), size), 0.5 * size)
     response = -gaussian_laplace(image, sigma)
     noise = _response_noise(variance, sigma)
-    strong = _strong_response(response)
+    # The 90th percentile of the peaks around each pixel, smooth.
+    is_peak = (response == maximum_filter(response, 3)) & (response > 0)
+    (height, width), whole = image.shape, np.quantile(response[is_peak], 0.9) if is_peak.any() else 0.0
+    tiles = np.full((-(-height // _TILE_PX), -(-width // _TILE_PX)), whole)
+    for r, c in np.ndindex(*tiles.shape):
+        part = np.s_[r * _TILE_PX : (r + 1) * _TILE_PX, c * _TILE_PX : (c + 1) * _TILE_PX]
+        if is_peak[part].sum() >= 8:
+            tiles[r, c] = np.quantile(response[part][is_peak[part]], 0.9)
+    strong = gaussian_filter(np.kron(tiles, np.ones((_TILE_PX, _TILE_PX)))[:height, :width], 0.5 * _TILE_PX)
     v, u = _peaks(response, np.maximum(_LEAST_RESPONSE * strong, _SIGNIFICANT * noise))
     if len(u) < _LEAST_SPOTS:
         raise ValueError(f"only {len(u)} dots are seen: is the projector on, and the wall in focus?")
@@ -202,22 +210,6 @@ def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
     impulse[15, 15] = 1.0
     energy = float(np.sum(gaussian_laplace(impulse, sigma) ** 2))
     return np.sqrt(gaussian_filter(variance, 2.0 * sigma) * energy)
-
-
-def _strong_response(response: np.ndarray) -> np.ndarray:
-    """The 90th percentile of the peaks around each pixel, smooth."""
-    peak = (response == maximum_filter(response, 3)) & (response > 0)
-    height, width = response.shape
-    rows, columns = -(-height // _TILE_PX), -(-width // _TILE_PX)
-    whole = np.quantile(response[peak], 0.9) if peak.any() else 0.0
-    tiles = np.full((rows, columns), whole)
-    for r in range(rows):
-        for c in range(columns):
-            part = np.s_[r * _TILE_PX : (r + 1) * _TILE_PX, c * _TILE_PX : (c + 1) * _TILE_PX]
-            if peak[part].sum() >= 8:
-                tiles[r, c] = np.quantile(response[part][peak[part]], 0.9)
-    large = np.kron(tiles, np.ones((_TILE_PX, _TILE_PX)))[:height, :width]
-    return gaussian_filter(large, 0.5 * _TILE_PX)
 
 
 def _peaks(response: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

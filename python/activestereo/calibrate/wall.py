@@ -88,35 +88,32 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     v = left.v.copy()
     v[both] = 0.5 * (v[both] + (right.v[match[both]] - right_K[1, 2]) * K[1, 1] / right_K[1, 1] + K[1, 2])
 
-    def points_on(plane: np.ndarray) -> np.ndarray:
-        u = left.u.copy()
+    def placed(plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n of n . X = 1, the spots' points): disparity = fx B / Z + cx - cx', so that a plane in it is one in
+        space."""
+        slope = np.array([plane[1] * K[0, 0], plane[2] * K[1, 1], plane[0] - K[0, 2] + right_K[0, 2]])
+        normal, u = slope / (K[0, 0] * baseline_m), left.u.copy()
         u[both] += 0.5 * (right.u[match[both]] + column[both] @ plane - left.u[both])
         ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
-        return ray / (ray @ _normal(plane, K, right_K, baseline_m))[:, None]
+        return normal, ray / (ray @ normal)[:, None]
 
-    normal = _normal(coefficients, K, right_K, baseline_m)
+    normal, points = placed(coefficients)
     if normal[2] <= 0:
         raise ValueError(
             f"{name}: the wall's disparity is {coefficients[0] - K[0, 2] + right_K[0, 2]:.2f} px: left and right are "
             "swapped, or the baseline's sign is wrong"
         )
     variances, ways = np.linalg.eigh(flatness**2 * np.linalg.inv(column[both].T @ column[both]))
-    if_off = np.stack([points_on(coefficients + step) for step in (np.sqrt(variances) * ways).T])
+    if_off = np.stack([placed(coefficients + step)[1] for step in (np.sqrt(variances) * ways).T])
     length = np.linalg.norm(normal)
     plane = np.append(normal / length, 1.0 / length)
-    return Wall(plane, points_on(coefficients), if_off, both, flatness)
+    return Wall(plane, points, if_off, both, flatness)
 
 
 def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """[n][3], in the left camera's frame: where rays of a camera at camera_m meet the plane [n, offset]."""
     ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
     return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
-
-
-def _normal(coefficients: np.ndarray, K: np.ndarray, right_K: np.ndarray, baseline_m: float) -> np.ndarray:
-    """n of n . X = 1: disparity = fx B / Z + cx - cx', so that a plane in it is a plane in space."""
-    level = coefficients[0] - K[0, 2] + right_K[0, 2]
-    return np.array([coefficients[1] * K[0, 0], coefficients[2] * K[1, 1], level]) / (K[0, 0] * baseline_m)
 
 
 # Every so many pixels; so many pixels beside the image's and the pattern's borders have less background than their

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
-from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording, Step
+from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Quantity
 
@@ -148,8 +148,45 @@ class _Levels:
 def photon_transfer(recording: Recording) -> PhotonTransfer:
     """The figures of a recording. Raises ValueError, with a remedy, if dark frames or steps of light are missing, are
     saturated, or depart from the others."""
-    lit, dark = _lit_steps(recording), [step for step in recording.steps if step.is_dark]
-    levels = _levels(lit, dark)
+    # 1. Pairs of lit frames. Steps of more frames serve the nonuniformity; they tell noise only if there are no pairs.
+    dark = [step for step in recording.steps if step.is_dark]
+    lit = [step for step in recording.steps if not step.is_dark]
+    lit = [step for step in lit if step.average is None] or lit
+    if len(lit) < _LEAST_STEPS:
+        raise ValueError(
+            f"{recording.name}: {len(lit)} step{'s'[: len(lit) != 1]} of light: the gain needs {_LEAST_STEPS} or more "
+            "of two frames each, better 50 from dark to saturation"
+        )
+    if not dark:
+        raise ValueError(f"{recording.name}: no dark frames: cover the lens and record two at each exposure time")
+    for step in dark:
+        if step.clipped > LARGEST_CLIPPED:
+            raise ValueError(
+                f"{step.place}: {100 * step.clipped:.1f} % of the dark counts clip: raise the camera's black level"
+            )
+    clear = sum(step.clipped <= LARGEST_CLIPPED for step in lit)
+    if clear < _LEAST_STEPS:
+        raise ValueError(
+            f"{recording.name}: {len(lit) - clear} of {len(lit)} steps of light have counts that clip at 0 or "
+            f"{recording.max_dn}: record {_LEAST_STEPS} or more with less light, or raise the black level"
+        )
+    # 2. Each step less the dark of its own exposure; several darks of one exposure count by their frames.
+    means: dict[float, float] = {}
+    for exposure in {step.exposure_s for step in dark}:
+        same = [step for step in dark if step.exposure_s == exposure]
+        means[exposure] = float(np.average([s.mean_dn for s in same], weights=[s.frames for s in same]))
+    for step in lit:
+        if step.exposure_s not in means:
+            raise ValueError(
+                f"{step.place}: no dark frames of its exposure time, {step.exposure_s:g} s: cover the lens and record "
+                "two at each exposure time"
+            )
+    photons = np.array([np.nan if step.photons is None else step.photons for step in lit])
+    signal = np.array([step.mean_dn - means[step.exposure_s] for step in lit])
+    order = np.argsort(photons if np.isfinite(photons).all() else signal, kind="stable")
+    lit = [lit[place] for place in order]
+    figures = [(s.variance_dn2, s.variance_error_dn2(), s.mean_error_dn(), s.exposure_s) for s in lit]
+    levels = _Levels(photons[order], signal[order], *np.array(figures).T)
     # Saturation: the last step whose variance is the largest, to what its error tells (2.4).
     peak = int(np.argmax(levels.variance))
     error = np.hypot(levels.variance_error, levels.variance_error[peak])
@@ -160,7 +197,7 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
             f"{recording.name}: {used.sum()} of {len(lit)} steps of light lie below {100 * _GAIN_RANGE:.0f} % of "
             "saturation: record ten or more from dark to saturation"
         )
-    # 1. The dark, at exposure 0.
+    # 3. The dark, at exposure 0.
     times = np.array([step.exposure_s for step in dark])
     several = len(set(times)) >= _LEAST_STEPS
     columns = np.stack([np.ones_like(times), times][: 1 + several], axis=1)
@@ -168,9 +205,9 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
         columns, np.array([d.variance_dn2 for d in dark]), np.array([d.variance_error_dn2() for d in dark])
     )
     black = fit_weighted(columns, np.array([d.mean_dn for d in dark]), np.array([d.mean_error_dn() for d in dark]))
-    # 2. The response, where photons are known.
+    # 4. The response, where photons are known.
     response = _response(recording, levels, top) if np.isfinite(levels.photons).all() else None
-    # 3. The gain.
+    # 5. The gain.
     at_used = np.stack([np.ones(used.sum()), levels.exposure_s[used]][: 1 + several], axis=1)
     dark_at_used = at_used @ dark_variance.values
     excess, signal = levels.variance[used] - dark_at_used, levels.signal[used]
@@ -179,9 +216,8 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     if known:  # deviations from the straight line of least relative squares, as shares of it (6.7)
         low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
         inside = (levels.signal >= low) & (levels.signal <= high)
-        means = levels.signal[inside]
-        line = np.polyval(np.polyfit(levels.photons[inside], means, 1, w=1.0 / means), levels.photons[inside])
-        deviation = means / line - 1.0
+        x, y = levels.photons[inside], levels.signal[inside]
+        deviation = y / np.polyval(np.polyfit(x, y, 1, w=1.0 / y), x) - 1.0
         linearity = float(deviation.min()), float(deviation.max())
     photons = levels.photons[used]
     return PhotonTransfer(
@@ -201,51 +237,6 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
         saturation_photons=float(levels.photons[top]) if known else None,
         dark_current=black.quantity(1, "DN/s", _SOURCE) if several else None,
     )
-
-
-def _lit_steps(recording: Recording) -> list[Step]:
-    """Pairs of lit frames. Steps of more frames serve the nonuniformity; they tell noise only if there are no pairs."""
-    lit = [step for step in recording.steps if not step.is_dark]
-    lit = [step for step in lit if step.average is None] or lit
-    if len(lit) < _LEAST_STEPS:
-        raise ValueError(
-            f"{recording.name}: {len(lit)} step{'s'[: len(lit) != 1]} of light: the gain needs {_LEAST_STEPS} or more "
-            "of two frames each, better 50 from dark to saturation"
-        )
-    if not any(step.is_dark for step in recording.steps):
-        raise ValueError(f"{recording.name}: no dark frames: cover the lens and record two at each exposure time")
-    for step in recording.steps:
-        if step.is_dark and step.clipped > LARGEST_CLIPPED:
-            raise ValueError(
-                f"{step.place}: {100 * step.clipped:.1f} % of the dark counts clip: raise the camera's black level"
-            )
-    clear = sum(step.clipped <= LARGEST_CLIPPED for step in lit)
-    if clear < _LEAST_STEPS:
-        raise ValueError(
-            f"{recording.name}: {len(lit) - clear} of {len(lit)} steps of light have counts that clip at 0 or "
-            f"{recording.max_dn}: record {_LEAST_STEPS} or more with less light, or raise the black level"
-        )
-    return lit
-
-
-def _levels(lit: list[Step], dark: list[Step]) -> _Levels:
-    """Each step less the dark of its own exposure; several darks of one exposure count by their frames."""
-    means: dict[float, float] = {}
-    for exposure in {step.exposure_s for step in dark}:
-        same = [step for step in dark if step.exposure_s == exposure]
-        means[exposure] = float(np.average([s.mean_dn for s in same], weights=[s.frames for s in same]))
-    for step in lit:
-        if step.exposure_s not in means:
-            raise ValueError(
-                f"{step.place}: no dark frames of its exposure time, {step.exposure_s:g} s: cover the lens and record "
-                "two at each exposure time"
-            )
-    photons = np.array([np.nan if step.photons is None else step.photons for step in lit])
-    signal = np.array([step.mean_dn - means[step.exposure_s] for step in lit])
-    order = np.argsort(photons if np.isfinite(photons).all() else signal, kind="stable")
-    lit = [lit[place] for place in order]
-    figures = [(s.variance_dn2, s.variance_error_dn2(), s.mean_error_dn(), s.exposure_s) for s in lit]
-    return _Levels(photons[order], signal[order], *np.array(figures).T)
 
 
 def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response, WeightedFit]:
