@@ -278,7 +278,17 @@ def check_together(fields: Mapping[str, Any]) -> None:
         _check_middle(f"{camera}_intrinsic", fields[f"{camera}_intrinsic"], width, height, remedy)
     if fields["ir_intrinsic_right"] is not None:
         _check_middle("ir_intrinsic_right", fields["ir_intrinsic_right"], width, height, remedy)
-    _check_light(fields)
+    # Laser, noise and automatic exposure.
+    (low, high, _), power_mw = fields["laser_power_limits_mw"], fields["laser_power_mw"]
+    if not low <= power_mw <= high:
+        raise ValueError(f"laser_power_mw is {power_mw:g}, expected {low:g} to {high:g}")
+    speckle, thermal = fields["ir_speckle_noise"], fields["ir_thermal_noise"]
+    if fields["ir_signal"] is None and speckle > 0 and thermal <= 0:
+        raise ValueError(
+            f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}"
+        )
+    if fields["ir_exposure_mode"] != "fixed":
+        _check_automatic_exposure(fields)
     # The engine refuses these combinations of matcher parameters.
     if not fields["p1"] < fields["p2"]:
         raise ValueError(f"p1 is {fields['p1']} and p2 is {fields['p2']}, expected a larger p2")
@@ -291,18 +301,8 @@ def check_together(fields: Mapping[str, Any]) -> None:
             raise ValueError(f"{name} is {width}x{height} pixels, expected {least} to {most} pixels in all")
 
 
-def _check_light(fields: Mapping[str, Any]) -> None:
-    """Raises ValueError for an invalid combination of laser, noise and automatic exposure."""
-    (low, high, _), power_mw = fields["laser_power_limits_mw"], fields["laser_power_mw"]
-    if not low <= power_mw <= high:
-        raise ValueError(f"laser_power_mw is {power_mw:g}, expected {low:g} to {high:g}")
-    speckle, thermal = fields["ir_speckle_noise"], fields["ir_thermal_noise"]
-    if fields["ir_signal"] is None and speckle > 0 and thermal <= 0:
-        raise ValueError(
-            f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}"
-        )
-    if fields["ir_exposure_mode"] == "fixed":
-        return
+def _check_automatic_exposure(fields: Mapping[str, Any]) -> None:
+    """Raises ValueError for limits, a target or a region that do not go together."""
     for name in ("ir_exposure_limits_s", "ir_gain_limits"):
         low, high = fields[name]
         if low > high:

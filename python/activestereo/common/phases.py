@@ -48,7 +48,7 @@ class Phases:
         if isinstance(self._progress, ProgressBar):
             number = list(self._usual).index(phase) + 1
             self._progress.phase = f"{phase} {number}/{len(self._usual)}"
-        self._tell(0.0, begins=True)
+        self(0.0, begins=True)
 
     def end(self) -> None:
         """Ends the phase that runs."""
@@ -56,10 +56,7 @@ class Phases:
             self.taken_s[self._phase] = self._clock() - self._begun
         self._phase = None
 
-    def __call__(self, fraction: float) -> object:
-        return self._tell(fraction)
-
-    def _tell(self, fraction: float, begins: bool = False) -> object:
+    def __call__(self, fraction: float, begins: bool = False) -> object:
         if self._progress is None or self._phase is None:
             return None
         self._fraction = max(self._fraction, fraction)  # a second pass, over other poses perhaps, begins at 0 again

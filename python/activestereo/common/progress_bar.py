@@ -108,7 +108,18 @@ class ProgressBar:
         if not at_once and now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
             return
         self._drawn = now
-        self._say(fraction, "..." if left_s is None else f"{_span(*left_s)} left")
+        if left_s is None:
+            self._say(fraction, "...")
+            return
+        # '40 s'; 'about 2 min' if the two are apart, 'perhaps 2 min' if they are far apart.
+        least_s, most_s = left_s
+        if most_s <= _SURE * least_s or most_s < 1.0:
+            self._say(fraction, f"{duration(0.5 * (least_s + most_s))} left")
+            return
+        middle_s = (max(least_s, 1.0) * most_s) ** 0.5
+        unit_s, unit = next(((s, u) for s, u in ((3600, "h"), (60, "min")) if middle_s >= s), (1, "s"))
+        number = round(middle_s / unit_s) if unit_s > 1 else max(1, 5 * round(middle_s / 5))
+        self._say(fraction, f"{'about' if most_s <= _NEARLY_SURE * least_s else 'perhaps'} {number} {unit} left")
 
     def tell(self, text: str) -> None:
         """Writes a line that stays, above the bar."""
@@ -124,16 +135,6 @@ class ProgressBar:
         else:
             self._stream.write(f"{self._label}: {phase}{100.0 * fraction:.0f} %, {note}\n")
         self._stream.flush()
-
-
-def _span(least_s: float, most_s: float) -> str:
-    """'40 s'; 'about 2 min' if the two are apart, 'perhaps 2 min' if they are far apart."""
-    if most_s <= _SURE * least_s or most_s < 1.0:
-        return duration(0.5 * (least_s + most_s))
-    middle_s = (max(least_s, 1.0) * most_s) ** 0.5
-    unit_s, unit = next(((s, u) for s, u in ((3600, "h"), (60, "min")) if middle_s >= s), (1, "s"))
-    number = round(middle_s / unit_s) if unit_s > 1 else max(1, 5 * round(middle_s / 5))
-    return f"{'about' if most_s <= _NEARLY_SURE * least_s else 'perhaps'} {number} {unit}"
 
 
 def duration(seconds: float) -> str:

@@ -47,31 +47,24 @@ class Score:
 def score(disparities: Sequence[NDArray[np.float32]], truths: Sequence[NDArray[np.float32]] = ()) -> Score:
     """Scores disparity images, -1 = no measurement. truths: likewise, NaN = unknown."""
     fill = float(np.mean([np.mean(disparity > 0) for disparity in disparities]))
-    noise = float(np.median(np.concatenate([_plane_residuals(disparity) for disparity in disparities])))
+    # RMS about the fitted plane in each window that is measured throughout and holds no edge.
+    noise = []
+    for d in (np.asarray(disparity, np.float64) for disparity in disparities):
+        x = np.arange(d.shape[1]) - 0.5 * d.shape[1]
+        y = (np.arange(d.shape[0]) - 0.5 * d.shape[0])[:, None]
+        middle, of_x, of_y, square, measured = (
+            uniform_filter(values, _WINDOW_PX)[::3, ::3] for values in (d, d * x, d * y, d * d, (d > 0).astype(float))
+        )
+        slope_x, slope_y, spread = of_x - middle * x[::3], of_y - middle * y[::3], (_WINDOW_PX**2 - 1) / 12.0
+        variance = square - middle**2 - (slope_x**2 + slope_y**2) / spread
+        rms = np.sqrt(np.maximum(variance, 0.0))[measured > 1.0 - 0.5 / _WINDOW_PX**2]
+        flat = rms[rms < _FLAT_PX]
+        noise.append(flat if flat.size else np.array([np.nan]))
     wrong = [
         np.mean(~(np.abs(disparity - truth) <= _WRONG_PX)[np.isfinite(truth)])
         for disparity, truth in zip(disparities, truths, strict=bool(truths))
     ]
-    return Score(fill, noise, float(np.mean(wrong)) if wrong else float("nan"))
-
-
-def _plane_residuals(disparity: NDArray[np.float32]) -> NDArray[np.float64]:
-    """RMS about the fitted plane in each window that is measured throughout and holds no edge; [NaN] without one."""
-    d = np.asarray(disparity, np.float64)
-    x = np.arange(d.shape[1]) - 0.5 * d.shape[1]
-    y = (np.arange(d.shape[0]) - 0.5 * d.shape[0])[:, None]
-
-    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(uniform_filter(values, _WINDOW_PX)[::3, ::3])
-
-    middle, spread = mean(d), (_WINDOW_PX**2 - 1) / 12.0
-    slope_x = mean(d * x) - middle * x[::3]
-    slope_y = mean(d * y) - middle * y[::3]
-    variance = mean(d * d) - middle**2 - (slope_x**2 + slope_y**2) / spread
-    is_whole = mean((d > 0).astype(np.float64)) > 1.0 - 0.5 / _WINDOW_PX**2
-    rms = np.sqrt(np.maximum(variance, 0.0))[is_whole]
-    flat = rms[rms < _FLAT_PX]
-    return flat if flat.size else np.array([np.nan])
+    return Score(fill, float(np.median(np.concatenate(noise))), float(np.mean(wrong)) if wrong else float("nan"))
 
 
 def search(

@@ -61,26 +61,6 @@ class Polygons:
     point_count: int
 
 
-def polygons(stage: Stage, mesh: Any, point_count: int) -> Polygons | None:
-    """None: there is no face."""
-    counts = np.asarray(stage.value(mesh.GetFaceVertexCountsAttr(), []), dtype=np.int64)
-    vertices = np.asarray(stage.value(mesh.GetFaceVertexIndicesAttr(), []), dtype=np.int64)
-    if not len(counts) or counts.sum() != len(vertices):
-        return None
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    triangles = np.maximum(counts - 2, 0)
-    if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
-        holes = np.asarray(stage.value(mesh.GetHoleIndicesAttr(), []), dtype=np.int64)
-        triangles[holes[(holes >= 0) & (holes < len(counts))]] = 0
-    faces = np.repeat(np.arange(len(counts)), triangles)
-    step = np.arange(len(faces)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
-    corners = np.stack([first[faces], first[faces] + step + 1, first[faces] + step + 2], axis=1)
-    if stage.value(mesh.GetOrientationAttr()) == "leftHanded":
-        corners = corners[:, [0, 2, 1]]
-    face_of_corner = np.repeat(np.arange(len(counts)), counts)
-    return Polygons(corners, faces, vertices, face_of_corner, len(counts), point_count)
-
-
 def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
     """Cuts concave faces by their ears; the others stay fans."""
     count, face = np.bincount(cut.corner_face, minlength=cut.face_count), cut.corner_face
@@ -154,10 +134,26 @@ def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.n
 
 def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
     """The whole mesh without coordinates of textures, its vertices the face corners; None where nothing is in it."""
+    # 1. Each face is a fan of triangles; a hole has none.
     points = stage.vectors(mesh.GetPointsAttr())
-    cut = polygons(stage, mesh, len(points))
-    if cut is None or not len(cut.corners):
+    counts = np.asarray(stage.value(mesh.GetFaceVertexCountsAttr(), []), dtype=np.int64)
+    vertices = np.asarray(stage.value(mesh.GetFaceVertexIndicesAttr(), []), dtype=np.int64)
+    if not len(counts) or counts.sum() != len(vertices):
         return None
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    triangles = np.maximum(counts - 2, 0)
+    if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
+        holes = np.asarray(stage.value(mesh.GetHoleIndicesAttr(), []), dtype=np.int64)
+        triangles[holes[(holes >= 0) & (holes < len(counts))]] = 0
+    faces = np.repeat(np.arange(len(counts)), triangles)
+    step = np.arange(len(faces)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    corners = np.stack([first[faces], first[faces] + step + 1, first[faces] + step + 2], axis=1)
+    if stage.value(mesh.GetOrientationAttr()) == "leftHanded":
+        corners = corners[:, [0, 2, 1]]
+    if not len(corners):
+        return None
+    cut = Polygons(corners, faces, vertices, np.repeat(np.arange(len(counts)), counts), len(counts), len(points))
+    # 2. Concave faces, and the vertices' normals.
     if not len(points) or cut.vertices.min() < 0 or cut.vertices.max() >= len(points):
         stage.tell(f"{mesh.GetPath()}: its faces use points that it does not have; it is left out")
         return None
