@@ -26,7 +26,7 @@ class Numbers:
         "the unit of the odds in a set; a further name exceeds it, twice beside formulas, or what these may look like")
     credible: float = _number(0.95, "1", "probability that a set holds")
     prior_reach: float = _number(3.0, "typical values", "deviation of an amplitude's prior")
-    most_names: int = _number(4, "1", "largest number of names")
+    most_names: int = _number(4, "1", "number of names that a search ends at, and the verdict is `unknown`")
     # Is it the whole truth?
     structure: float = _number(0.1, "noise variances", "structure beyond which something is missing where nothing is "
         "named, and which draws leave")

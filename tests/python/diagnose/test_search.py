@@ -8,13 +8,20 @@ import pytest
 
 from activestereo.diagnose.answer.ranking import ranking_of
 from activestereo.diagnose.numbers import NUMBERS
-from activestereo.diagnose.score.calibration import probability_right
 from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.search.dictionary import carried
 from activestereo.diagnose.search.loop import Name, Round
 from activestereo.diagnose.search.refit import Refit
 from activestereo.diagnose.search.selection import credible
-from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED, UNKNOWN, Remainder, verdict_of
+from activestereo.diagnose.search.verdict import (
+    EFFECT,
+    NONE,
+    UNDETERMINED,
+    UNKNOWN,
+    Remainder,
+    probability_right,
+    verdict_of,
+)
 from activestereo.effects import builtin
 
 EFFECTS = builtin()
@@ -93,6 +100,7 @@ def fitted(name, chi2):
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.1), True, True, EFFECT),
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.3), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, strain=5.0), True, True, UNKNOWN),
+        (Remainder(0.8, 0.02, 0.01, 0.6, is_full=True), True, True, UNKNOWN),
     ],
 )
 def test_the_verdict_follows_from_what_is_explained_and_left(rest, named, floor, verdict):

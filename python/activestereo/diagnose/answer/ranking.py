@@ -6,11 +6,10 @@ from typing import Any
 
 from activestereo.diagnose.channels.field_fit import field_parameters
 from activestereo.diagnose.numbers import Numbers
-from activestereo.diagnose.score.calibration import probability_right
 from activestereo.diagnose.score.intervals import Interval, intervals
 from activestereo.diagnose.score.likelihood import design_effect, nats_of
 from activestereo.diagnose.search.loop import Name, Outcome, Round
-from activestereo.diagnose.search.verdict import missing
+from activestereo.diagnose.search.verdict import missing, probability_right
 from activestereo.effects import Effect, Parameter
 from activestereo.effects.core.surfaces import material_numbers
 

@@ -134,7 +134,9 @@ class Search:
         noise, unjudged = self._name_noise()
         left = self._excess - max((noise[n.id].repeats_reduced_chi2 for n in self._names if n.id in noise), default=0.0)
         left -= sum(n.field.unforeseen for n in self._names if n.field is not None)
-        rest = Remainder(explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn)
+        is_full = sum(n.id not in noise for n in self._names) >= self._numbers.most_names
+        parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
+        rest = Remainder(*parts, is_full=is_full)
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names), noise,
             unjudged, rest, tuple(self._rounds),
