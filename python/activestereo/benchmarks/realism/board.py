@@ -16,12 +16,11 @@ from PIL import Image
 
 from activestereo.benchmarks.realism.measures import (
     DISTANCE_NAMES,
-    Patch,
     depth_measures,
     infrared_measures,
     planar_patches,
 )
-from activestereo.benchmarks.realism.methods import METHODS, RealView, Simulated, real_views, simulated
+from activestereo.benchmarks.realism.methods import METHODS, real_views, simulated
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
@@ -66,31 +65,24 @@ def board(
         for step, method in enumerate((DEVICE, *(m for m in METHODS if m != "raster"), "raster")):
             for view, patches in zip(own, planes, strict=True):
                 made = None if method == DEVICE else simulated(view, method, sensor, samples, seed)
-                values[method].append(_measured(view, made, patches, sensor, method))
+                black = view.capture.rig.black_dn
+                if made is None:
+                    level = float(np.percentile(view.left, 0.1)) if black is None else black[0]
+                    found = depth_measures(view, view.device_m, None, patches)
+                    found |= infrared_measures(view, view.left, view.right, patches, level)
+                else:
+                    found = depth_measures(view, *made.depth_m, patches)
+                    if made.left is not None and made.right is not None:
+                        level = StereoDepthSensorConfig(sensor).ir_black_level_dn
+                        level = black[0] if method == "calibrated" and black is not None else level
+                        found |= infrared_measures(view, made.left, made.right, patches, level)
+                values[method].append(found)
                 if view is own[0]:
                     shown[method] = view.disparity(view.device_m if made is None else made.depth_m[0])
             progress((number + (step + 1) / (len(METHODS) + 1)) / len(captures))
         pictures[own[0].name] = {"truth": own[0].disparity(own[0].truth_m), **shown}
         views += [view.name for view in own]
     return Board(tuple(views), _rows(values, seed), pictures)
-
-
-def _measured(
-    view: RealView, made: Simulated | None, patches: list[Patch], sensor: str, method: str
-) -> dict[str, float]:
-    if made is None:
-        black = view.capture.rig.black_dn
-        level = float(np.percentile(view.left, 0.1)) if black is None else black[0]
-        return depth_measures(view, view.device_m, None, patches) | infrared_measures(
-            view, view.left, view.right, patches, level
-        )
-    found = depth_measures(view, *made.depth_m, patches)
-    if made.left is not None and made.right is not None:
-        black_dn = StereoDepthSensorConfig(sensor).ir_black_level_dn
-        if method == "calibrated" and view.capture.rig.black_dn is not None:
-            black_dn = view.capture.rig.black_dn[0]
-        found |= infrared_measures(view, made.left, made.right, patches, black_dn)
-    return found
 
 
 def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
