@@ -84,6 +84,11 @@ class SeenPoints:
         columns = self.points, self.normals, self.glow, self.weight, self.residual, self.dots
         return SeenPoints(*(x[pick] for x in columns))
 
+    def in_single(self) -> SeenPoints:
+        """The points in single precision, in which angles take a fifth of the time."""
+        columns = self.points, self.normals, self.glow, self.weight, self.residual, self.dots
+        return SeenPoints(*(x.astype(np.float32) for x in columns))
+
     def lit_from(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ways from a place, or from places [...][3], to the points, DN of a source of intensity 1 there)."""
         way = self.points - place[..., None, :]
@@ -196,6 +201,7 @@ class SphereMatch:
     def best(self, seen: SeenPoints, places: np.ndarray) -> list[tuple[float, np.ndarray]]:
         """(fall of chi2, pose (x, y, z, azimuth, elevation, roll)) at the best pan and tilt of each place [n][3]."""
         found: list[tuple[float, np.ndarray]] = []
+        seen, places = seen.in_single(), places.astype(np.float32)
         for first in range(0, len(places), _AT_ONCE):
             some = places[first : first + _AT_ONCE]
             gathered = np.array([_gathered(seen, place) for place in some], np.float32)
