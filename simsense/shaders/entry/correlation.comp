@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // Second pass of the check by correlation (match/correlation.h): disparities go where both images have too little in common around them.
-// Vulkan grants 16 KB of shared memory: two pixels share a word.
+// Sums move along rows, then down columns, a pixel at a time. Vulkan grants 16 KB of shared memory: two pixels share a word.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "shared/correlation_push.h"
 
-layout(local_size_x = CORRELATION_GROUP, local_size_y = CORRELATION_GROUP) in;
+layout(local_size_x = CORRELATION_GROUP, local_size_y = CORRELATION_GROUP / CORRELATION_RUN) in;
 layout(push_constant, scalar) uniform Push { CorrelationPush push; };
 
-const uint group = uint(CORRELATION_GROUP), widest = group + 2u * uint(CORRELATION_REACH);
-shared uint pairs[widest * widest / 2u];  // of two pixels next to each other: right h << 8 | left h, 16 bits each
-shared ivec3 row_sums[widest * group];  // products, squares of the left with the pixels that count above them, squares of the right
-const uint count_shift = 24u;           // a row's squares stay below
+const uint group = uint(CORRELATION_GROUP), run = uint(CORRELATION_RUN), invocations = group * group / run;
+const uint widest = group + 2u * uint(CORRELATION_REACH);
+// Rows, one to an invocation, begin in different banks of the shared memory.
+const uint row_pairs = widest / 2u, row_words = 3u * group + 1u;
+shared uint pairs[widest * row_pairs];    // of two pixels next to each other: right h << 8 | left h, 16 bits each
+shared int row_sums[widest * row_words];  // products, squares of the left with the pixels that count above them, squares of the right
+const uint count_shift = 24u;             // a row's squares stay below
+shared uint bare_rows[group];
 
 uint pixel_of(ivec2 pixel) { return (gl_WorkGroupID.z * push.height + uint(pixel.y)) * push.width + uint(pixel.x); }
 
@@ -28,27 +33,42 @@ uint pair_at(ivec2 pixel) {
   return uint(push.right.at[pixel_of(ivec2(column, pixel.y))]) << 8u | uint(push.left.at[at]);
 }
 
-/// Products, squares of the left and of the right, pixels, over the window of this reach about the invocation's pixel.
-ivec4 window_sums(int reach) {
-  uint side = 2u * uint(reach) + 1u, rows = group + 2u * uint(reach), tile = group + 2u * uint(push.reach), inset = uint(push.reach - reach);
+/// What a pixel of the tile adds to a row's sums.
+ivec3 terms(uint row, uint column) {
+  uint pair = pairs[row * row_pairs + column / 2u] >> 16u * (column & 1u) & 0xffffu;
+  int left = signed_byte(pair), right = signed_byte(pair >> 8u);
+  return ivec3(left * right, left * left + (pair != 0u ? 1 << count_shift : 0), right * right);
+}
+
+/// Products, squares of the left and of the right, pixels, of a window's row.
+ivec4 row_sum(uint row) {
+  uint at = row * row_words + 3u * gl_LocalInvocationID.x;
+  int left = row_sums[at + 1u];
+  return ivec4(row_sums[at], left & (1 << count_shift) - 1, row_sums[at + 2u], left >> count_shift);
+}
+
+/// The same over the windows of this reach about the invocation's pixels.
+void find_sums(int reach, out ivec4 sums[run]) {
+  uint last = 2u * uint(reach), rows = group + last, inset = uint(push.reach - reach);
   barrier();
-  for (uint i = gl_LocalInvocationIndex; i < rows * group; i += group * group) {
-    uint first = (i / group + inset) * tile + i % group + inset;
-    ivec3 sums = ivec3(0);
-    for (uint k = first; k < first + side; ++k) {
-      uint pair = pairs[k >> 1u] >> 16u * (k & 1u) & 0xffffu;
-      int left = signed_byte(pair), right = signed_byte(pair >> 8u);
-      sums += ivec3(left * right, left * left + (pair != 0u ? 1 << count_shift : 0), right * right);
+  for (uint row = gl_LocalInvocationIndex; row < rows; row += invocations) {
+    ivec3 sum = ivec3(0);
+    for (uint k = 0u; k < last; ++k) sum += terms(row + inset, inset + k);
+    for (uint x = 0u; x < group; ++x) {
+      sum += terms(row + inset, inset + x + last);
+      [[unroll]] for (uint k = 0u; k < 3u; ++k) row_sums[row * row_words + 3u * x + k] = sum[k];
+      sum -= terms(row + inset, inset + x);
     }
-    row_sums[i] = sums;
   }
   barrier();
-  ivec4 sums = ivec4(0);
-  for (uint row = gl_LocalInvocationID.y; row < gl_LocalInvocationID.y + side; ++row) {
-    ivec3 found = row_sums[row * group + gl_LocalInvocationID.x];
-    sums += ivec4(found.x, found.y & (1 << count_shift) - 1, found.z, found.y >> count_shift);
+  uint first = gl_LocalInvocationID.y * run;
+  ivec4 sum = ivec4(0);
+  for (uint k = 0u; k < last; ++k) sum += row_sum(first + k);
+  [[unroll]] for (uint k = 0u; k < run; ++k) {
+    sum += row_sum(first + k + last);
+    sums[k] = sum;
+    sum -= row_sum(first + k);
   }
-  return sums;
 }
 
 /// By the wide window, and by the near one.
@@ -64,21 +84,33 @@ bvec2 correlates(ivec4 wide, ivec4 near) {
 
 void main() {
   uint tile = group + 2u * uint(push.reach);
+  uvec2 local = gl_LocalInvocationID.xy;
   ivec2 origin = ivec2(gl_WorkGroupID.xy * group) - push.reach;
-  for (uint i = gl_LocalInvocationIndex; i < tile * tile / 2u; i += group * group) {  // a row has an even number of pixels
-    ivec2 first = origin + ivec2(2u * i % tile, 2u * i / tile);
-    pairs[i] = pair_at(first + ivec2(1, 0)) << 16u | pair_at(first);
+  for (uint row = local.y; row < tile; row += group / run)
+    for (uint k = local.x; k < tile / 2u; k += group) {  // a row has an even number of pixels
+      ivec2 first = origin + ivec2(2u * k, row);
+      pairs[row * row_pairs + k] = pair_at(first + ivec2(1, 0)) << 16u | pair_at(first);
+    }
+  if (gl_LocalInvocationIndex < group) bare_rows[gl_LocalInvocationIndex] = 0u;
+  ivec4 wide[run], near[run];
+  find_sums(push.reach, wide);
+  find_sums(push.near_reach, near);
+  [[unroll]] for (uint k = 0u; k < run; ++k) {
+    uint row = local.y * run + k;
+    ivec2 pixel = ivec2(gl_WorkGroupID.xy * group + uvec2(local.x, row));
+    if (pixel.x >= int(push.width) || pixel.y >= int(push.height)) continue;
+    uint at = pixel_of(pixel);
+    float disparity = push.found.at[at];
+    bvec2 own = correlates(wide[k], near[k]);
+    bool is_found = disparity != push.invalid, goes = is_found && !all(own);
+    if (!own.y && (is_found || near[k].w > 0)) atomicOr(bare_rows[row], 1u << local.x);
+    push.disparity.at[at] = goes ? push.invalid : disparity;
+    if (!goes) continue;
+    if ((push.maps & MAPS_CONFIDENCE) != 0u) push.confidence.at[at] = 0.0f;
+    if ((push.maps & MAPS_REASON) != 0u) push.reason.at[at] = uint8_t(REASON_LOW_TEXTURE);
   }
-  ivec4 wide = window_sums(push.reach), near = window_sums(push.near_reach);
-  ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-  if (pixel.x >= int(push.width) || pixel.y >= int(push.height)) return;
-  uint at = pixel_of(pixel);
-  float disparity = push.found.at[at];
-  bvec2 own = correlates(wide, near);
-  bool is_found = disparity != push.invalid, goes = is_found && !all(own);
-  push.bare.at[at] = uint8_t(!own.y && (is_found || near.w > 0) ? 1 : 0);
-  push.disparity.at[at] = goes ? push.invalid : disparity;
-  if (!goes) return;
-  if ((push.maps & MAPS_CONFIDENCE) != 0u) push.confidence.at[at] = 0.0f;
-  if ((push.maps & MAPS_REASON) != 0u) push.reason.at[at] = uint8_t(REASON_LOW_TEXTURE);
+  barrier();
+  uint row = gl_LocalInvocationIndex, y = gl_WorkGroupID.y * group + row;
+  if (row < group && y < push.height)
+    push.bare.at[(gl_WorkGroupID.z * push.height + y) * gl_NumWorkGroups.x + gl_WorkGroupID.x] = bare_rows[row];
 }

@@ -7,39 +7,38 @@
 layout(local_size_x = CORRELATION_GROUP, local_size_y = CORRELATION_GROUP) in;
 layout(push_constant, scalar) uniform Push { CorrelationPush push; };
 
-const uint group = uint(CORRELATION_GROUP), widest = group + 2u * uint(CORRELATION_BARE);
-shared uint bare[(widest + 2u) * (widest + 2u)];  // then whether a row has a block within reach, [tile][group]
-shared uint blocks[widest * widest];              // whether all of 3 x 3 px are bare
+// The tile's own columns are bits 16 to 31 of 64, as the three words of a row have them.
+const uint group = uint(CORRELATION_GROUP), most_rows = group + 2u * uint(CORRELATION_BARE);
+shared uvec2 bare[most_rows + 2u];  // three pixels next to one another are
+shared uint blocks[most_rows];      // which columns have 3 x 3 bare pixels in the row within reach
 
-uint pixel_of(ivec2 pixel) { return (gl_WorkGroupID.z * push.height + uint(pixel.y)) * push.width + uint(pixel.x); }
+uvec2 left_by(uvec2 bits, uint count) { return uvec2(bits.x << count, bits.y << count | bits.x >> 32u - count); }
+uvec2 right_by(uvec2 bits, uint count) { return uvec2(bits.x >> count | bits.y << 32u - count, bits.y >> count); }
 
-uint bare_at(ivec2 pixel) {
-  bool inside = all(greaterThanEqual(pixel, ivec2(0))) && pixel.x < int(push.width) && pixel.y < int(push.height);
-  return inside ? uint(push.bare.at[pixel_of(pixel)]) : 0u;
+uint word_at(int y, int column) {
+  bool inside = y >= 0 && column >= 0 && y < int(push.height) && column < int(gl_NumWorkGroups.x);
+  return inside ? push.bare.at[(gl_WorkGroupID.z * push.height + uint(y)) * gl_NumWorkGroups.x + uint(column)] : 0u;
 }
 
 void main() {
-  uint reach = push.bare_reach, tile = group + 2u * reach, outer = tile + 2u, local = gl_LocalInvocationIndex;
-  ivec2 origin = ivec2(gl_WorkGroupID.xy * group) - int(reach) - 1;
-  for (uint i = local; i < outer * outer; i += group * group) bare[i] = bare_at(origin + ivec2(i % outer, i / outer));
-  barrier();
-  for (uint i = local; i < tile * tile; i += group * group) {
-    uint first = i / tile * outer + i % tile, found = 1u;
-    for (uint k = 0u; k < 9u; ++k) found &= bare[first + k / 3u * outer + k % 3u];
-    blocks[i] = found;
+  uint reach = push.bare_reach, rows = group + 2u * reach, row = gl_LocalInvocationIndex;
+  if (row < rows + 2u) {
+    int y = int(gl_WorkGroupID.y * group + row) - int(reach) - 1, column = int(gl_WorkGroupID.x);
+    uvec2 bits = uvec2(word_at(y, column - 1) | word_at(y, column) << 16u, word_at(y, column + 1));
+    bare[row] = bits & left_by(bits, 1u) & right_by(bits, 1u);
   }
   barrier();
-  for (uint i = local; i < tile * group; i += group * group) {
-    uint first = i / group * tile + i % group, found = 0u;
-    for (uint k = first; k <= first + 2u * reach; ++k) found |= blocks[k];
-    bare[i] = found;
+  if (row < rows) {
+    uvec2 all = bare[row] & bare[row + 1u] & bare[row + 2u], near = all;
+    for (uint k = 1u; k <= reach; ++k) near |= left_by(all, k) | right_by(all, k);
+    blocks[row] = near.x >> 16u;
   }
   barrier();
   uint found = 0u;
-  for (uint row = gl_LocalInvocationID.y; row <= gl_LocalInvocationID.y + 2u * reach; ++row) found |= bare[row * group + gl_LocalInvocationID.x];
+  for (uint k = 0u; k <= 2u * reach; ++k) found |= blocks[gl_LocalInvocationID.y + k];
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-  if (found == 0u || pixel.x >= int(push.width) || pixel.y >= int(push.height)) return;
-  uint at = pixel_of(pixel);
+  if ((found >> gl_LocalInvocationID.x & 1u) == 0u || pixel.x >= int(push.width) || pixel.y >= int(push.height)) return;
+  uint at = (gl_WorkGroupID.z * push.height + uint(pixel.y)) * push.width + uint(pixel.x);
   if (push.disparity.at[at] == push.invalid) return;
   push.disparity.at[at] = push.invalid;
   if ((push.maps & MAPS_CONFIDENCE) != 0u) push.confidence.at[at] = 0.0f;

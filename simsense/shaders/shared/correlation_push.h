@@ -7,6 +7,7 @@
 #define CORRELATION_LARGEST 127  // 8ths of a count
 #define CORRELATION_REACH 15     // of the largest window
 #define CORRELATION_GROUP 16     // pixels of a workgroup's side
+#define CORRELATION_RUN 4        // pixels of an invocation, one below the other, where sums move
 #define CORRELATION_BARE 12      // px, the largest correlation_bare_reach()
 #define CORRELATION_SHARE 0.04f  // of the wide window's correlation, which the near one must have, squared
 #define CORRELATION_NOISE 2.25f  // standard deviations of the near one's noise, squared
@@ -29,7 +30,7 @@ struct HighPassPush {
 struct CorrelationPush {
   ByteArray left, right;  // [P][height][width] what the first pass found
   FloatArray found;       // [P][height][width] disparities
-  ByteArray bare;         // [P][height][width] 1 where the near window fails
+  UintArray bare;         // [P][height][workgroup of a row] the bits of its columns where the near window fails
   FloatArray disparity;   // the same, of which some go
   FloatArray confidence;  // if MAPS_CONFIDENCE
   ByteArray reason;       // if MAPS_REASON
