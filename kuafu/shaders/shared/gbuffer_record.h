@@ -19,7 +19,8 @@ KUAFU_CONST gbuffer_light = 4u;    // per pixel of both cameras
 KUAFU_CONST gbuffer_cells = 5u;    // per cell of the left camera
 KUAFU_CONST gbuffer_sky = 6u;      // the same
 KUAFU_CONST gbuffer_smooth = 7u;   // the same
-KUAFU_CONST gbuffer_bounce = 8u;   // per pixel of both cameras
+KUAFU_CONST gbuffer_mirror = 8u;   // the same, for each camera
+KUAFU_CONST gbuffer_bounce = 9u;   // per pixel of both cameras
 
 // GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
@@ -39,10 +40,12 @@ KUAFU_CONST gbuffer_cell_px = 4u;  // on a side of the cells in which light betw
 
 /// What surfaces near one another exchange, by cell.
 struct GbufferCell {
-  float inverse_depth, laser, albedo;  // of what is there; the mean radiance of the projector's light, the mean share that is reflected
+  float inverse_depth, laser;          // of what is there; the mean radiance of the projector's light
+  float albedo, lobes;                 // the mean share that is reflected, and that by lobes
   float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
   float smooth_room, smooth_indirect;  // the same, mixed with neighbours of the same surface
   vec3 normal;                         // in the camera
+  vec2 mirrored[2];                    // radiance that lobes get on the way to each camera: of the room, of the projector
 };
 KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)
 

@@ -32,19 +32,21 @@ void mean_of_cell(uint i) {
   GbufferPlace p = cell_place(i);
   uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
   uint base = p.environment * pixels_per_view();
-  float laser = 0.0f, albedo = 0.0f, count = 0.0f;
+  float laser = 0.0f, albedo = 0.0f, lobes = 0.0f, count = 0.0f;
   for (uint row = first_row; row < min(first_row + gbuffer_cell_px, push.record.at[0].height); ++row)
     for (uint column = first_column; column < min(first_column + gbuffer_cell_px, push.record.at[0].width); ++column) {
       uint at = base + row * push.record.at[0].width + column;
       laser += push.record.at[0].laser.at[at];
-      albedo += push.record.at[0].matt.at[at] + push.record.at[0].lobes.at[at];
+      albedo += push.record.at[0].matt.at[at];
+      lobes += push.record.at[0].lobes.at[at];
       count += 1.0f;
     }
   GbufferSurface s = surface_at_pixel(p);
   push.record.at[0].cells.at[i].normal = s.inverse_depth > 0.0f ? in_camera(push.record.at[0].cameras[0], s.normal) : vec3(0.0f, 0.0f, -1.0f);
   push.record.at[0].cells.at[i].inverse_depth = s.inverse_depth;
   push.record.at[0].cells.at[i].laser = laser / count;
-  push.record.at[0].cells.at[i].albedo = albedo / count;
+  push.record.at[0].cells.at[i].albedo = (albedo + lobes) / count;
+  push.record.at[0].cells.at[i].lobes = lobes / count;
 }
 
 /// Share of the light on a surface that comes, within a slice, from between the viewer's direction and a horizon at `angle` from it; the
@@ -205,9 +207,11 @@ void smooth_cell(uint i) {
   push.record.at[0].cells.at[i].smooth_indirect = sum.y / weights;
 }
 
-/// (room, indirect) at a pixel of the left camera: of the cells about it, those that are of its surface.
-vec2 arriving_at(uint first_cell, vec2 pixel, float inverse) {
-  vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base, sum = vec2(0.0f);
+/// (room, indirect, and what lobes get of both on the way to a camera) at a pixel of the left one: of the cells about it, those that are of
+/// its surface.
+vec4 arriving_at(uint first_cell, vec2 pixel, float inverse, uint camera) {
+  vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base;
+  vec4 sum = vec4(0.0f);
   vec3 point = seen_position(push.record.at[0].cameras[0], pixel, inverse);
   float weights = 0.0f;
   for (int k = 0; k < 4; ++k) {
@@ -215,7 +219,8 @@ vec2 arriving_at(uint first_cell, vec2 pixel, float inverse) {
     int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
     uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
     float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (same_surface(cell, cell_pixel(column, row), point) + 1e-3f);
-    sum += weight * vec2(push.record.at[0].cells.at[cell].smooth_room, push.record.at[0].cells.at[cell].smooth_indirect);
+    IN(GbufferCell) c = push.record.at[0].cells.at[cell];
+    sum += weight * vec4(c.smooth_room, c.smooth_indirect, c.mirrored[camera].x, c.mirrored[camera].y);
     weights += weight;
   }
   return sum / weights;
@@ -274,22 +279,36 @@ SeenLight light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3
   return SeenLight(ambient, 0.0f);
 }
 
-/// What comes from where a lobe looks: by facets whose tilts share GGX's distribution among them.
-SeenLight mirrored_light(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
+/// What comes from where a lobe looks, of the room and of the projector: by facets whose tilts share GGX's distribution among them.
+vec2 mirrored_light(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
   vec3 normal = in_camera(camera, s.normal), to_camera = in_camera(camera, s.to_camera), here = in_camera(camera, s.position - camera.view.origin);
   Frame frame = frame_around(normal);
   float step_m = 2.0f * float(gbuffer_cell_px) / (camera.focal.x * s.inverse_depth), alpha = roughness * roughness;
-  SeenLight sum = SeenLight(0.0f, 0.0f);
+  vec2 sum = vec2(0.0f);
   for (int k = 0; k < mirror_rays; ++k) {
     float share = (float(k) + 0.5f) / float(mirror_rays);
     vec3 facet = normalize(to_world(frame, vec3(unit_circle(float(k) * golden_turn) * (alpha * sqrt(share / (1.0f - share))), 1.0f)));
     vec3 mirrored = facet * (2.0f * dot(facet, to_camera)) - to_camera;
     mirrored += normal * (2.0f * max(-dot(mirrored, normal), 0.0f));
     SeenLight along = light_along(camera, first_cell, here, mirrored, step_m, ambient);
-    sum.room += along.room;
-    sum.laser += along.laser;
+    sum += vec2(along.room, along.laser);
   }
-  return SeenLight(sum.room / float(mirror_rays), sum.laser / float(mirror_rays));
+  return sum / float(mirror_rays);
+}
+
+/// What the lobes of a cell's surfaces send to one of the cameras comes to them from where its middle pixel's look.
+void mirror_in_cell(uint i) {
+  uint cells = push.record.at[0].environments * cells_per_view(), camera = i / cells, cell = i - camera * cells;
+  GbufferPlace p = cell_place(cell);
+  float ambient = push.record.at[0].ambient.at[p.environment];
+  vec2 found = vec2(ambient, 0.0f);
+  if (push.record.at[0].cells.at[cell].lobes > 0.0f && push.record.at[0].cells.at[cell].inverse_depth > 0.0f) {
+    GbufferSurface s = surface_at_pixel(p);
+    s.to_camera = normalize(push.record.at[0].cameras[camera].view.origin - s.position);
+    float roughness = push.record.at[0].scene.at[0].materials.at[s.material].roughness;
+    found = mirrored_light(push.record.at[0].cameras[0], p.environment * cells_per_view(), s, roughness, ambient);
+  }
+  push.record.at[0].cells.at[cell].mirrored[camera] = found;
 }
 
 void bounce_pixel(uint i, IN(GbufferPlace) p) {
@@ -297,16 +316,10 @@ void bounce_pixel(uint i, IN(GbufferPlace) p) {
   float ambient = push.record.at[0].ambient.at[p.environment], direct = push.record.at[0].laser.at[i], indirect = 0.0f, light = ambient;
   if (inverse > 0.0f) {
     uint first_cell = p.environment * cells_per_view();
-    vec2 arriving = arriving_at(first_cell, vec2(left_column(p, inverse), float(p.row)), inverse);
+    vec4 arriving = arriving_at(first_cell, vec2(left_column(p, inverse), float(p.row)), inverse, p.camera);
     float matt = push.record.at[0].matt.at[i], lobes = push.record.at[0].lobes.at[i];
-    light = matt * arriving.x * ambient;
-    indirect = matt * arriving.y;
-    if (lobes > 0.0f) {
-      GbufferSurface s = surface_at_pixel(p);
-      SeenLight mirrored = mirrored_light(push.record.at[0].cameras[0], first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
-      light += lobes * mirrored.room;
-      indirect += lobes * mirrored.laser;
-    }
+    light = matt * arriving.x * ambient + lobes * arriving.z;
+    indirect = matt * arriving.y + lobes * arriving.w;
     light += direct + indirect;
   }
   write_output(output_radiance, p, light);
@@ -323,5 +336,6 @@ void gbuffer_step(uint i) {
   else if (step == gbuffer_cells) mean_of_cell(i);
   else if (step == gbuffer_sky) look_around(i);
   else if (step == gbuffer_smooth) smooth_cell(i);
+  else if (step == gbuffer_mirror) mirror_in_cell(i);
   else bounce_pixel(i, gbuffer_place(i));
 }

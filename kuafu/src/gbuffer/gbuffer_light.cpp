@@ -74,6 +74,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   step("bounce", gbuffer_cells, cells);
   step("bounce", gbuffer_sky, cells);
   step("bounce", gbuffer_smooth, cells);
+  step("bounce", gbuffer_mirror, 2 * cells);
   step("bounce", gbuffer_bounce, pixels);
 }
 
