@@ -13,6 +13,11 @@ layout(constant_id = 0) const uint step = optics_psf;
 
 shared float light[widest * widest];
 shared float along_rows[widest * tile];
+shared float kernel[optics_most_tiled_radius_px + 1u];  // of a view that has one
+
+float weight_at(IN(OpticsRecord) f, uint column, uint row, int k) {
+  return f.psf_kernels_per_variance == 0.0f ? kernel[abs(k)] : psf_weight(f, column, row, uint(abs(k)));
+}
 
 void main() {
   uint columns = (push.width + tile - 1u) / tile, rows = (push.height + tile - 1u) / tile;
@@ -22,6 +27,7 @@ void main() {
   uint first_column = group % columns * tile, first_row = group / columns % rows * tile, first_pixel = view * pixels_per_view();
   int radius = int(f.psf_radius), last_column = int(push.width) - 1, last_row = int(push.height) - 1;
   uint side = tile + 2u * f.psf_radius;
+  if (gl_LocalInvocationIndex <= f.psf_radius) kernel[gl_LocalInvocationIndex] = push.kernels.at[f.psf_kernels + gl_LocalInvocationIndex];
   for (uint c = 0u; c < push.channels; ++c) {
     for (uint v = gl_LocalInvocationID.y; v < side; v += group_rows)
       for (uint u = gl_LocalInvocationID.x; u < side; u += tile) {
@@ -35,7 +41,7 @@ void main() {
       float sum = 0.0f;
       for (int k = -radius; k <= radius; ++k) {
         uint column = uint(clamp(int(first_column + gl_LocalInvocationID.x) + k, 0, last_column));
-        sum += psf_weight(f, column, row, uint(abs(k))) * light[int(v * side + gl_LocalInvocationID.x) + radius + k];
+        sum += weight_at(f, column, row, k) * light[int(v * side + gl_LocalInvocationID.x) + radius + k];
       }
       along_rows[v * tile + gl_LocalInvocationID.x] = sum;
     }
@@ -46,7 +52,7 @@ void main() {
       float sum = 0.0f;
       for (int k = -radius; k <= radius; ++k) {
         uint row = uint(clamp(int(first_row + v) + k, 0, last_row));
-        sum += psf_weight(f, column, row, uint(abs(k))) * along_rows[(int(v) + radius + k) * int(tile) + int(gl_LocalInvocationID.x)];
+        sum += weight_at(f, column, row, k) * along_rows[(int(v) + radius + k) * int(tile) + int(gl_LocalInvocationID.x)];
       }
       push.to.at[(first_pixel + (first_row + v) * push.width + column) * push.channels + c] = sum;
     }

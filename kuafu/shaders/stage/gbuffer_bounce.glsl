@@ -219,8 +219,8 @@ vec4 arriving_at(uint first_cell, vec2 pixel, float inverse, uint camera) {
     int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
     uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
     float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (same_surface(cell, cell_pixel(column, row), point) + 1e-3f);
-    IN(GbufferCell) c = push.record.at[0].cells.at[cell];
-    sum += weight * vec4(c.smooth_room, c.smooth_indirect, c.mirrored[camera].x, c.mirrored[camera].y);
+    sum += weight * vec4(push.record.at[0].cells.at[cell].smooth_room, push.record.at[0].cells.at[cell].smooth_indirect,
+                         push.record.at[0].cells.at[cell].mirrored[camera].x, push.record.at[0].cells.at[cell].mirrored[camera].y);
     weights += weight;
   }
   return sum / weights;
