@@ -118,8 +118,10 @@ void light_pixels(Gbuffer& stage, uint first, uint end) {
 void host::gbuffer(const GbufferPush& push, uint32_t first, uint32_t end) {
   Gbuffer stage{push};
   if (push.step == gbuffer_light) return light_pixels(stage, first, end);
-  if (push.step == gbuffer_bounce) return bounce_pixels(stage, first, end);
-  for (; first < end; ++first) stage.gbuffer_step(first);
+  host::in_vectors([&] {
+    if (push.step == gbuffer_bounce) return bounce_pixels(stage, first, end);
+    for (uint32_t i = first; i < end; ++i) stage.gbuffer_step(i);
+  });
 }
 
 }  // namespace kuafu
