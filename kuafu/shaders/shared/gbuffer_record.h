@@ -45,6 +45,7 @@ struct GbufferCell {
   float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
   float smooth_room, smooth_indirect;  // the same, mixed with neighbours of the same surface
   vec3 normal;                         // in the camera
+  float plane_m;                       // of the surface, along the normal from the camera
   vec2 mirrored[2];                    // radiance that lobes get on the way to each camera: of the room, of the projector
 };
 KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)

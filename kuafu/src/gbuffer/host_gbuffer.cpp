@@ -100,11 +100,13 @@ void light_pixels(Gbuffer& stage, uint first, uint end) {
   Gbuffer::GbufferVertex vertices[lane_count];
   for (; first < end; first += lane_count) {
     const uint count = min(lane_count, end - first);
-    for (uint l = 0; l < count; ++l) {
-      places[l] = l > 0 ? next_place(stage, places[l - 1], first + l) : stage.gbuffer_place(first);
-      vertices[l] = stage.vertex_at(places[l]);
-      put(vertices[l], lanes, l);
-    }
+    host::in_vectors([&] {
+      for (uint l = 0; l < count; ++l) {
+        places[l] = l > 0 ? next_place(stage, places[l - 1], first + l) : stage.gbuffer_place(first);
+        vertices[l] = stage.vertex_at(places[l]);
+        put(vertices[l], lanes, l);
+      }
+    });
     if (are_matt(lanes))
       host::in_vectors([&] { reflect_lanes<true>(lanes, table); });
     else
