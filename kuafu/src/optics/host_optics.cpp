@@ -39,24 +39,42 @@ void spread(const OpticsPush& push, uint32_t first, uint32_t end, std::vector<fl
   }
 }
 
-bool psf_by_rows(const OpticsPush& push, uint32_t first, uint32_t end) {
+/// The same for a part of a row, whose place takes a division for all of it.
+void vignette(const OpticsPush& push, uint32_t first, uint32_t end) {
+  OpticsStage stage{push};
+  const uint32_t line = first / push.width, row = line % push.height;
+  const OpticsRecord& f = push.optics.at[line / push.height];
+  for (uint32_t pixel = first; pixel < end; ++pixel) {
+    const float factor = stage.vignetting_factor(f, pixel - line * push.width, row);
+    for (uint32_t c = 0; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
+  }
+}
+
+/// Whether a kernel spreads each view's light alike.
+bool has_kernels(const OpticsPush& push, uint32_t first, uint32_t end) {
   if ((push.step != optics_psf_columns && push.step != optics_psf_rows) || push.channels != 1) return false;
   const uint32_t view_pixels = push.width * push.height;
   for (uint32_t view = first / view_pixels; view * view_pixels < end; ++view)
     if (push.optics.at[view].psf_kernels_per_variance != 0.0f) return false;
-  std::vector<float> padded;
-  for (uint32_t next = first; next < end; first = next) {
-    next = std::min(end, (first / push.width + 1) * push.width);
-    spread(push, first, next, padded);
-  }
   return true;
 }
 
 }  // namespace
 
 void host::optics(const OpticsPush& push, uint32_t first, uint32_t end) {
-  if (psf_by_rows(push, first, end)) return;
-  for (OpticsStage stage{push}; first < end; ++first) stage.optics(first);
+  const bool vignettes = push.step == optics_vignetting;
+  if (!vignettes && !has_kernels(push, first, end)) {
+    for (OpticsStage stage{push}; first < end; ++first) stage.optics(first);
+    return;
+  }
+  std::vector<float> padded;
+  for (uint32_t next = first; next < end; first = next) {
+    next = std::min(end, (first / push.width + 1) * push.width);
+    if (vignettes)
+      vignette(push, first, next);
+    else
+      spread(push, first, next, padded);
+  }
 }
 
 }  // namespace kuafu
