@@ -10,28 +10,17 @@ layout(local_size_x = CORRELATION_GROUP, local_size_y = CORRELATION_GROUP / CORR
 layout(push_constant, scalar) uniform Push { CorrelationPush push; };
 
 const uint group = uint(CORRELATION_GROUP), run = uint(CORRELATION_RUN), invocations = group * group / run;
-const uint widest = group + 2u * uint(CORRELATION_REACH);
+const uint most_rows = group + 2u * uint(CORRELATION_REACH), margin = uint(CORRELATION_REACH) + 1u;  // margin: an even number of columns
 // Rows, one to an invocation, begin in different banks of the shared memory.
-const uint row_pairs = widest / 2u, row_words = 3u * group + 1u;
-shared uint pairs[widest * row_pairs];    // of two pixels next to each other: right h << 8 | left h, 16 bits each
-shared int row_sums[widest * row_words];  // products, squares of the left with the pixels that count above them, squares of the right
-const uint count_shift = 24u;             // a row's squares stay below
+const uint tile_words = group / 2u + margin, row_pairs = tile_words + 1u, row_words = 3u * group + 1u;
+shared uint pairs[most_rows * row_pairs];    // of two pixels next to each other: right h << 8 | left h, 16 bits each
+shared int row_sums[most_rows * row_words];  // products, squares of the left with the pixels that count above them, squares of the right
+const uint count_shift = 24u;                // a row's squares stay below
 shared uint bare_rows[group];
 
 uint pixel_of(ivec2 pixel) { return (gl_WorkGroupID.z * push.height + uint(pixel.y)) * push.width + uint(pixel.x); }
 
 int signed_byte(uint value) { return int(value) << 24 >> 24; }
-
-uint pair_at(ivec2 pixel) {
-  if (any(lessThan(pixel, ivec2(0))) || pixel.x >= int(push.width) || pixel.y >= int(push.height)) return 0u;
-  uint at = pixel_of(pixel);
-  float disparity = push.found.at[at];
-  if (disparity == push.invalid) return 0u;
-  precise float above = disparity + 0.5f;
-  int column = pixel.x - int(floor(above));
-  if (column < 0 || column >= int(push.width)) return 0u;
-  return uint(push.right.at[pixel_of(ivec2(column, pixel.y))]) << 8u | uint(push.left.at[at]);
-}
 
 /// What a pixel of the tile adds to a row's sums.
 ivec3 terms(uint row, uint column) {
@@ -49,15 +38,15 @@ ivec4 row_sum(uint row) {
 
 /// The same over the windows of this reach about the invocation's pixels.
 void find_sums(int reach, out ivec4 sums[run]) {
-  uint last = 2u * uint(reach), rows = group + last, inset = uint(push.reach - reach);
+  uint last = 2u * uint(reach), rows = group + last, above = uint(push.reach - reach), beside = margin - uint(reach);
   barrier();
   for (uint row = gl_LocalInvocationIndex; row < rows; row += invocations) {
     ivec3 sum = ivec3(0);
-    for (uint k = 0u; k < last; ++k) sum += terms(row + inset, inset + k);
+    for (uint k = 0u; k < last; ++k) sum += terms(row + above, beside + k);
     for (uint x = 0u; x < group; ++x) {
-      sum += terms(row + inset, inset + x + last);
+      sum += terms(row + above, beside + x + last);
       [[unroll]] for (uint k = 0u; k < 3u; ++k) row_sums[row * row_words + 3u * x + k] = sum[k];
-      sum -= terms(row + inset, inset + x);
+      sum -= terms(row + above, beside + x);
     }
   }
   barrier();
@@ -83,14 +72,15 @@ bvec2 correlates(ivec4 wide, ivec4 near) {
 }
 
 void main() {
-  uint tile = group + 2u * uint(push.reach);
   uvec2 local = gl_LocalInvocationID.xy;
-  ivec2 origin = ivec2(gl_WorkGroupID.xy * group) - push.reach;
-  for (uint row = local.y; row < tile; row += group / run)
-    for (uint k = local.x; k < tile / 2u; k += group) {  // a row has an even number of pixels
-      ivec2 first = origin + ivec2(2u * k, row);
-      pairs[row * row_pairs + k] = pair_at(first + ivec2(1, 0)) << 16u | pair_at(first);
-    }
+  ivec2 origin = ivec2(gl_WorkGroupID.xy * group) - ivec2(margin, push.reach);
+  for (uint i = gl_LocalInvocationIndex; i < (group + 2u * uint(push.reach)) * tile_words; i += invocations) {
+    int column = origin.x + 2 * int(i % tile_words), row = origin.y + int(i / tile_words);
+    bool inside = row >= 0 && row < int(push.height) && column >= 0 && column < int(push.width);
+    uint words = (push.width + 1u) / 2u, at = (gl_WorkGroupID.z * push.height + uint(row)) * words + uint(column) / 2u;
+    uint found = inside ? push.pairs.at[at] : 0u;
+    pairs[i / tile_words * row_pairs + i % tile_words] = column + 1 < int(push.width) ? found : found & 0xffffu;
+  }
   if (gl_LocalInvocationIndex < group) bare_rows[gl_LocalInvocationIndex] = 0u;
   ivec4 wide[run], near[run];
   find_sums(push.reach, wide);

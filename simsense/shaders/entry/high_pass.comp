@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// First pass of the check by correlation (match/correlation.h): each count less the mean of the square about it.
+// First pass of the check by correlation (match/correlation.h): each count less the mean of the square about it, of the left image beside
+// that which its disparity meets in the right one.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/counts.glsl"
@@ -37,5 +38,16 @@ void main() {
   int count = counts[(local.y + reach) * tile + local.x + reach];
   int difference = (int(side * side) * count - sum) * 8 >> extra_bits;
   int h = clamp((difference * push.part + 32768) >> 16, -CORRELATION_LARGEST, CORRELATION_LARGEST);
-  push.high.at[(gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x] = uint8_t(h & 0xff);
+  uint row = gl_WorkGroupID.z * push.height + pixel.y, at = row * push.width + pixel.x;
+  if (push.is_left == 0u) {
+    push.high.at[at] = uint8_t(h & 0xff);
+    return;
+  }
+  float disparity = push.found.at[at];
+  precise float above = disparity + 0.5f;
+  int column = int(pixel.x) - int(floor(above));
+  bool counts = disparity != push.invalid && column >= 0 && column < int(push.width);
+  uint pair = 2u * (row * ((push.width + 1u) & ~1u) + pixel.x);
+  push.pairs.at[pair] = uint8_t(counts ? h & 0xff : 0);
+  push.pairs.at[pair + 1u] = counts ? push.high.at[row * push.width + uint(column)] : uint8_t(0);
 }

@@ -16,10 +16,14 @@
 namespace simsense {
 #endif
 
-/// One image of each pair.
+/// One image of each pair: the right one, then the left one beside what its disparities meet.
 struct HighPassPush {
-  UintArray image;  // as CensusPush has it
-  ByteArray high;   // [P][height][width], signed
+  UintArray image;   // as CensusPush has it
+  ByteArray high;    // of the right image, [P][height][width], signed
+  ByteArray pairs;   // [P][height][width, rounded up to an even number][left, right], 0 where no disparity is; not written of the right image
+  FloatArray found;  // [P][height][width] disparities
+  float invalid;
+  uint is_left;
   uint first_byte, image_pitch, image_stride;
   uint width, height;
   uint bits;       // of a count
@@ -28,7 +32,7 @@ struct HighPassPush {
 };
 
 struct CorrelationPush {
-  ByteArray left, right;  // [P][height][width] what the first pass found
+  UintArray pairs;        // of the first pass, two to a word
   FloatArray found;       // [P][height][width] disparities
   UintArray bare;         // [P][height][workgroup of a row] the bits of its columns where the near window fails
   FloatArray disparity;   // the same, of which some go

@@ -27,17 +27,20 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
   high.height = plan_.height;
   high.mean_side = correlation_mean_side(parameters_.correlation_side());
   high.part = correlation_part(high.mean_side);
-  for (const uint32_t side : {0u, 1u}) {
-    const uint64_t image = side == 0 ? arrays.left : arrays.right;
+  high.high = buffers.high->address();
+  high.pairs = buffers.high_pairs->address();
+  high.found = buffers.refined(arrays);
+  high.invalid = parameters_.invalid_disparity();
+  for (const bool is_left : {false, true}) {
+    const uint64_t image = is_left ? arrays.left : arrays.right;
     high.image = image & ~uint64_t{3};
     high.first_byte = image & 3;
-    high.bits = side == 0 ? parameters_.left_bits : parameters_.right_bits;
-    high.high = buffers.high[side]->address();
+    high.bits = is_left ? parameters_.left_bits : parameters_.right_bits;
+    high.is_left = is_left ? 1 : 0;
     commands.dispatch(arrays.element_bytes == 1 ? of_bytes_ : of_words_, high, columns, rows, pairs);
   }
   CorrelationPush push{};
-  push.left = buffers.high[0]->address();
-  push.right = buffers.high[1]->address();
+  push.pairs = buffers.high_pairs->address();
   push.found = buffers.refined(arrays);
   push.bare = buffers.right_winner->address();  // which the left-right check has read
   push.disparity = arrays.disparity;
