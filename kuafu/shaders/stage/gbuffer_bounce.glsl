@@ -237,17 +237,13 @@ vec4 arriving_at(uint first_cell, vec2 pixel, float inverse, uint camera) {
 /// How far a point lies behind what is seen there, metres; below 0: before it, or there is nothing.
 float behind_seen(IN(Met) m, vec3 q) { return m.inverse_depth > 0.0f ? q.z - 1.0f / m.inverse_depth : -1.0f; }
 
-/// Light as it is reflected: of the room, and of the projector.
-struct SeenLight {
-  float room, laser;
-};
-
-/// The light of what is seen about a place, as matt surfaces send it, of those cells whose depth is about that of the place's own.
-SeenLight seen_light(uint first_cell, IN(Met) m, float ambient) {
+/// The light of what is seen about a place, of the room and of the projector, as matt surfaces send it, of those cells whose depth is about
+/// that of the place's own.
+vec2 seen_light(uint first_cell, IN(Met) m, float ambient) {
   vec2 place = m.pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base;
   int columns = int(push.record.at[0].cell_columns), rows = int(push.record.at[0].cell_rows);
   float inverse = push.record.at[0].cells.at[m.cell].inverse_depth;
-  SeenLight sum = SeenLight(0.0f, 0.0f);
+  vec2 sum = vec2(0.0f);
   float weights = 0.0f;
   for (int k = 0; k < 4; ++k) {
     int x = k & 1, y = k >> 1;
@@ -255,16 +251,14 @@ SeenLight seen_light(uint first_cell, IN(Met) m, float ambient) {
     IN(GbufferCell) cell = push.record.at[0].cells.at[first_cell + uint(row * columns + column)];
     float there = cell.inverse_depth;
     float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (there > 0.0f ? 1.0f : 0.0f) * (abs(there - inverse) < 0.15f * inverse ? 1.0f : 1e-3f);
-    sum.room += weight * cell.albedo * cell.smooth_room * ambient;
-    sum.laser += weight * (cell.laser + cell.albedo * cell.smooth_indirect);
+    sum += weight * vec2(cell.albedo * cell.smooth_room * ambient, cell.laser + cell.albedo * cell.smooth_indirect);
     weights += weight;
   }
-  if (weights == 0.0f) return SeenLight(ambient, 0.0f);
-  return SeenLight(sum.room / weights, sum.laser / weights);
+  return weights > 0.0f ? sum / weights : vec2(ambient, 0.0f);
 }
 
 /// What comes along a ray: the light of the surface that it meets in the image, or the room's.
-SeenLight light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
+vec2 light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
   float t = first_step_m, before = 0.0f;
   for (int s = 0; s < mirror_steps; ++s) {
     vec3 q = here + t * direction;
@@ -284,7 +278,7 @@ SeenLight light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3
     before = t;
     t *= 1.5f;
   }
-  return SeenLight(ambient, 0.0f);
+  return vec2(ambient, 0.0f);
 }
 
 /// What comes from where a lobe looks, of the room and of the projector: by facets whose tilts share GGX's distribution among them.
@@ -298,13 +292,12 @@ vec2 mirrored_light(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface
     vec3 facet = normalize(to_world(frame, vec3(unit_circle(float(k) * golden_turn) * (alpha * sqrt(share / (1.0f - share))), 1.0f)));
     vec3 mirrored = facet * (2.0f * dot(facet, to_camera)) - to_camera;
     mirrored += normal * (2.0f * max(-dot(mirrored, normal), 0.0f));
-    SeenLight along = light_along(camera, first_cell, here, mirrored, step_m, ambient);
-    sum += vec2(along.room, along.laser);
+    sum += light_along(camera, first_cell, here, mirrored, step_m, ambient);
   }
   return sum / float(mirror_rays);
 }
 
-/// What the lobes of a cell's surfaces send to one of the cameras comes to them from where its middle pixel's look.
+/// The lobes of all pixels of a cell get the light that those of its middle pixel get on the way to each camera.
 void mirror_in_cell(uint i) {
   uint cells = push.record.at[0].environments * cells_per_view(), camera = i / cells, cell = i - camera * cells;
   GbufferPlace p = cell_place(cell);
