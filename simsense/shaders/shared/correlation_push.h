@@ -20,7 +20,7 @@ namespace simsense {
 struct HighPassPush {
   UintArray image;   // as CensusPush has it
   ByteArray high;    // of the right image, [P][height][width], signed
-  ByteArray pairs;   // [P][height][width, rounded up to an even number][left, right], 0 where no disparity is; not written of the right image
+  ByteArray pairs;   // of the left one, [P][height][width rounded up to even][left, right], 0 without a disparity
   FloatArray found;  // [P][height][width] disparities
   float invalid;
   uint is_left;

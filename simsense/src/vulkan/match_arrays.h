@@ -24,8 +24,8 @@ struct MatchArrays {
   [[nodiscard]] uint32_t maps() const { return (confidence ? MAPS_CONFIDENCE : 0u) | (reason ? MAPS_REASON : 0u); }
 };
 
-/// The matcher's own, as in match_push.h, refine_push.h and correlation_push.h; gray, cost, filtered, cells and both of high only where they
-/// are needed.
+/// The matcher's own, as in match_push.h, refine_push.h and correlation_push.h; gray, cost, filtered, cells and both of high only where
+/// they are needed.
 struct MatchBuffers {
   MatchBuffers(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked, filtered, cells, high, high_pairs;
