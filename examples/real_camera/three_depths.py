@@ -21,6 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray
 from activestereo.common.output_files import write_text
 from activestereo.compare.compare import Comparison, compare
@@ -133,12 +134,18 @@ def table(found: dict[str, Any]) -> str:
 
 def three_depths(capture: Path, own: str, out: Path, samples: int, scale_m: float) -> str:
     """Writes the picture and the figures; returns the table and the sentence."""
-    files = sorted(glob.glob(f"{own}/*.png" if Path(own).is_dir() else own))
-    comparison = compare(capture, samples_per_pixel=samples)
-    frames = comparison.capture.frames
-    if len(files) != len(frames):
-        raise SystemExit(f"{own}: {len(files)} images for {len(frames)} frames: one each is needed")
+    files, known = sorted(glob.glob(f"{own}/*.png" if Path(own).is_dir() else own)), read_capture(capture)
+    if len(files) != len(known.frames):
+        raise SystemExit(f"{own}: {len(files)} images for {len(known.frames)} frames: one each is needed")
     depths = [read_gray(Path(file)).astype(np.float64) * scale_m for file in files]
+    truths = [known.depth(frame) for frame in known.frames]
+    both = [(z, true) for z, true in zip(depths, truths, strict=True) if true is not None]
+    if any(z.shape != true.shape for z, true in both):
+        raise SystemExit(f"{own}: its images have another size than the left infrared camera's")
+    times = np.median(np.concatenate([z[there] / true[there] for z, true in both for there in [(z > 0) & (true > 0)]]))
+    if not 0.5 < times < 2.0:
+        raise SystemExit(f"{own}: {times:.3g} times as deep as the capture in the median: --depth-scale is its unit")
+    comparison = compare(capture, samples_per_pixel=samples)
     found = gathered(comparison, depths)
     said = sentence(found)
     out.mkdir(parents=True, exist_ok=True)
