@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import Commands, add_shared, print_json
 
 if TYPE_CHECKING:
-    from activestereo.compare.cache import CacheEntry, LayerCache
+    from activestereo.compare.cache import CacheEntry
 
 _TEXT = """\
 Renders and fits are kept on disk, so that a second look at a capture traces no ray and
@@ -41,7 +41,24 @@ def run_list(args: argparse.Namespace) -> None:
     from activestereo.compare.cache import LayerCache
 
     cache = LayerCache()
-    print_json(_as_json(cache)) if args.json else print(_table(cache))
+    entries = cache.entries()
+    if args.json:
+        files = [
+            {"file": e.path.name, "kind": e.kind(), "size_bytes": e.size_bytes, "used_s": e.used_s} for e in entries
+        ]
+        used = sum(entry.size_bytes for entry in entries)
+        where = {"folder": str(cache.folder), "limit_bytes": cache.limit_bytes}
+        print_json(where | {"used_bytes": used, "entries": files})
+        return
+    by_kind: dict[str, list[CacheEntry]] = {}
+    for entry in entries:
+        by_kind.setdefault(entry.kind(), []).append(entry)
+    if by_kind:
+        print(f"{'what':10}{'entries':>9}{'size':>12}   last used")
+    for kind, own in sorted(by_kind.items()):
+        last, first = (time.strftime("%Y-%m-%d", time.localtime(own[i].used_s)) for i in (0, -1))
+        print(f"{kind:10}{len(own):>9}{_megabytes(own):>9.1f} MB   {first} to {last}")
+    print(cache.usage_text())
 
 
 def run_clear(args: argparse.Namespace) -> None:
@@ -50,29 +67,6 @@ def run_clear(args: argparse.Namespace) -> None:
     cache = LayerCache()
     gone = cache.clear()
     print(f"removed: {len(gone)} entries, {_megabytes(gone):.1f} MB, from {cache.folder}")
-
-
-def _table(cache: LayerCache) -> str:
-    by_kind: dict[str, list[CacheEntry]] = {}
-    for entry in cache.entries():
-        by_kind.setdefault(entry.kind(), []).append(entry)
-    lines = [f"{'what':10}{'entries':>9}{'size':>12}   last used"]
-    for kind, entries in sorted(by_kind.items()):
-        last, first = (time.strftime("%Y-%m-%d", time.localtime(entries[i].used_s)) for i in (0, -1))
-        lines.append(f"{kind:10}{len(entries):>9}{_megabytes(entries):>9.1f} MB   {first} to {last}")
-    return "\n".join([*(lines if by_kind else []), cache.usage_text()])
-
-
-def _as_json(cache: LayerCache) -> dict[str, Any]:
-    entries = cache.entries()
-    return {
-        "folder": str(cache.folder),
-        "limit_bytes": cache.limit_bytes,
-        "used_bytes": sum(entry.size_bytes for entry in entries),
-        "entries": [
-            {"file": e.path.name, "kind": e.kind(), "size_bytes": e.size_bytes, "used_s": e.used_s} for e in entries
-        ],
-    }
 
 
 def _megabytes(entries: list[CacheEntry]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 from activestereo.cli.arguments import Commands, Finding, add_shared, print_json
 from activestereo.cli.devices import as_json
+from activestereo.common.input_files import read_text
 from activestereo.report.screen import wrapped_lines
 
 _TEXT = """\
@@ -57,9 +59,16 @@ def examine() -> dict[str, Any]:
         devices = kuafu.Device.enumerate()
     except RuntimeError:  # a driver that fails where it has no device
         devices = []
+    renders_on = None
+    with suppress(RuntimeError):  # a device that cannot be opened
+        renders_on = kuafu.Device().info.name if any(device.usable for device in devices) else None
+    free_bytes = None
+    with suppress(OSError, KeyError, ValueError):  # a kernel that does not tell
+        fields = dict(line.split(":", 1) for line in read_text("/proc/meminfo").splitlines())
+        free_bytes = 1024 * int(fields["MemAvailable"].split()[0])
     cache = LayerCache()
     return {
-        "renders_on": _chosen_name() if any(device.usable for device in devices) else None,
+        "renders_on": renders_on,
         "matches_on": "the device that renders, or the CPU",
         "devices": [as_json(device) for device in devices],
         "problems": [asdict(problem) for problem in problems(len(devices))],
@@ -70,18 +79,8 @@ def examine() -> dict[str, Any]:
             "used_bytes": sum(entry.size_bytes for entry in cache.entries()),
             "limit_bytes": cache.limit_bytes,
         },
-        "memory_free_bytes": _free_memory(),
+        "memory_free_bytes": free_bytes,
     }
-
-
-def _chosen_name() -> str | None:
-    """The name of the device that 'auto' takes; None where it cannot be opened."""
-    import kuafu
-
-    try:
-        return kuafu.Device().info.name
-    except RuntimeError:
-        return None
 
 
 def _words(found: dict[str, Any]) -> str:
@@ -109,8 +108,6 @@ def _blas() -> str | None:
     """The file of the library that multiplies NumPy's matrices; None where the kernel does not tell."""
     import numpy.linalg  # noqa: F401 -- loads it
 
-    from activestereo.common.input_files import read_text
-
     try:
         mapped = [line.split(maxsplit=5)[5:] for line in read_text("/proc/self/maps").splitlines()]
     except OSError:
@@ -121,14 +118,3 @@ def _blas() -> str | None:
 def is_reference(blas: str | None) -> bool:
     """Whether a library of this file is Debian's build of the reference, whose loops no processor's kernels replace."""
     return blas is not None and Path(blas).parent.name == "blas"
-
-
-def _free_memory() -> int | None:
-    """Bytes that programs may still take; None where the kernel does not tell."""
-    from activestereo.common.input_files import read_text
-
-    try:
-        fields = dict(line.split(":", 1) for line in read_text("/proc/meminfo").splitlines())
-        return 1024 * int(fields["MemAvailable"].split()[0])
-    except (OSError, KeyError, ValueError):
-        return None

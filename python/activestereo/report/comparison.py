@@ -95,17 +95,8 @@ def _depth_table(depth: dict[str, Any]) -> str:
         for name, error, floor in pairs:
             bias = "—" if error["bias_m"] is None else f"{1e3 * error['bias_m']:+.1f} mm"
             rmse_mm = "—" if error["rmse_m"] is None else f"{1e3 * error['rmse_m']:.1f} mm"
-            rows.append(
-                [
-                    split,
-                    name,
-                    rmse_mm,
-                    bias,
-                    _number(error["rmse_px"], "px"),
-                    _number(error["median_abs_px"], "px"),
-                    _number(floor, "px"),
-                ]
-            )
+            in_px = (error["rmse_px"], error["median_abs_px"], floor)
+            rows.append([split, name, rmse_mm, bias, *(_number(value, "px") for value in in_px)])
     source = {v["noise_floor_from"] for v in depth.values()}
     note = "two repeats of the device" if source == {"repeats"} else "two noisy exposures of the model, matched alike"
     head = ["", "", "RMSE", "bias", "RMSE, disparity", "median, disparity", "noise floor"]

@@ -42,8 +42,13 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
         said = (f"<p>{text(sentence)}</p>" for sentence in split_sentences(diagnosis["depth_split"]))
         parts.append(section("What the depth's error is made of", *said))
     if diagnosis["next_measurement"]:
-        items = "".join(f"<li>{_advice(item)}</li>" for item in diagnosis["next_measurement"])
-        parts.append(section("What to measure next", f"<ul>{items}</ul>"))
+        items = []
+        for item in diagnosis["next_measurement"]:  # a text, or one with the effects that the measurement tells apart
+            told = {"text": item} if isinstance(item, str) else item
+            between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in told.get("separates", []))
+            apart = f"<br><span class='muted'>tells apart</span> {between}" if between else ""
+            items.append(f"<li>{text(told['text'])}{apart}</li>")
+        parts.append(section("What to measure next", f"<ul>{''.join(items)}</ul>"))
     return parts
 
 
@@ -98,11 +103,3 @@ def _depth_engine(depth: dict) -> str:
     said = f'<p class="headline"><b>{_ENGINE_VERDICT[depth["verdict"]]}</b></p>'
     reason = f"<p>{text(depth['reason'])}</p>" if depth["reason"] else ""
     return section("The depth engine", said, reason, table(head, rows, numbers=(1,), wide=True))
-
-
-def _advice(item: Any) -> str:
-    """A text, or an object with one and the effects that the measurement tells apart."""
-    if isinstance(item, str):
-        return text(item)
-    between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in item.get("separates", []))
-    return text(item["text"]) + (f"<br><span class='muted'>tells apart</span> {between}" if between else "")
