@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which image of an infrared pair is the left camera's, and whether the rows of both match: told by patches of the
-first image that are found again in the second, before any calibration is known."""
+"""Tells which image of an infrared pair is the left camera's, and whether both images' rows match. Finds patches of the
+first image in the second one, and needs no calibration."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _SWAPPED = 0.8
 
 @dataclass(frozen=True)
 class CameraOrder:
-    """patches: how many were found again; nearer_right: share of those that lie further right in the right image, which
-    nothing before a left and a right camera does; row_offset_px: the right image's rows lie lower by this, the median;
-    row_spread_px: half of the middle 68 % of it."""
+    """patches: number of patches found again. nearer_right: share of them further right in the right image, at which no
+    surface can lie. row_offset_px: median by which the right image's rows lie lower. row_spread_px: half of its middle
+    68 %."""
 
     patches: int
     nearer_right: float

@@ -28,8 +28,8 @@ _NEAR_ALBEDO = 0.05
 def engines_of(
     device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
 ) -> Callable[[Capture], CaptureRenderer]:
-    """Makes the engines of a capture for the images that are told of a model. They take half of the samples: the noise
-    of 32 is a third of a sensor's at most, and no figure holds it. samples_per_pixel: None for usual_samples()."""
+    """Makes the engines of a capture for a model's images. They take half of the samples: 32 leave a third of a
+    sensor's noise at most, and no figure contains it. samples_per_pixel: None for usual_samples()."""
 
     def engines(capture: Capture) -> CaptureRenderer:
         samples = half_samples(samples_per_pixel or usual_samples(capture))

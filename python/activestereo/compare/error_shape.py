@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shape of a model's error in the infrared images: brightness that differs smoothly, dots that are weaker, softer
-or elsewhere, or none of these; and the pixels that hold most of it."""
+"""Names the shape of a model's error in infrared images: smooth brightness, weaker, softer or displaced dots, or
+another shape."""
 
 from __future__ import annotations
 

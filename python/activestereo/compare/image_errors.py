@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The errors of a model's expected infrared images: the only figures that `compare` and `diagnose` tell of one."""
+"""The errors of a model's expected infrared images: `compare` and `diagnose` report no other figures of a model."""
 
 from __future__ import annotations
 
@@ -86,13 +86,13 @@ def image_errors(
     progress: Callable[[float], object] | None = None, cache: LayerCache | None = None,
     mean: LayersOfFrames | None = None,
 ) -> ImageErrors:  # fmt: skip
-    """The ImageErrors of a model with the nuisances that fit the train frames. ValueError: there is nothing to fit.
+    """The ImageErrors of a model with the nuisances that fit the train frames. Raises ValueError if there is nothing to
+    fit.
 
     halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer of the capture,
-    in which the model's effects act; None: their image functions do. scene_measurement: known focal lengths
-    and albedos, which engines alone show. progress: called as progress(fraction done) while engines render.
-    cache: of the engines' light, None for the user's own. mean: mean_of_halves(halves), if it is known.
-    """
+    in which the model's effects act; None: their image functions do. scene_measurement: known focal lengths and
+    albedos, which engines alone show. progress: called as progress(fraction done) while engines render. cache: of the
+    engines' light, None for the user's own. mean: mean_of_halves(halves), if it is known."""
     layers = mean_of_halves(halves) if mean is None else mean
     measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
     views = {

@@ -148,8 +148,8 @@ def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndar
 
 
 def sampling_of(rig: Rig, scale: int) -> Sampling:
-    """The Sampling at a scale: at 1 the pixels alone; finer ones with a margin, and always enough for the nominal
-    lenses."""
+    """Returns the Sampling of a scale: at 1 the pixels alone, else finer ones with a margin. The margin suffices for
+    the nominal lenses."""
     cameras = [rig.camera(side) for side in SIDES]
     if scale == 1 and all(camera.is_pinhole for camera in cameras):
         return Sampling()

@@ -139,7 +139,7 @@ def _fast(image: Image) -> NDArray[np.float64]:
 
 
 def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
-    """The warnings that stand before all else, for a Fit as JSON and a Match."""
+    """The first warnings of a report, for a Fit as JSON and a Match."""
     words = {
         "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
                            "it is rendered",

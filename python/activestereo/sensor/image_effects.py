@@ -140,7 +140,7 @@ class ImageEffects:
 
 
 def _light(seen: Pictures, power: float, ambient: float) -> Light:
-    """Radiance under the projector at 1 W/sr and ambient radiance 1; flat as kuafu documents its projector outputs."""
+    """Returns light for a projector of 1 W/sr and ambient radiance 1. Flat light follows kuafu's projector outputs."""
     picture = {name: image[..., 0].astype(np.float64) for name, image in seen.items()}
     room = picture["ambient"] / ambient
     if power == 0.0:

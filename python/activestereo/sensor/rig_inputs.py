@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Like sensors as both engines are told of them: inputs by plan, model, velocity and conditions, and the cameras and
-lights that follow from them."""
+"""Both engines' inputs for equal sensors: from plan, model, velocity and conditions, with their cameras and lights."""
 
 from __future__ import annotations
 
@@ -140,8 +139,8 @@ class RigInputs:
         self.plan, self._inputs = plan, None
 
     def set_exposure(self, setting: Setting) -> None:
-        """Sets the exposure. Recomputes the inputs if effects or a scene measurement, which may depend on it, changed
-        them."""
+        """Sets the exposure. Recomputes inputs that effects or a scene measurement changed, since these may depend on
+        it."""
         if setting == self.setting:
             return
         self.setting = setting

@@ -125,17 +125,17 @@ class StereoDepthSensor(SensorResults):
         return self._engine.has_picture
 
     def compute_depth(self, maps: Sequence[str] = ()) -> None:
-        """Applies noise, matches and registers the last picture. The same picture gives the same depth. Maps that have
-        been read of an earlier picture are computed with it, and those named: 'disparity', 'ir_left', 'ir_right' and
-        the config's depth_maps; others when they are first read, which matches again."""
+        """Applies noise, matches and registers the last picture. The same picture gives the same depth. Computes maps
+        that were read of an earlier picture, and the named ones: 'disparity', 'ir_left', 'ir_right' and the config's
+        depth_maps. Others are computed when they are first read, which matches again."""
         self._engine.match(maps)
 
     def compute_depth_from(
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
         right_laser: ArrayLike | None = None, outputs: tuple[str, ...] = ("disparity",), frame_index: int = 0,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """{output of simsense.Engine.compute: array} of radiance of one's own, [height, width] W/(sr m^2), with picture
-        frame_index's noise. *_laser: the projector's part, which alone has speckle; without, all has."""
+        """Computes {output of simsense.Engine.compute: array} of given radiance, [height, width] W/(sr m^2), with
+        picture frame_index's noise. *_laser: the projector's part, which alone has speckle; without it all has."""
         shape = self._config.ir_resolution[::-1]
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, shape)
         return self._engine.compute_from(pair, outputs, lasers, frame_index)

@@ -30,9 +30,9 @@ _studio: Studio | None = None  # a worker's
 
 @dataclass(frozen=True)
 class Done:
-    """Frames made now, of this part there before, and of other parts not there yet. Once all are there: unseen, things
-    that no frame shows; measured, the share of what is there that has a depth; invented, the share of the depths that
-    tell of nothing or are off by more than 5 %."""
+    """made: frames made now; there: frames of this part that existed before; missing: frames of other parts. Once all
+    exist: unseen, things that no frame shows; measured, the share of surface pixels with a depth; invented, the share
+    of depths without a surface or off by more than 5 %."""
 
     made: int
     there: int

@@ -38,8 +38,8 @@ def export(
     config: StereoDepthSensorConfig, model: SensorModel | None, names: list[str], out: Path, held_out: int = 0,
     seed: int = 0, device: str | int = "auto", progress: Progress | None = None,
 ) -> dict[str, Exported]:  # fmt: skip
-    """Writes profiles and returns {name: its text} for names of PROFILES; profiles.json has the parameters and
-    distances. progress: of taking the views, nearly all of the time."""
+    """Writes the named PROFILES and returns {name: Exported}; profiles.json has the parameters and distances. progress:
+    of taking the views, which is nearly all of the time."""
     start = time.perf_counter()
     views = take_views(config, model, _ROOMS, seed, device, progress)
     views_s = time.perf_counter() - start

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor in rooms of solids, drawn under a seed; what every noise model is fitted to; and the distance between the
+"""A sensor's views of rooms that are drawn under a seed, the fit of noise models to them, and the distance between the
 errors of two kinds of depth."""
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Inter
 
 
 def verdicts(found: Board) -> list[str]:
-    """Sentences: who is closest in holes and in noise, and whether the runner-up's interval lies apart."""
+    """Sentences with the closest method in holes and in noise, and whether the runner-up's interval lies apart."""
     if len(found.views) < 2:
         return ["one view has no interval: who is closest is told from two on"]
     lines = []

@@ -139,7 +139,7 @@ class SimulatedCamera:
         return self._config
 
     def profile(self, request: StreamRequest) -> video_stream_profile:
-        """The stream of a request; without a size it has the present one's."""
+        """Returns a request's stream; without a size it takes the present size."""
         name, size = ("rgb", self.color_size) if request.stream == stream.color else ("ir", self.depth_size)
         size = (request.width, request.height) if request.width and request.height else size
         c, left_to_stream = _cut(self.base, name, size), np.eye(4)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's software device: frames of one's own NumPy arrays, on which this module's align, filters and point
-clouds work."""
+"""pyrealsense2's software device: it makes frames of a user's NumPy arrays for align, filters and point clouds."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN's configuration of a depth sensor as ours, and the methods that change its parameters; the same values are
-refused as by SAPIEN."""
+"""Converts SAPIEN's configuration of a depth sensor to ours, and changes its parameters. Refuses the same values as
+SAPIEN."""
 
 from __future__ import annotations
 

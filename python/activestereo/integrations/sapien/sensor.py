@@ -153,7 +153,7 @@ class StereoDepthSensor(Parameters):
 
     @property
     def has_picture(self) -> bool:
-        """Whether results are there: of a pipelined sensor from the second take_picture() on, else from the first."""
+        """Whether results exist: from the second take_picture() on for a pipelined sensor, else from the first."""
         return self._sensor is not None and self._sensor.has_picture
 
     def compute_depth(

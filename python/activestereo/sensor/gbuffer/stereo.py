@@ -236,8 +236,8 @@ class GBufferStereo:
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
         right_laser: ArrayLike | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """depth, disparity, ir_left, ir_right and the matcher's reason of radiance of one's own, [E, height, width]
-        W/(sr m^2), as the next frame. *_laser: the projector's part, which alone has speckle; without, all has."""
+        """Computes depth, disparity, ir_left, ir_right and the matcher's reason of given radiance, [E, height, width]
+        W/(sr m^2), as the next frame. *_laser: the projector's part, which alone has speckle; without it all has."""
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, self.shape)
         self._frame += 1
         self._rig.begin(self._frame)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A view from beside a camera, at the places of the projector and the right camera, out of that camera's depth: rows
-shift by disparity, near surfaces hide far ones."""
+"""Warps a camera's depth to the projector's and the right camera's views: rows shift by disparity, and near surfaces
+hide far ones."""
 
 from __future__ import annotations
 
