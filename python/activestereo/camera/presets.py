@@ -265,8 +265,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         """Names of the fields whose values differ."""
         names = []
         for name in self._FIELDS:
-            pair = getattr(self, name), getattr(other, name)
-            a, b = map(as_matrix, pair) if all(isinstance(value, Pose) for value in pair) else pair
+            a, b = getattr(self, name), getattr(other, name)
+            if isinstance(a, Pose) and isinstance(b, Pose):
+                a, b = as_matrix(a), as_matrix(b)
             is_array = isinstance(a, np.ndarray) or isinstance(b, np.ndarray)
             if not (np.array_equal(a, b) if is_array else a == b):
                 names.append(name)

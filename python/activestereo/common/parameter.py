@@ -50,12 +50,12 @@ def _table(rows: list[dict[str, Any]]) -> tuple[Parameter, ...]:
         if "range" in row:
             low, high = row["range"]
             ends = -inf if low is None else low, inf if high is None else high
-        own = {
+        own: dict[str, Any] = {
             "kind": kind,
             "default": row["default"] if row["default"] is None else kind(row["default"]),
             "range": ends,
         }
-        tuples = {name: tuple(row.get(name, ())) for name in ("choices", "allowed")}
+        tuples: dict[str, Any] = {name: tuple(row.get(name, ())) for name in ("choices", "allowed")}
         out.append(Parameter(**(row | tuples | own)))
     return tuple(out)
 

@@ -140,14 +140,15 @@ def _source(entry: JsonObject) -> str:
 
 
 def _rig(entry: JsonObject) -> Rig:
-    cameras = []
+    cameras: dict[str, Camera] = {}
     for side in SIDES:
         own = entry.object(side)
         width, height = own.integer("width", _IMAGE_SIDE), own.integer("height", _IMAGE_SIDE)
         lens = own.lens("distortion") if own.has("distortion") else np.zeros(5)
-        cameras.append(Camera(width, height, own.camera_matrix("K"), lens))
+        cameras[side] = Camera(width, height, own.camera_matrix("K"), lens)
     return Rig(
-        *cameras,
+        left=cameras["left"],
+        right=cameras["right"],
         left_to_right=entry.rigid_transform("left_to_right"),
         left_to_projector=entry.rigid_transform("left_to_projector") if entry.has("left_to_projector") else None,
         bit_depth=entry.integer("bit_depth", _BIT_DEPTH) if entry.has("bit_depth") else 8,

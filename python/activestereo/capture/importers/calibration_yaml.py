@@ -181,11 +181,12 @@ def read_calibration_yaml(
             raise ValueError(f"{chain.name}: is Kalibr's chain of all cameras: give it alone")
         if are_rectified:
             raise ValueError(f"{chain.name}: Kalibr calibrates images as they are: give no --rectified")
-        lenses = []
+        lenses, cameras = [], []
         for key in ("cam0", "cam1"):
             camera = chain.entry(key)
             if camera is None:
                 chain.fail(key, "is missing: a pair has cam0 and cam1")
+            cameras.append(camera)
             camera.one_of(("pinhole",), "camera_model")
             model = camera.one_of(("radtan", "equi", "none"), "distortion_model")
             width, height = camera.numbers((2,), SIDE, "resolution")
@@ -193,19 +194,19 @@ def read_calibration_yaml(
             K = _matrix(camera, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), "intrinsics")
             lens = _NO_LENS if model == "none" else camera.lens(model == "equi", "distortion_coeffs")
             lenses.append(Camera(int(width), int(height), K, lens))
-        motion = camera.numbers((16,), LENGTH, "T_cn_cnm1").reshape(4, 4)
-        to_second = printed_motion(motion[:3, :3], motion[:3, 3], f"{camera.name}: T_cn_cnm1", motion[3])
+        motion = cameras[1].numbers((16,), LENGTH, "T_cn_cnm1").reshape(4, 4)
+        to_second = printed_motion(motion[:3, :3], motion[:3, 3], f"{cameras[1].name}: T_cn_cnm1", motion[3])
         return _ordered(path, lenses, to_second)
     if any(entry.has(key) for entry in entries for key in ("P1", *(name.format(1) for name in _MATRICES))):
         whole = Entry(entries[0].name, {key: value for entry in entries for key, value in entry.values.items()})
         return _opencv(path, whole, are_rectified, size)
-    cameras = [_ros_camera(entry) for entry in entries]
-    if len(cameras) != 2:
+    pair = [_ros_camera(entry) for entry in entries]
+    if len(pair) != 2:
         raise ValueError(
-            f"{path}: {len(cameras)} camera{'s' if len(cameras) != 1 else ''} of ROS, expected both cameras: give "
+            f"{path}: {len(pair)} camera{'s' if len(pair) != 1 else ''} of ROS, expected both cameras: give "
             "--calibration twice, for the left and for the right one's file"
         )
-    left, right = sorted(cameras, key=lambda camera: (-camera.P[0, 3], camera.is_named_right))
+    left, right = sorted(pair, key=lambda camera: (-camera.P[0, 3], camera.is_named_right))
     told_m = -right.P[0, 3] / right.P[0, 0]
     if told_m < 0.0 or left.P[0, 3] != 0.0:
         raise ValueError(
