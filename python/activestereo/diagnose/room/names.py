@@ -126,13 +126,18 @@ def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
 
 
 def with_take(seen: Seen, take: Take) -> Reduced:
-    """The Reduced that a room has with one more Take, before it is recorded."""
+    """The Reduced that a room has with one more Take, before it is recorded: its scores vary by as much more than
+    independent cells' as those of the room at hand do."""
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []
     columns = [*nuisances(room, light, _BLACK_SD_DN, _EXPONENT_SD), *_of_effects(room, light, seen.asked, wave)]
     sums = imagined(room, columns, blocks_of(room, light, columns), seen.trust)
-    return reduced(sums, columns, _looked_at(columns))
+    out, now = reduced(sums, columns, _looked_at(columns)), seen.scores
+    ratio = np.sqrt(np.maximum(np.diag(now.covariance) / np.diag(now.information), 1.0))
+    more = dict(zip((c.name for c in now.columns), ratio, strict=True))
+    each = np.array([more.get(c.name, 1.0) for c in out.columns])
+    return replace(out, covariance=out.covariance * np.outer(each, each))
 
 
 def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Sequence[Column]) -> list[Column]:

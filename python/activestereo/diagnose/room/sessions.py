@@ -32,8 +32,8 @@ SHARED = 0.5
 # Between a session and a good one of the same views, by drawn rooms: no real camera has recorded its views twice yet.
 SAME_PLACE = {
     "focus_mismatch.sigma_px": 0.2,
-    "radial_distortion.k1": 0.0008,
-    "radial_distortion.k2": 0.0011,
+    "radial_distortion.k1": 0.002,
+    "radial_distortion.k2": 0.0028,
     "tangential_distortion.p1": 0.00015,
     "tangential_distortion.p2": 0.00015,
     "lens_ghost.fraction": 0.002,
