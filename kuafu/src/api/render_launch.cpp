@@ -6,10 +6,11 @@
 
 #include "api/descriptors.h"
 #include "api/fields.h"
-#include "api/optics_desc.h"
 #include "api/render_outputs.h"
 #include "api/struct_array.h"
+#include "api/struct_table.h"
 #include "device/error.h"
+#include "device/struct_read.h"
 #include "render/renderer.h"
 #include "scene/matrix.h"
 #include "scene/validate.h"
@@ -61,6 +62,18 @@ glm::dmat4 read_previous_pose(const kuafu_view_desc& desc, const Camera& camera)
   if (pose == glm::dmat4(0.0)) return camera.camera_to_world;
   check_rigid(pose, (camera.name + ".previous_camera_to_world").c_str());
   return pose;
+}
+
+/// NULL gives perfect optics. Errors name `view`, the field and the number.
+Optics read_optics(const kuafu_optics_desc* desc, const std::string& view) {
+  Optics optics;
+  if (desc == nullptr) return optics;
+  copy_fields(ks::read_struct(desc, KUAFU_TYPE_OPTICS_DESC, "optics desc"), optics);
+  check_fields(optics, view + ".optics.");
+  if (optics.defocuses() && !(optics.defocus_focus_m > 0.0))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s.optics.defocus_focus_m is %g, it must be > 0 where there is a lens", view.c_str(),
+             optics.defocus_focus_m);
+  return optics;
 }
 
 View read_view(const kuafu_view_desc& desc, uint32_t index, const Launch& launch) {

@@ -39,4 +39,14 @@ struct PatternAddress {
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
                             const std::function<PatternAddress(const Light&)>& pattern, const TimeSpan& open);
 
+/// A light without extent, in one environment: glass bends it by beams.
+struct SharpLight {
+  uint32_t index, environment;  // of LightTable
+  bool directional;
+  glm::vec3 position;   // of one that is not directional
+  glm::vec3 direction;  // of a directional one's light, unit
+};
+
+std::vector<SharpLight> sharp_lights(const LightTable& table);
+
 }  // namespace kuafu

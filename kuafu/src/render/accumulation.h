@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "frame/device_array.h"
+#include "shared/wave.h"
 
 namespace kuafu {
 
@@ -21,7 +22,14 @@ class Accumulation {
   explicit Accumulation(Memory memory) : memory_(std::move(memory)) {}
 
   /// Keeps the sums if `continues` is set and they have this shape; else starts again at `first_sample`.
-  void begin(const Shape& shape, bool continues, uint32_t first_sample);
+  void begin(const Shape& shape, bool continues, uint32_t first_sample) {
+    if (continues && sums_ && shape == shape_) return;
+    clear();
+    shape_ = shape;
+    first_sample_ = first_sample;
+    const uint64_t planes = uint64_t(shape.channels) * (shape.groups + (shape.replicates ? replicate_count : 0));
+    sums_ = ks::Buffer::create(memory_.device, planes * pixel_count() * 4, memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+  }
   void add(uint32_t samples) { samples_ += samples; }
   /// Drops the sums and frees their memory.
   void clear() { *this = Accumulation(memory_); }

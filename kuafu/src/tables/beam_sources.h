@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "light/sharp_light.h"
+#include "light/light_table.h"
 #include "shared/beam_record.h"
 #include "tables/glass_bodies.h"
 

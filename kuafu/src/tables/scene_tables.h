@@ -7,7 +7,6 @@
 
 #include "frame/band.h"
 #include "light/light_table.h"
-#include "light/sharp_light.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 #include "shared/wave.h"
