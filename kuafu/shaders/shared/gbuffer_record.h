@@ -38,14 +38,13 @@ KUAFU_CONST gbuffer_no_error = 0xffffffffu;
 
 KUAFU_CONST gbuffer_cell_px = 4u;  // on a side of the cells in which light between surfaces is found
 
-/// What surfaces near one another exchange, by cell.
+/// What surfaces near one another exchange, by cell. An odd number of words: those of neighbours lie in different banks of a GPU's cache.
 struct GbufferCell {
   float inverse_depth, laser;          // of what is there; the mean radiance of the projector's light
   float albedo, lobes;                 // the mean share that is reflected, and that by lobes
   float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
   float smooth_room, smooth_indirect;  // the same, mixed with neighbours of the same surface
   vec3 normal;                         // in the camera
-  float plane_m;                       // of the surface, along the normal from the camera
   vec2 mirrored[2];                    // radiance that lobes get on the way to each camera: of the room, of the projector
 };
 KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)

@@ -28,10 +28,6 @@ GbufferPlace cell_place(uint i) {
 
 vec3 in_camera(IN(GbufferCamera) camera, vec3 w) { return vec3(dot(camera.axis_x, w), dot(camera.axis_y, w), dot(camera.axis_z, w)); }
 
-vec3 seen_position(IN(GbufferCamera) camera, vec2 pixel, float inverse) {
-  return vec3((pixel.x - camera.centre.x) / camera.focal.x, (pixel.y - camera.centre.y) / camera.focal.y, 1.0f) / inverse;
-}
-
 void mean_of_cell(uint i) {
   GbufferPlace p = cell_place(i);
   uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
@@ -46,11 +42,7 @@ void mean_of_cell(uint i) {
       count += 1.0f;
     }
   GbufferSurface s = surface_at_pixel(p);
-  bool found = s.inverse_depth > 0.0f;
-  vec3 normal = found ? in_camera(push.record.at[0].cameras[0], s.normal) : vec3(0.0f, 0.0f, -1.0f);
-  vec2 pixel = vec2(float(p.column), float(p.row));
-  push.record.at[0].cells.at[i].normal = normal;
-  push.record.at[0].cells.at[i].plane_m = found ? dot(normal, seen_position(push.record.at[0].cameras[0], pixel, s.inverse_depth)) : 0.0f;
+  push.record.at[0].cells.at[i].normal = s.inverse_depth > 0.0f ? in_camera(push.record.at[0].cameras[0], s.normal) : vec3(0.0f, 0.0f, -1.0f);
   push.record.at[0].cells.at[i].inverse_depth = s.inverse_depth;
   push.record.at[0].cells.at[i].laser = laser / count;
   push.record.at[0].cells.at[i].albedo = (albedo + lobes) / count;
@@ -67,6 +59,10 @@ float angle_of(float cosine) {
   float near = 1.5707963050f + x * (-0.2145988016f + x * (0.0889789874f + x * (-0.0501743046f + x * (0.0308918810f + x * (-0.0170881256f + x * (0.0066700901f - x * 0.0012624911f))))));
   float angle = near * sqrt(max(1.0f - x, 0.0f));
   return cosine < 0.0f ? pi - angle : angle;
+}
+
+vec3 seen_position(IN(GbufferCamera) camera, vec2 pixel, float inverse) {
+  return vec3((pixel.x - camera.centre.x) / camera.focal.x, (pixel.y - camera.centre.y) / camera.focal.y, 1.0f) / inverse;
 }
 
 struct Horizon {
@@ -186,19 +182,23 @@ float left_column(IN(GbufferPlace) p, float inverse) {
   return column;
 }
 
-/// How much a cell is of the same surface as a point.
-float same_surface(uint cell, vec3 point) {
+/// How much a cell, whose middle is `pixel`, is of the same surface as a point.
+float same_surface(uint cell, vec2 pixel, vec3 point) {
   IN(GbufferCell) c = push.record.at[0].cells.at[cell];
-  float apart = (dot(c.normal, point) - c.plane_m) / (plane_share * point.z);
-  return c.inverse_depth > 0.0f ? 1.0f / (1.0f + apart * apart) : 0.0f;
+  if (!(c.inverse_depth > 0.0f)) return 0.0f;
+  float apart = dot(c.normal, point - seen_position(push.record.at[0].cameras[0], pixel, c.inverse_depth)) / (plane_share * point.z);
+  return 1.0f / (1.0f + apart * apart);
 }
+
+/// The middle pixel of a cell.
+vec2 cell_pixel(int column, int row) { return vec2(float(column), float(row)) * float(gbuffer_cell_px) + float(gbuffer_cell_px / 2u); }
 
 /// Mixes what arrives at a cell with its neighbours of the same surface: each of the four ways of looking counts as much.
 void smooth_cell(uint i) {
   IN(GbufferCell) own = push.record.at[0].cells.at[i];
   GbufferPlace p = cell_place(i);
   int own_column = int(p.column / gbuffer_cell_px), own_row = int(p.row / gbuffer_cell_px);
-  vec3 point = seen_position(push.record.at[0].cameras[0], vec2(float(p.column), float(p.row)), max(own.inverse_depth, 1e-20f));
+  vec3 point = seen_position(push.record.at[0].cameras[0], cell_pixel(own_column, own_row), max(own.inverse_depth, 1e-20f));
   vec2 sum = 4.0f * vec2(own.room, own.indirect);
   float weights = 4.0f;
   for (int k = 0; k < 9; ++k) {
@@ -207,7 +207,7 @@ void smooth_cell(uint i) {
     uint cell = p.environment * cells_per_view() + uint(row) * push.record.at[0].cell_columns + uint(column);
     IN(GbufferCell) c = push.record.at[0].cells.at[cell];
     float alike = max(dot(c.normal, own.normal), 0.0f);
-    float weight = float((2 - x * x) * (2 - y * y)) * same_surface(cell, point) * alike * alike * alike * alike;
+    float weight = float((2 - x * x) * (2 - y * y)) * same_surface(cell, cell_pixel(column, row), point) * alike * alike * alike * alike;
     sum += weight * vec2(c.room, c.indirect);
     weights += weight;
   }
@@ -226,7 +226,7 @@ vec4 arriving_at(uint first_cell, vec2 pixel, float inverse, uint camera) {
     int x = k & 1, y = k >> 1;
     int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
     uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
-    float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (same_surface(cell, point) + 1e-3f);
+    float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (same_surface(cell, cell_pixel(column, row), point) + 1e-3f);
     sum += weight * vec4(push.record.at[0].cells.at[cell].smooth_room, push.record.at[0].cells.at[cell].smooth_indirect,
                          push.record.at[0].cells.at[cell].mirrored[camera].x, push.record.at[0].cells.at[cell].mirrored[camera].y);
     weights += weight;
