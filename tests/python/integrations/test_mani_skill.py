@@ -50,7 +50,7 @@ def test_an_environment_runs_with_our_camera(name: str) -> None:
     seen = set(np.unique(data["segmentation"].numpy()).tolist())
     known = {
         int(i)
-        for _, s in camera._world._structs()
+        for s, _ in camera._world._places.values()
         for i in s._objs[0:1]
         for i in [getattr(i, "entity", i).per_scene_id]
     }
