@@ -214,11 +214,12 @@ def test_sensors_and_configs_answer_scripts():
     assert rs.option.stereo_baseline in stereo.get_supported_options()
     assert stereo.is_option_read_only(rs.option.stereo_baseline)
     stereo.set_option(rs.option.laser_power, 30)
+    advanced = rs.rs400_advanced_mode(device)
     device.hardware_reset()
     assert device.first_depth_sensor().get_option(rs.option.laser_power) != 30
-    advanced = rs.rs400_advanced_mode(device)
     advanced.toggle_advanced_mode(True)
-    assert advanced.is_enabled()
+    advanced.load_json('{"controls-laserpower": "30"}')
+    assert advanced.is_enabled() and device.camera.config().laser_power_mw == 30, "the camera after the reset"
     config = rs.config()
     config.enable_device(device.get_info(rs.camera_info.serial_number))
     config.enable_all_streams()

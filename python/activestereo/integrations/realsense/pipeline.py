@@ -123,7 +123,7 @@ class rs400_advanced_mode:
     on for each of options.controls()."""
 
     def __init__(self, of: device) -> None:
-        self._camera = of.camera
+        self._device = of  # whose hardware_reset() makes another camera
 
     def is_enabled(self) -> bool:
         return True
@@ -133,19 +133,19 @@ class rs400_advanced_mode:
     def load_json(self, text: str) -> None:
         """Raises RuntimeError, as librealsense does, if a key is unknown or out of range."""
         try:
-            self._camera.set_settings(parse_settings(json.loads(text), "the settings"))
+            self._device.camera.set_settings(parse_settings(json.loads(text), "the settings"))
         except ValueError as error:
             raise RuntimeError(str(error)) from error
 
     def serialize_json(self) -> str:
         """Every key of the matcher and the depth table, as librealsense writes them, and the others that were given."""
-        return json.dumps(self._camera.settings.as_text(), indent=4)
+        return json.dumps(self._device.camera.settings.as_text(), indent=4)
 
     def __getattr__(self, name: str) -> Any:
         verb, _, group = name.partition("_")
         if verb not in ("get", "set") or group not in controls():
             raise AttributeError(f"'rs400_advanced_mode' object has no attribute '{name}'")
-        fields, camera = controls()[group], self._camera
+        fields, camera = controls()[group], self._device.camera
 
         def get_numbers(mode: int = 0) -> SimpleNamespace:
             """The group's numbers; mode 1 and 2, as librealsense's: the least and the largest ones."""
