@@ -142,7 +142,7 @@ class HonestTree:
             return {"covariate": name, "values": names, "words": f"{covariate.words} is {said}"}
         edges = bins.edges
         if edges is None:  # between single values the middle is the limit
-            v = bins.values
+            v = np.asarray(bins.values)
             edges = np.concatenate([v[:1], (v[1:] + v[:-1]) / 2, v[-1:]])
         low = None if codes[0] == 1 else float(edges[codes[0] - 1])
         high = None if codes[-1] == bins.count else float(edges[codes[-1]])

@@ -43,11 +43,10 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
         parts.append(section("What the depth's error is made of", *said))
     if diagnosis["next_measurement"]:
         items = []
-        for item in diagnosis["next_measurement"]:  # a text, or one with the effects that the measurement tells apart
-            told = {"text": item} if isinstance(item, str) else item
-            between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in told.get("separates", []))
+        for advice in diagnosis["next_measurement"]:
+            between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in advice.get("separates", []))
             apart = f"<br><span class='muted'>tells apart</span> {between}" if between else ""
-            items.append(f"<li>{text(told['text'])}{apart}</li>")
+            items.append(f"<li>{text(advice['text'])}{apart}</li>")
         parts.append(section("What to measure next", f"<ul>{''.join(items)}</ul>"))
     return parts
 

@@ -90,7 +90,9 @@ def one_view_depth(
         return isaac(depth, gray, focal_px, focal_baseline_px_m / focal_px, settings or IsaacSettings(), random)
     if model == "datasheet":  # sigma(z) = z^2 * subpixel / (f B), as the makers of stereo cameras state it
         return gaussian(depth, _DATASHEET_SUBPIXEL / focal_baseline_px_m, random)
-    return (redwood if model == "redwood" else simkinect)(depth, focal_baseline_px_m, random)
+    if model == "redwood":
+        return redwood(depth, focal_baseline_px_m, random)
+    return simkinect(depth, focal_baseline_px_m, random)
 
 
 @dataclass(frozen=True)

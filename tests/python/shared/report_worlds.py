@@ -36,7 +36,7 @@ DIAGNOSIS = {
     "heldout_ir_rmse_after": 2.51,
     "heldout_noise_floor": 2.44,
     "next_measurement": [
-        "a second distance",
+        {"text": "a second distance"},
         {"text": "tilt by 30 degrees (expected 14.2 nats)", "separates": ["a", "b"]},
     ],
     "residual_model": None,

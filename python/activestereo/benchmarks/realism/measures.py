@@ -153,8 +153,8 @@ def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: l
                 lags.append(_correlation_px(found[patch.place] - (plane[0] * u + plane[1] * v + plane[2])))
         out[f"spatial noise, px: {name}"] = float(np.median(spread)) if spread else np.nan
         repeated = []
-        for patch in own if change is not None else ():
-            known = change[patch.place][np.isfinite(change[patch.place])]
+        for moved in [] if change is None else [change[patch.place] for patch in own]:
+            known = moved[np.isfinite(moved)]
             repeated.append(float(np.clip(known, -1.0, 1.0).std()) / np.sqrt(2) if known.size else np.nan)
         out[f"temporal noise, px: {name}"] = float(np.nanmedian(repeated)) if np.isfinite(repeated).any() else np.nan
     out["noise's correlation, px"] = float(np.nanmedian(lags)) if lags else np.nan

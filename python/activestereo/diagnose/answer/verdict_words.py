@@ -131,7 +131,7 @@ def _left(result: Mapping[str, Any]) -> str:
 
 def next_steps(result: Mapping[str, Any]) -> list[str]:
     """Sentences on what to do with the answer, most useful first."""
-    steps = [_measurement(advice) for advice in result["next_measurement"][:1]]
+    steps = [f"Measure: {advice['text']}." for advice in result["next_measurement"][:1]]
     for kind, again in (("geometry", "Calibrate the rig"), ("albedos", "Measure the albedos")):
         if any(entry.get("stated_sigmas", 0.0) > IMPOSSIBLE_SIGMAS for entry in result.get(kind, [])):
             steps.append(f'{again} again, or state a larger "uncertainty" in capture.json.')
@@ -149,7 +149,3 @@ def _remedies(result: Mapping[str, Any]) -> str:
     families = {entry["effect"]: entry["family"] for entry in result["ranking"]}
     said = [_REMEDIES.get(families.get(name, ""), "Mend the sensor and record again") for name in result["added"]]
     return "; ".join([*said[:1], *(_lowered(words) for words in dict.fromkeys(said[1:]) if words != said[0])])
-
-
-def _measurement(advice: Any) -> str:
-    return f"Measure: {advice if isinstance(advice, str) else advice['text']}."

@@ -121,10 +121,8 @@ class _Frame:
         across, down = np.random.default_rng(0).uniform(-0.5, 0.5, (2, *live.shape)).astype(np.float32)
         between = [np.float32(1) + _STEP[band] * n.astype(np.float32) for n in (column, row)]
         between = [between[0] + across, between[1] + down]
-        at = {
-            k: tuple(cv2.remap(m, *between, cv2.INTER_LINEAR)[live][None] for m in (places[k].column, places[k].row))
-            for k in chosen
-        }
+        read = lambda of_pixels: cv2.remap(of_pixels, *between, cv2.INTER_LINEAR)[live][None]  # noqa: E731
+        at = {k: (read(places[k].column), read(places[k].row)) for k in chosen}
         return cls(room, view, band, tuple(chosen), at, seen[:, live], tile[live])
 
     def read(self, k: int, image: Image, order: int = cv2.INTER_CUBIC) -> NDArray[np.float32]:

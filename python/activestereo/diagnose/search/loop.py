@@ -221,8 +221,8 @@ class Search:
         missed = numbers.formula_error
         if name in fits and not (fits[name].rendered or is_response(effect)):
             missed = max(2.0 * missed, formula_error(effect, missed))
-        drawn = fields[name][1] if name not in fits else None
-        named = Name(effect, members, gain / self._pixels, missed, drawn, now)
+        field = fields[name][1] if name not in fits else None
+        named = Name(effect, members, gain / self._pixels, missed, field, now)
         self._names.append(named)
         if named.field is None:
             self._take(fits[name].solution)

@@ -49,7 +49,7 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
     shines, share = radiance(stage, api), stage.value(prim.GetAttribute(_SHARE))
     normalize = bool(stage.value(api.GetNormalizeAttr(), False))
     try:
-        extras = {} if share is None else {"ir_share": infrared_share(str(share))}
+        extras: dict[str, Any] = {} if share is None else {"ir_share": infrared_share(str(share))}
     except ValueError as error:
         raise UsdError(f"{stage.path}: {name}.{_SHARE}: {error}") from error
     # 2. A distant light has an irradiance in place of an extent.
