@@ -117,3 +117,14 @@ def test_what_may_stand_for_a_shape_of_a_name_is_told(clean):
     linear = linearised(fitter, fitter.refine(space, np.array([300.0, 6.0]), fitter.phi0(evidence.nuisances), 8))
     others = [builtin()[name] for name in ("black_level", "gain_mismatch", "lens_psf")]
     assert stand_ins(linear, builtin()["dark_signal"], others, 100.0, NUMBERS) == ["black_level"]
+
+
+def test_a_shape_is_looked_at_within_its_range(clean):
+    fitter = Fitter(clean.train, clean.nuisance_prior(), clean.tiles)
+    subsurface = builtin()["subsurface"]
+    space = ParameterSpace.of(Model(), subsurface)
+    theta = np.array([{"fraction": 0.3, "core": 0.5}.get(p.name, p.neutral) for p in subsurface.parameters])
+    linear = linearised(fitter, fitter.refine(space, theta, fitter.phi0(clean.nuisances), 0))
+    assert (
+        stand_ins(linear, subsurface, [builtin()["lens_psf"]], 1e12, NUMBERS) == []
+    )  # a typical core is as wide as its range

@@ -56,7 +56,8 @@ def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: f
     for i, (e, p) in enumerate(space.pairs):
         if e.id != effect.id or p.neutral == 0.0 or p.choice or not others:
             continue
-        usual = values[p.name] + (p.typical if values[p.name] + p.typical <= p.high else -p.typical)
+        usual = values[p.name] + p.typical
+        usual = usual if usual <= p.high else max(values[p.name] - p.typical, p.low)
         change = linear.change(model.with_effect(own, **values | {p.name: usual}), linear.images(model))
         atoms = atoms_of(linear, others, numbers.prior_reach)
         rest = {name: np.delete(getattr(linear, name), i, axis=0) for name in ("nuisances", "precision")}
