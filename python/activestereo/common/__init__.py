@@ -1,4 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts that every other package may use: rigid motions, lenses, the projector's pattern, generated tables of
-parameters, output files.
-"""
+"""Parts that every other package may use, such as rigid motions, lenses, projector patterns, tables of the engines'
+parameters and output files."""

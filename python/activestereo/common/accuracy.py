@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How good a depth map is against the truth: fill rate and error, as a whole and for each material."""
+"""Measures a depth map against the true depth: fill rate and errors of the whole image and of each material."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,20 +13,22 @@ INVENTED_SHARE = 0.05  # of the true depth
 @dataclass(frozen=True)
 class Accuracy:
     name: str
-    pixels: int  # with a true depth in the sensor's range
-    fill: float  # share of them that got a measurement
-    median_error_m: float  # median |measured - true| of the measured ones; NaN where there is none
-    p90_error_m: float  # their 90th percentile
-    invented: float  # share of the pixels
+    pixels: int  # number of pixels with a true depth in the sensor's range
+    fill: float  # share of these pixels with a measurement
+    median_error_m: float  # median |measured - true| of the measured pixels; NaN without any
+    p90_error_m: float  # 90th percentile of |measured - true|
+    invented: float  # share of these pixels whose measurement is_invented()
 
 
 def is_invented(measured: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Whether a depth was measured of nothing, or is off by more than 5 %. measured, true: metres, 0 = none."""
+    """Returns a mask of invented depths: pixels with a measurement where no surface is, or more than 5 % off the true
+    depth. measured, true: metres, 0 = none."""
     return (measured > 0) & ((true <= 0) | (np.abs(measured - true) > INVENTED_SHARE * true))
 
 
 def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarray) -> Accuracy:
-    """measured, true: metres [height, width], 0 = none. where: the pixels that count, if a truth is there."""
+    """Computes the Accuracy of the pixels in the mask `where` that have a true depth. measured, true: metres [height,
+    width], 0 = none."""
     where = where & (true > 0)
     hit = where & (measured > 0)
     error = np.abs(measured[hit] - true[hit])
@@ -44,8 +46,9 @@ def accuracy_by_material(
     max_depth: float = np.inf,
     least_pixels: int = 50,
 ) -> list[Accuracy]:
-    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first; one of the pixels that see
-    nothing, if they are as many; and one of all at the end."""
+    """Computes an Accuracy for each material with at least `least_pixels` pixels, largest first. Behind them come one
+    for the pixels without a surface, if there are as many, and one for all pixels. measured, true: metres [height,
+    width], 0 = none. ids: material number of each pixel. name_of(number): a material's name, None = nameless."""
     in_range = (true > 0) & (true < max_depth)
     known, counts = np.unique(ids[in_range], return_counts=True)
     rows = [
@@ -62,7 +65,7 @@ def accuracy_by_material(
 
 
 def accuracy_table(rows: Sequence[Accuracy]) -> str:
-    """The rows as text."""
+    """Formats the rows as an aligned text table with a header line."""
     lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}{'invented':>11}"]
     for row in rows:
         errors = (

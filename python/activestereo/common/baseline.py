@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chooses a pair's baseline: the calibration's, or the user's if the calibration has none or an implausible one."""
+"""Chooses the baseline of a stereo pair: the calibration's, or the user's if the calibration's is missing or
+implausible."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ _AGREEING = 0.02
 
 
 def unit_question(baseline: float) -> str | None:
-    """Asks for the unit, in words that follow a name, if a baseline cannot be in metres."""
+    """Returns a question about the unit, which follows a name in a message, if a baseline is too long to be in metres;
+    else None."""
     if baseline <= MOST_BASELINE_M:
         return None
     return (
@@ -22,8 +24,9 @@ def unit_question(baseline: float) -> str | None:
 
 
 def chosen_baseline_m(name: str, told_m: float, given_m: float | None) -> float:
-    """The calibration's baseline (0: none), else --baseline's. Raises ValueError, which begins with the calibration's
-    name, if both are absent or differ, or if it cannot be in metres."""
+    """Returns the baseline in metres: the user's `given_m` (--baseline) if there is one, else the calibration's
+    `told_m` (0 = none). Raises ValueError, which begins with the calibration's `name`, if both are absent or differ, or
+    if the calibration's cannot be in metres."""
     question = unit_question(told_m)
     if given_m is None:
         if told_m == 0.0:
@@ -37,7 +40,8 @@ def chosen_baseline_m(name: str, told_m: float, given_m: float | None) -> float:
 
 
 def with_baseline(name: str, left_to_right: NDArray[np.float64], given_m: float | None) -> NDArray[np.float64]:
-    """The same motion with the chosen length. ValueError as by chosen_baseline_m()."""
+    """Returns a copy of the 4x4 left_to_right whose translation has the length that chosen_baseline_m() chooses. Raises
+    its ValueError."""
     told_m = float(np.linalg.norm(left_to_right[:3, 3]))
     baseline_m, out = chosen_baseline_m(name, told_m, given_m), left_to_right.copy()
     out[:3, 3] = left_to_right[:3, 3] * (baseline_m / told_m) if told_m > 0.0 else (-baseline_m, 0.0, 0.0)

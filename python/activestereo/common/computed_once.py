@@ -13,8 +13,8 @@ _LOCK = "_computed_once_lock"
 
 
 class _Lock:
-    """A lock for each object: a lock for each method would let two objects wait for one another. A copy gets a new
-    one."""
+    """Holds one lock for each object. Separate locks for an object's methods could let two threads wait for one
+    another. A pickled or copied object gets a new lock."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -24,9 +24,8 @@ class _Lock:
 
 
 def computed_once(method: Callable[[Any], _Result]) -> Callable[[Any], _Result]:
-    """The method, which works in the first call on an object; all later calls return the same result.
-
-    Of several threads one computes and the others wait. An error is not kept. The object needs a `__dict__`."""
+    """Decorates a method without arguments: the first call on an object computes the result, and later calls return it.
+    While one thread computes, the others wait. An error is not kept. The object needs a `__dict__`."""
     name = f"_{method.__name__}_computed"
 
     @wraps(method)

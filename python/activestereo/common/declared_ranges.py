@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranges from which worlds are drawn: a dataclass with a (low, high) for each figure, or a .toml file with some."""
+"""Ranges from which random worlds are drawn: a dataclass with (low, high) for each quantity; a .toml file may replace
+some."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from activestereo.common.input_files import read_toml
 
 
 class DeclaredRanges:
-    """The base of frozen dataclasses of ranges (low, high), drawn uniformly. LIMITS: allowed ends by name, 0 and up by
-    default. Raises ValueError with the range and its fault."""
+    """Base of frozen dataclasses whose fields are ranges (low, high) to draw from uniformly. LIMITS: lowest and highest
+    allowed ends by field name, by default 0 and infinity. Raises ValueError with the range and its fault."""
 
     LIMITS: ClassVar[dict[str, tuple[float, float]]] = {}
 
@@ -45,7 +46,8 @@ Kind = TypeVar("Kind", bound=DeclaredRanges)
 
 
 def read_ranges(path: Path | None, kind: type[Kind]) -> Kind:
-    """Reads ranges; the defaults without a file. Raises ValueError with the file and its fault."""
+    """Reads ranges of class `kind` from a .toml file; ranges that it lacks, or all if `path` is None, keep their
+    defaults. Raises ValueError with the file and its fault."""
     if path is None:
         return kind()
     given = read_toml(path)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Users' files for reading: regular files of a bounded size, for a pipe waits for ever and a device never ends."""
+"""Opens and reads users' files. Only regular files of a bounded size are read, because a pipe may block for ever and a
+device never ends."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ _DEEPEST_TOML = 16
 
 
 def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
-    """Opens a file for reading. Raises OSError, with filename `path`, if it is no regular file or has more bytes."""
+    """Opens a file for binary reading. Raises OSError, with filename `path`, if it is no regular file or has more than
+    `most_bytes`."""
     # Without O_NONBLOCK a pipe that nobody writes to would be waited for here.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
@@ -39,13 +41,14 @@ def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
 
 
 def checked_file(path: str | Path, most_bytes: int = MOST_BYTES) -> Path:
-    """The path, for a library that opens it itself. OSError as by open_file()."""
+    """Checks a file as open_file() does and returns its path, for a library that opens the file itself. Raises
+    OSError."""
     _check(os.stat(path), path, most_bytes)
     return Path(path)
 
 
 def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
-    """The whole content. OSError as by open_file()."""
+    """Reads a whole file. Raises OSError as open_file() does."""
     with open_file(path, most_bytes) as file:
         # In parts: one large read allocates memory before it knows the size, and the kernel's files report none.
         parts, size = [], 0
@@ -58,7 +61,8 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, encoding: str = "utf-8", errors: str = "strict") -> str:
-    """The text. Raises OSError as open_file(), and ValueError with the path if the encoding is another."""
+    """Reads a text file. Raises OSError as open_file() does, and ValueError with the path if its bytes are not in
+    `encoding`."""
     try:
         return read_bytes(path, MOST_TEXT_BYTES).decode(encoding, errors)
     except UnicodeDecodeError as error:
@@ -66,7 +70,8 @@ def read_text(path: str | Path, encoding: str = "utf-8", errors: str = "strict")
 
 
 def read_json(path: str | Path) -> Any:
-    """The JSON value. Raises OSError as open_file(), and ValueError with the path for invalid or too deep JSON."""
+    """Reads a JSON file. Raises OSError as open_file() does, and ValueError with the path for invalid or too deep
+    JSON."""
     text = read_text(path)
     try:
         value = json.loads(text)
@@ -84,7 +89,8 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_json_object(path: str | Path) -> dict[str, Any]:
-    """Reads a JSON object. Raises as read_json(), and ValueError with the path for another value."""
+    """Reads a JSON file whose top level is an object. Raises as read_json() does, and ValueError with the path for any
+    other value."""
     found = read_json(path)
     if not isinstance(found, dict):
         raise ValueError(f"{path}: is not a JSON object")
@@ -92,7 +98,8 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """The tables. Raises OSError as open_file(), and ValueError with the path for invalid or too deep TOML."""
+    """Reads a TOML file as nested dicts. Raises OSError as open_file() does, and ValueError with the path for invalid
+    or too deep TOML."""
     content = read_bytes(path, _MOST_TOML_BYTES)
     try:
         text = content.decode()

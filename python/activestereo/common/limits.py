@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finite ranges of numbers that users give: in a capture, to a sensor's configuration and to its setters."""
+"""Allowed ranges of numbers that users give in captures, sensor configurations and setters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LARGEST = sys.float_info.max
 
 @dataclass(frozen=True)
 class Limits:
-    """The numbers from low to high."""
+    """An allowed range: finite numbers from low to high; with `whole`, whole numbers only. unit: for messages."""
 
     low: float
     high: float
@@ -26,7 +26,7 @@ class Limits:
     whole: bool = False
 
     def fault(self, value: Any) -> str | None:
-        """The fault of a number, in words that follow its name; None if it is allowed."""
+        """Returns the fault of a number in words that follow its name, or None if it is allowed."""
         kind = "a whole" if self.whole else "a finite"
         is_number = isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
         if not is_number or not -_LARGEST <= value <= _LARGEST:  # nor NaN, nor a whole number beyond a float's range
@@ -36,15 +36,15 @@ class Limits:
         return None
 
     def check(self, name: str, value: Any) -> Any:
-        """Returns the value. Raises ValueError with the name if it is not allowed."""
+        """Returns the value if it is allowed. Raises ValueError with the name and the fault otherwise."""
         fault = self.fault(value)
         if fault is not None:
             raise ValueError(f"{name} {fault}")
         return value
 
     def check_each(self, name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
-        """[count] numbers, of so many environments or one for all. Raises ValueError with the name and the
-        environment."""
+        """Checks one number for each of `count` environments, or one number for all, and returns [count] numbers.
+        Raises ValueError with the name and the environment."""
         numbers = np.asarray(values, np.float64)
         if numbers.shape not in ((), (count,)):
             raise ValueError(f"{name} is {list(numbers.shape)}, expected a number or [{count}]")
@@ -59,7 +59,7 @@ class Limits:
 
 # Limits of sensors, lamps and views: wider than any real one, and far from float32's ends.
 ANY = Limits(-1e30, 1e30)
-# Standard deviations of stated numbers, in metres, radians or shares: nothing is known better than to one in 10^7.
+# Standard deviations of stated numbers, in metres, radians or shares; none is smaller than 1e-7.
 UNCERTAINTY = Limits(1e-7, 1.0)
 BLACK = Limits(-65535.0, 65535.0, "DN")
 BLACK_DEVIATION = Limits(1e-4, 65535.0, "DN")

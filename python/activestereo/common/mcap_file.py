@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of ROS 2 into an MCAP file by rosbags (pip install rosbags), as `ros2 bag record` writes them."""
+"""Writes ROS 2 messages into an MCAP file with rosbags (pip install rosbags), as `ros2 bag record` does."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import Any
 
 
 class McapFile:
-    """A context manager: a folder with one .mcap and its metadata. path: of the folder, which must not exist.
-    own_types: {kind: text of the message} that ROS itself does not have. Raises ImportError if rosbags is missing."""
+    """Writes a recording: a folder with one .mcap file and its metadata. Use it as a context manager. path: the folder,
+    which must not exist. own_types: {message type: its definition as .msg text} of types that ROS lacks. Raises
+    ImportError if rosbags is missing."""
 
     def __init__(self, path: str | Path, own_types: Mapping[str, str] | None = None) -> None:
         try:
@@ -35,14 +36,14 @@ class McapFile:
         self._writer.__exit__(kind, value, trace)
 
     def make(self, kind: str, **fields: Any) -> Any:
-        """A message of a kind such as sensor_msgs/msg/Image; arrays are NumPy's."""
+        """Makes a message of a type such as sensor_msgs/msg/Image; array fields are NumPy arrays."""
         return self._store.types[kind](**fields)
 
     def write(
         self, topic: str, kind: str, message: Any, time_ns: int, depth: int = 1, is_latched: bool = False
     ) -> None:
-        """depth, is_latched: the topic's quality of service: the number of messages kept, and whether late subscribers
-        get the last one. All are reliable."""
+        """Writes a message to a topic. depth, is_latched: the topic's quality of service, fixed by its first message:
+        how many messages a queue keeps, and whether late subscribers get the last one. All topics are reliable."""
         from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
         if topic not in self._connections:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files appear whole or not at all: each is written under a temporary name beside its place and then renamed."""
+"""Writes files whole or not at all: each is written under a temporary name beside its place and then renamed."""
 
 import errno
 import math
@@ -22,17 +22,18 @@ _OF_PROCESS = f"process_{platform.node()}_"  # of this machine: process numbers 
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Replaces a file by a text in UTF-8, as replace_file()."""
+    """Replaces a file by a text in UTF-8, as replace_file() does."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
-    """Replaces a file by these bytes, as replace_file()."""
+    """Replaces a file by these bytes, as replace_file() does."""
     replace_file(path, lambda file: file.write(content))
 
 
 def finite(value: Any) -> Any:
-    """The same with None for NaN and infinities, which JSON cannot express."""
+    """Returns the nested value with None in place of NaN and infinities, which JSON cannot express. Tuples become
+    lists."""
     if isinstance(value, dict):
         return {name: finite(one) for name, one in value.items()}
     if isinstance(value, list | tuple):
@@ -41,8 +42,8 @@ def finite(value: Any) -> Any:
 
 
 def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
-    """Replaces a file. write(binary file) fills it. A failed write keeps the old file. Raises OSError with filename
-    `path`; the system's error for a full disk names no file."""
+    """Replaces a file by the bytes that write(file) writes to a binary file. A failed write keeps the old file. Raises
+    OSError with filename `path`, because the system's error for a full disk names no file."""
     path = Path(path)
     check_target(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")  # threads may write the same file
@@ -51,7 +52,7 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
             write(file)
         os.replace(temporary, path)
     except OSError as error:
-        if error.errno is None:  # NumPy's, which says how much it could not write
+        if error.errno is None:  # NumPy's error, which says how many bytes it could not write
             raise OSError(errno.ENOSPC, f"{os.strerror(errno.ENOSPC)}: {error}", str(path)) from error
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
@@ -59,14 +60,15 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
 
 
 def left_over(folder: Path) -> Iterator[tuple[str, Path]]:
-    """(name, folder) of files that written_together() left when its process was killed."""
+    """Yields (name, path) of the temporary folders below `folder` that written_together() left when its process was
+    killed."""
     for path in folder.glob(f"{_UNFINISHED}*"):
         yield path.name.removeprefix(_UNFINISHED).rpartition("-")[0], path
 
 
 def check_target(path: Path) -> None:
-    """Raises OSError if a rename would replace a folder, a device, a pipe or a loop of links. Call it before long
-    work."""
+    """Raises OSError if `path` is a folder, a device, a pipe or a loop of links, which no file may replace. Call it
+    before long work."""
     try:
         is_file = stat.S_ISREG(path.stat().st_mode)
     except FileNotFoundError:
@@ -77,10 +79,10 @@ def check_target(path: Path) -> None:
 
 @contextmanager
 def written_together(folder: Path, name: str = "", last: Path = Path()) -> Iterator[Path]:
-    """A temporary folder for files that belong together. They move to the same places below `folder` when the block
-    ends; a failed block leaves none of them. Raises OSError with the file's place. name: a name by which left_over()
-    finds the folder of a killed process; without one the next call removes that folder. last: the file that moves last,
-    and so marks a complete set."""
+    """Yields a temporary folder for files that belong together. When the block ends, they move to the same places below
+    `folder`; a failed block leaves none. Raises OSError with the file's final place. name: lets left_over() find the
+    folder of a killed process; without a name, the next call removes it. last: the file that moves last, which marks a
+    complete set."""
     aside = _new_aside(folder, name)
     try:
         with _named_by_place(aside, folder):
@@ -91,8 +93,8 @@ def written_together(folder: Path, name: str = "", last: Path = Path()) -> Itera
 
 
 def _new_aside(folder: Path, name: str = "") -> Path:
-    """A new folder below `folder`, named for this process by default. Removes those of ended processes of this
-    machine."""
+    """Makes a temporary folder below `folder`, named after this process by default. Then it also removes such folders
+    of ended processes of this machine."""
     if not name:
         for owner, path in left_over(folder):
             if owner.startswith(_OF_PROCESS) and not Path("/proc", owner.removeprefix(_OF_PROCESS)).exists():
@@ -103,7 +105,8 @@ def _new_aside(folder: Path, name: str = "") -> Path:
 
 
 def _move(aside: Path, folder: Path, last: Path) -> None:
-    """Moves the files to their places. If one cannot move, moves the ones before it back."""
+    """Moves all files below `aside` to the same places below `folder`, `last` at the end. If one move fails, undoes
+    all."""
     found = (path for path in aside.rglob("*") if path.is_file())
     files = sorted(found, key=lambda path: (path == aside / last, path))
     for path in files:
@@ -117,7 +120,7 @@ def _move(aside: Path, folder: Path, last: Path) -> None:
             place = folder / path.relative_to(aside)
             before = kept / str(number) if place.exists() else None
             if before is not None:
-                # A second name of the file, not a move, so that a killed process loses nothing.
+                # Keep the old file by a hard link, not a move, so that a killed process loses nothing.
                 try:
                     os.link(place, before)
                 except OSError:  # a file system without links
@@ -132,8 +135,8 @@ def _move(aside: Path, folder: Path, last: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """A folder to fill, which is renamed to `path` when the block ends; a failed block leaves nothing. Raises OSError
-    with the file's place, and FileExistsError if `path` exists."""
+    """Yields a temporary folder, which is renamed to `path` when the block ends; a failed block leaves nothing. Raises
+    OSError with the file's final place, and FileExistsError if `path` exists."""
     if path.exists():
         raise FileExistsError(errno.EEXIST, "exists already: give another name", str(path))
     aside = _new_aside(path.parent)
@@ -147,7 +150,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _named_by_place(aside: Path, place: Path) -> Iterator[None]:
-    """Raises OSErrors of files below `aside` with their final names below `place`."""
+    """Re-raises OSErrors of files below `aside` with their final names below `place`."""
     try:
         yield
     except OSError as error:
@@ -158,19 +161,19 @@ def _named_by_place(aside: Path, place: Path) -> Iterator[None]:
 
 
 def write_png(path: str | Path, pixels: np.ndarray) -> None:
-    """uint8 [h, w] or [h, w, 3], or uint16 [h, w]."""
+    """Writes a PNG file. pixels: uint8 [height, width] or [height, width, 3], or uint16 [height, width]."""
     image = Image.fromarray(np.ascontiguousarray(pixels))
-    # Run lengths, not a dictionary search: that takes three times as long and finds nothing in noisy images.
+    # Run-length compression: a dictionary search takes three times as long and finds nothing in noisy images.
     replace_file(path, lambda file: image.save(file, format="png", compress_type=zlib.Z_RLE))
 
 
 def write_depth_png(path: str | Path, depth_m: np.ndarray) -> None:
-    """Depth in metres as uint16 millimetres, 0 = no measurement; 65.535 m is the farthest."""
+    """Writes depth in metres as a PNG of uint16 millimetres, 0 = no measurement. Depths beyond 65.535 m are clipped."""
     write_png(path, np.clip(np.rint(np.nan_to_num(depth_m) * 1000.0), 0, 65535).astype(np.uint16))
 
 
 def write_ply(path: str | Path, points: np.ndarray, colors: np.ndarray | None = None) -> None:
-    """Points float32 [n, 3] in metres, with colours 0..1 [n, 3] or without, as binary PLY."""
+    """Writes a point cloud as binary PLY. points: float32 [n, 3], metres. colors: [n, 3], 0..1, or None."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
     if colors is not None:
         fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]

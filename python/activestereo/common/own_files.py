@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that a capture, a model or a list of a recording names. They must lie in its own folder: the author of a shared
-folder should not choose other files to read. Links count by their targets."""
+"""Resolves the files that a capture, a model or a recording's list names. They must lie in its own folder, because the
+author of a shared folder should not choose other files to read. Links count by their targets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MAY_LEAVE = ContextVar("may_leave", default=False)
 
 @contextmanager
 def outside_allowed() -> Iterator[None]:
-    """Allows files anywhere in this block, as the command line's --allow-outside."""
+    """Allows named files to lie in any folder while the block runs, as the command line's --allow-outside."""
     token = _MAY_LEAVE.set(True)
     try:
         yield
@@ -27,8 +27,8 @@ def is_outside_allowed() -> bool:
 
 
 def own_file(folder: Path, name: str) -> Path:
-    """The path of the file `name` of the folder. Raises ValueError if it does not exist, or lies outside and
-    outside_allowed() is not set; it touches nothing outside then."""
+    """Returns the path of the file `name` in a folder. Raises ValueError if it does not exist, or if it lies outside
+    the folder without outside_allowed(). A file outside is then not touched."""
     path = folder / name
     try:
         inside = path.resolve().is_relative_to(folder.resolve())

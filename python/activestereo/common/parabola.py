@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The place between pixels of a maximum that was found at a pixel."""
+"""Finds the maximum of sampled values between two pixels."""
 
 from typing import TypeVar
 
@@ -10,6 +10,6 @@ Number = TypeVar("Number", float, NDArray[np.float64])
 
 
 def vertex(before: Number, middle: Number, after: Number) -> Number:
-    """Offset in pixels, from the middle, of the vertex of a parabola through three pixels. The middle pixel is the
-    largest."""
+    """Computes the offset, in pixels from the middle one, of the vertex of a parabola through three neighbouring
+    pixels' values. The middle value must be the largest."""
     return 0.5 * (before - after) / np.minimum(before - 2.0 * middle + after, -1e-12)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The engines' parameters, as the sensor's configuration and the command line show them: rows of parameters.json, which
-capi/generation writes."""
+"""Describes the engines' parameters for the sensor's configuration and the command line. The rows come from
+parameters.json, which capi/generation writes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Parameter:
     doc: str = ""
 
     def takes(self, value: float) -> bool:
-        """Whether a number is allowed."""
+        """Returns whether a number is allowed."""
         if self.or_zero and value == 0:
             return True
         low, high = self.range or (value, value)
@@ -38,7 +38,7 @@ class Parameter:
 
     @property
     def option(self) -> str:
-        """Its name on the command line; for a tuple, the option that adds one entry."""
+        """The parameter's option on the command line; for a tuple, the option that adds one entry."""
         return "--" + (self.one or self.name).replace("_", "-")
 
 

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Projector patterns: pseudo-random dots like those of the D4xx, made at run time, the same on every machine.
+"""Generates projector patterns: pseudo-random dots like those of the D4xx, the same on every machine.
 
-One dot a cell of a square grid, at a random place in it. Heights are stratified: in a row of cells each group of four
-takes the four quarters of the cell height in random order. So no low, wide window stays without dots. Stereo works by
-the uniqueness law (tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all others within the
-disparity range by at least half the energy of a mean dot. Density and size are measured on D435 and D415 images: about
-5000 dots in view, visible sigma 1.2 and 1.8 pixels with the pixel's own blur.
+Random dots: each cell of a square grid holds one dot at a random place. In a row of cells, each four takes the
+four quarters of the cell height in random order, so no low, wide window stays without dots. Stereo needs unique windows
+(tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all others within the disparity range.
+The difference is at least half the energy of a mean dot. Density and size are measured on D435 and D415 images: about
+5000 dots in view, with a visible sigma of 1.2 and 1.8 pixels including the pixel's own blur.
 
-Or square lattices turned against each other, as a D415 throws them: rosettes where dots of both meet. A grating's
-orders are evenly spaced in the sines of their angles (its equation), so that lattices widen towards the border.
-"""
+Lattices: square lattices turned against each other, as the D415 projects; dots of two lattices that meet form rosettes.
+A grating's orders are evenly spaced in the sines of their angles (grating equation), so lattices widen towards the
+border."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ UNIQUE_WINDOW = (49, 7)  # width, height in camera pixels of a D435
 
 @dataclass(frozen=True)
 class PatternDesign:
-    """Lengths are in pixels of the pattern image."""
+    """Describes a projector pattern to generate. Lengths are in pixels of the pattern image."""
 
     width: int
     height: int
@@ -37,14 +37,15 @@ class PatternDesign:
 
 
 def make_pattern(design: PatternDesign) -> np.ndarray:
-    """The pattern as uint8 [height, width]; value / 255 is the relative radiant intensity."""
+    """Draws the pattern as uint8 [height, width]; value / 255 is the relative radiant intensity."""
     image = spots_image(*dots(design), design.dot_sigma_px, design.width, design.height)
     image = design.background + (1.0 - design.background) * image
     return np.rint(255.0 * np.minimum(image, 1.0)).astype(np.uint8)
 
 
 def spots_image(x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float, width: int, height: int) -> np.ndarray:
-    """The sum [height][width] of Gaussian spots, cut at four sigmas, whose middles lie in the image."""
+    """Draws the sum [height, width] of Gaussian spots with these centres, peaks and sigma. Spots are cut at four
+    sigmas, and those centred outside the image are left out."""
     reach = int(np.ceil(4.0 * sigma_px))
     inside = (np.rint(x) >= 0) & (np.rint(x) < width) & (np.rint(y) >= 0) & (np.rint(y) < height)
     x, y, peak = x[inside], y[inside], peak[inside]
@@ -59,7 +60,7 @@ def spots_image(x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float,
 
 
 def dots(design: PatternDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres x, y in pattern pixels, inside the image, and peaks 0..1 of all dots."""
+    """Returns centres x, y in pattern pixels and peaks 0..1 of all dots inside the image."""
     if design.lattice_angles_deg:
         x, y = _lattices(design)
     else:
@@ -93,8 +94,8 @@ def _lattices(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _random(seed: int, stream: int, shape: Sequence[int]) -> np.ndarray:
-    """Uniform in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) of a counter, so the numbers depend on no library's
-    version."""
+    """Returns uniform numbers in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) applied to a counter, so they depend on
+    no library's version."""
     count = np.arange(1, np.prod(shape) + 1, dtype=np.uint64)
     with np.errstate(over="ignore"):
         z = (count + (np.uint64(seed * 4 + stream) << np.uint64(40))) * np.uint64(0x9E3779B97F4A7C15)

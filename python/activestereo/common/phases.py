@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The phases of long work: which one runs, and how long the rest takes by the time that each took in earlier runs and
-by the pace of this one."""
+"""Estimates the remaining time of work in phases, from the time that each phase took in earlier runs and the pace of
+this run."""
 
 from __future__ import annotations
 
@@ -9,23 +9,21 @@ from collections.abc import Callable, Mapping
 
 from activestereo.common.progress_bar import Progress, ProgressBar, UsualTime
 
-# A phase that takes longer than it used to is told to need this share of its time so far.
+# A phase that exceeds its usual time is expected to need this share of its time so far in addition.
 _OVERTIME = 0.1
 # A phase faster than this share of its usual time was read from disk; it says nothing about the pace.
 _KEPT = 0.2
-# The usual pace counts as much as this share of the whole that was done at it.
+# The usual pace weighs as much as this share of the whole work, done at that pace.
 _TRUST = 0.05
 # A phase that takes longer than so many times its usual time had other work, which later phases need not have.
 _SLOWEST = 5.0
 
 
 class Phases:
-    """Reports the progress of work in phases. Call it with the fraction 0..1 of the running phase.
-
-    progress: a ProgressBar, which names the phases, or a Progress, which gets the fraction of the whole. usual: {phase:
-    its time}, in order. work: units of work, with which times grow. taken_s: {phase: seconds} of phases that have
-    ended.
-    """
+    """Reports the progress of work in phases. Call the object with the fraction 0..1 of the running phase. progress: a
+    ProgressBar, which also shows the phase and the time left, or a function of the fraction of the whole. usual:
+    {phase: its UsualTime}, in order. work: units of work, with which times grow. taken_s: {phase: seconds} of ended
+    phases."""
 
     def __init__(
         self,
@@ -42,7 +40,7 @@ class Phases:
         self._told = self._fraction = 0.0
 
     def begin(self, phase: str) -> None:
-        """Ends the phase that runs and begins one of `usual`."""
+        """Ends the running phase and begins `phase`, a key of `usual`."""
         self.end()
         self._phase, self._begun, self._fraction = phase, self._clock(), 0.0
         if isinstance(self._progress, ProgressBar):
@@ -51,7 +49,7 @@ class Phases:
         self(0.0, begins=True)
 
     def end(self) -> None:
-        """Ends the phase that runs."""
+        """Ends the running phase and records its time."""
         if self._phase is not None:
             self.taken_s[self._phase] = self._clock() - self._begun
         self._phase = None
@@ -69,9 +67,8 @@ class Phases:
         return self._progress(self._told)
 
     def _left_s(self, fraction: float) -> tuple[float, float, float]:
-        """(shortest, likely, longest) seconds left in the running phase and those behind it. As the phase proceeds, its
-        own pace counts more and its usual time less, because results from disk pass at once.
-        """
+        """Returns (shortest, likely, longest) seconds left in the running phase and the later ones. As the phase
+        proceeds, its own pace counts more and its usual time less, because results from disk come at once."""
         assert self._phase is not None
         here, names = self._clock() - self._begun, list(self._usual)
         spans = {name: usual.span_s(self.work) for name, usual in self._usual.items()}

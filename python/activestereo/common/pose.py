@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses in SAPIEN's manner, and the one place where its axes meet ours.
-
-SAPIEN's body axes: x forward, y left, z up. Camera axes (kuafu, simsense, OpenCV): x right, y down, z forward. Only
-this file knows both. Arrays of poses are as simulators hold them: [..., 7] (x, y, z, then the unit quaternion w, x, y,
-z, the order of SAPIEN and MuJoCo) or [..., 4, 4]."""
+"""Rigid poses as in SAPIEN, and their conversion to camera axes. SAPIEN's body axes: x forward, y left, z up. Camera
+axes (kuafu, simsense, OpenCV): x right, y down, z forward. Only this file converts between them. Arrays of poses have a
+simulator's format: [..., 4, 4], or [..., 7] with x, y, z and the unit quaternion w, x, y, z (the order of SAPIEN and
+MuJoCo)."""
 
 from __future__ import annotations
 
@@ -22,13 +21,14 @@ _PRINTED_TOLERANCE = 1e-3
 
 
 class HasMatrix(Protocol):
-    """A pose of another library with to_transformation_matrix(), such as sapien.Pose."""
+    """Type of another library's pose with to_transformation_matrix(), such as sapien.Pose."""
 
     def to_transformation_matrix(self) -> NDArray[Any]: ...
 
 
 class Pose:
-    """A rigid motion: position p in metres, unit quaternion q = (w, x, y, z), as sapien.Pose. a * b applies b first."""
+    """A rigid motion as sapien.Pose: position p in metres and unit quaternion q = (w, x, y, z). p may also be a rigid
+    4x4 matrix. a * b applies b first."""
 
     def __init__(self, p: ArrayLike = (0.0, 0.0, 0.0), q: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         matrix = np.asarray(p, dtype=np.float64)
@@ -54,7 +54,7 @@ class Pose:
         self.q /= norm
 
     def to_transformation_matrix(self) -> NDArray[Any]:
-        """4x4, body to parent."""
+        """Returns the 4x4 matrix from the body's to the parent's frame."""
         out = np.eye(4)
         out[:3, :3], out[:3, 3] = _rotation(self.q), self.p
         return out
@@ -74,31 +74,31 @@ PoseLike: TypeAlias = HasMatrix | ArrayLike
 
 
 def as_matrix(pose: PoseLike) -> NDArray[Any]:
-    """4x4 of a Pose, of anything with to_transformation_matrix() such as sapien.Pose, or of a 4x4 array."""
+    """Returns the 4x4 matrix of a Pose, of another library's pose such as sapien.Pose, or of a rigid 4x4 array."""
     if hasattr(pose, "to_transformation_matrix"):
         return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)
     return Pose(pose).to_transformation_matrix()
 
 
 def camera_to_world(pose: PoseLike) -> NDArray[Any]:
-    """camera_to_world (camera axes) of a camera with its body at `pose` (body axes)."""
+    """Converts a camera's pose (body axes) to its 4x4 camera_to_world (camera axes)."""
     return as_matrix(pose) @ CAMERA_TO_BODY
 
 
 def body_pose(camera_to_world: ArrayLike) -> Pose:
-    """The Pose, in body axes, of a camera with this camera_to_world (camera axes)."""
+    """Converts a camera's 4x4 camera_to_world (camera axes) to its Pose (body axes)."""
     return Pose(np.asarray(camera_to_world, dtype=np.float64) @ CAMERA_TO_BODY.T)
 
 
 def camera_to_camera(pose_a: PoseLike, pose_b: PoseLike) -> NDArray[Any]:
-    """a_to_b in camera axes, from two poses (body axes) in one common frame."""
+    """Returns the 4x4 a_to_b in camera axes of two cameras whose poses (body axes) are in one common frame."""
     return np.linalg.inv(camera_to_world(pose_b)) @ camera_to_world(pose_a)
 
 
 def carried_twist(a_to_b: NDArray[Any], twist: ArrayLike) -> NDArray[Any]:
-    """The twist [v, w] (6, m/s and rad/s) of frame b in its own axes, if b is fixed to a frame a with the twist
-    `twist`. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). Exact at any time, as pose(t) =
-    pose(0) exp(t [v, w]) for both."""
+    """Converts the twist [v, w] (6, m/s and rad/s) of a frame a to that of a frame b fixed to it; each is in its
+    frame's own axes. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). It is exact at any time,
+    as pose(t) = pose(0) exp(t [v, w]) for both."""
     twist = np.asarray(twist, dtype=np.float64)
     rotation, offset = a_to_b[:3, :3], a_to_b[:3, 3]
     angular = rotation @ twist[3:]
@@ -106,8 +106,8 @@ def carried_twist(a_to_b: NDArray[Any], twist: ArrayLike) -> NDArray[Any]:
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
-    """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image, in the three's own
-    axes."""
+    """Returns the 4x4 camera_to_world (camera axes) of a camera at `eye` that looks at `target`, with `up` upwards in
+    the image. The three vectors are in the world's axes."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, up)
@@ -118,7 +118,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
 
 
 def rigid_fault(pose: NDArray[Any], tolerance: float = _ROTATION_TOLERANCE) -> str | None:
-    """The reason why a [4, 4] is no rigid motion, in words that follow its name; None if it is one."""
+    """Returns why a [4, 4] is no rigid motion, in words that follow its name, or None if it is one."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return "is not a 4x4 of finite numbers"
     if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-9:
@@ -135,8 +135,9 @@ def rigid_fault(pose: NDArray[Any], tolerance: float = _ROTATION_TOLERANCE) -> s
 def printed_motion(
     rotation: ArrayLike, translation: ArrayLike, name: str, last_row: ArrayLike = (0.0, 0.0, 0.0, 1.0)
 ) -> NDArray[Any]:
-    """The rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) with few printed digits.
-    last_row: of a printed 4x4. Raises ValueError, which begins with the name, if it is no rigid motion."""
+    """Returns the rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) that were printed
+    with few digits. last_row: the last row of a printed 4x4. Raises ValueError, which begins with the name, if they are
+    no rigid motion."""
     pose = np.eye(4)
     try:
         pose[:3, :3] = np.asarray(rotation, dtype=np.float64).reshape(3, 3)
@@ -153,7 +154,7 @@ def printed_motion(
 
 
 def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[..., 3, 3] of unit quaternions [..., 4]."""
+    """Computes rotation matrices [..., 3, 3] from unit quaternions [..., 4]."""
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -164,8 +165,8 @@ def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _quaternion(rotation: NDArray[Any]) -> NDArray[Any]:
-    """(w, x, y, z) of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix, good at every angle (J. Guidance
-    23(6), 2000)."""
+    """Computes the unit quaternion (w, x, y, z) of a 3x3 rotation: an eigenvector of Bar-Itzhack's symmetric matrix,
+    accurate at every angle (J. Guidance 23(6), 2000)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     k = np.array(
         [
@@ -180,7 +181,7 @@ def _quaternion(rotation: NDArray[Any]) -> NDArray[Any]:
 
 
 class HasDlpack(Protocol):
-    """An array of another library, such as torch."""
+    """Type of another library's array with __dlpack__(), such as torch's."""
 
     def __dlpack__(self, *args: Any, **kwargs: Any) -> Any: ...
 
@@ -191,7 +192,8 @@ _RIGID = 1e-3  # float32 physics keeps its rotations to 1e-6; a scale or a shear
 
 
 def host_array(values: PosesLike) -> NDArray[np.float64]:
-    """float64 array in host memory, from NumPy, torch on any device, DLPack, or nested lists."""
+    """Copies NumPy arrays, torch tensors on any device, DLPack arrays or nested lists to a float64 array in host
+    memory."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     elif hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray):
@@ -200,8 +202,8 @@ def host_array(values: PosesLike) -> NDArray[np.float64]:
 
 
 def pose_matrices(poses: NDArray[np.float64], what: str) -> NDArray[np.float64]:
-    """[..., 4, 4] from [..., 7] or [..., 4, 4]; a new array. Quaternions may have any length. Raises ValueError for
-    another shape; `what` names the array."""
+    """Converts poses [..., 7] or [..., 4, 4] to a new array [..., 4, 4]. Quaternions may have any length. Raises
+    ValueError, which begins with `what`, for another shape."""
     if poses.shape[-2:] == (4, 4):
         return poses.copy()
     if poses.shape[-1:] != (7,):
@@ -215,7 +217,7 @@ def pose_matrices(poses: NDArray[np.float64], what: str) -> NDArray[np.float64]:
 
 
 def pose_fault(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask [...] of matrices [..., 4, 4] that are not finite or no rigid motion."""
+    """Returns a mask [...] of the matrices [..., 4, 4] that are not finite or no rigid motions."""
     rotation = matrices[..., :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         product = rotation @ np.swapaxes(rotation, -1, -2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that share work, and end with the one that started them."""
+"""Shares work among processes that end with the process that started them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from multiprocessing import current_process, get_all_start_methods, get_context,
 from multiprocessing.connection import wait
 from typing import Any, Literal
 
-_MOST_LOSSES = 3  # pools, one after another, that end without a result
+_MOST_LOSSES = 3  # pools in a row that end without a result
 # {number: (work, items)} of the calls of forked() under way, which forked processes find here.
 _jobs: dict[int, tuple[Callable[[Any], object], Sequence[Any]]] = {}
 _numbers = count()
@@ -27,8 +27,9 @@ _numbers = count()
 def process_pool(
     count: int, begin: Callable[..., object], *arguments: Any, method: Literal["spawn", "fork"] = "spawn"
 ) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes that have each called begin(*arguments). They end with the block, which cancels unfinished
-    work on an error, and with this process. 'fork' shares this process's data; a device does not survive it."""
+    """Yields a pool of processes that have each called begin(*arguments). They end with the block, which cancels
+    unfinished work on an error, and with this process. 'fork' shares this process's memory; GPU devices do not survive
+    it."""
     pool = ProcessPoolExecutor(count, get_context(method), initializer=_begin, initargs=(begin, arguments))
     try:
         yield pool
@@ -39,8 +40,9 @@ def process_pool(
 def done_in_pools(
     pool: Callable[[], AbstractContextManager[ProcessPoolExecutor]], work: Callable[[Any], object], items: Sequence[Any]
 ) -> Iterator[tuple[int, Future[Any]]]:
-    """The number of each item and its future, as work(item) is done. pool: makes processes. If a process is killed, its
-    pool ends and another one continues with the rest. After three pools in a row without a result, the rest fails."""
+    """Runs work(item) for all items in processes and yields (index of the item, its future) as each ends. pool: makes a
+    pool. A killed process ends its pool, and a new pool continues with the rest. After three pools in a row without a
+    result, it yields the rest as failed futures."""
     left, losses = list(range(len(items))), 0
     while left:
         lost: dict[int, Future[Any]] = {}
@@ -59,12 +61,11 @@ def done_in_pools(
 
 
 def forked(work: Callable[[Any], object], items: Sequence[Any], workers: int) -> Iterator[tuple[int, Future[Any]]]:
-    """The number of each item and its future, as work(item) is done by so many forked processes; nothing where one
-    item, one worker or no fork leaves all to the caller.
-
-    They have all data at hand without a copy. Python runs one thread at a time between calls of NumPy, so that sixteen
-    threads take longer than two. A killed process is replaced; an interrupt ends one silently, for the caller hears it.
-    """
+    """Runs work(item) for all items in forked processes and yields (index of the item, its future) as each ends. It
+    yields nothing with one item, one worker or no fork; the caller then does the work itself. Forked processes share
+    all data without a copy. Threads would not help: Python runs one at a time between NumPy calls, so sixteen take
+    longer than two. A killed process is replaced. An interrupt ends processes silently, since the caller gets it
+    too."""
     if min(workers, len(items)) < 2 or "fork" not in get_all_start_methods() or current_process().daemon:
         return
     number = next(_numbers)
@@ -92,8 +93,8 @@ def _begin(begin: Callable[..., object], arguments: tuple[Any, ...]) -> None:
 
 
 def _end_with_parent() -> None:
-    """Ends a worker with its parent. The worker holds its own task pipe open, so without this it would wait for
-    ever."""
+    """Ends this worker when its parent process ends. The worker holds its own task pipe open, so without this it would
+    wait for ever."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])

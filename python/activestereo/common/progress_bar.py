@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of long work, in parts of known shares. A bar on stderr shows the time left, from earlier runs and this one;
-it redraws itself on a terminal and otherwise prints a line now and then."""
+"""Shows the progress of long work as a bar on stderr, with the time left. The bar redraws itself on a terminal;
+elsewhere it prints a line now and then."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from typing import TextIO, overload
 
 from activestereo.common.shown import printable
 
-# A guess without a run is off by so much, either way.
+# A guess without earlier runs may be wrong by this factor, either way.
 _GUESS = 2.0
-# Runs on work that differs by less than this factor tell the time of this one.
+# Earlier runs whose units of work differ by less than this factor predict the time directly.
 _ALIKE = 1.5
-# The next run exceeds the span of the runs that are known by this share, the less the more there are.
+# The next run may lie outside the span of the known runs by this share, divided by their number.
 _OTHER_RUNS = 0.5
 
 
 @dataclass(frozen=True)
 class UsualTime:
-    """fixed_s, per_work_s: a guess, constant seconds and seconds per unit of work. runs: (units of work, seconds) of
-    earlier runs, which replace the guess."""
+    """The usual time of some work. runs: (units of work, seconds) of earlier runs. Without runs, the guess is fixed_s +
+    per_work_s * units of work."""
 
     fixed_s: float = 0.0
     per_work_s: float = 0.0
     runs: Sequence[tuple[float, float]] = ()
 
     def span_s(self, work: float) -> tuple[float, float, float]:
-        """(shortest, likely, longest) seconds of so much work."""
+        """Estimates the (shortest, likely, longest) seconds that `work` units of work take."""
         alike = [seconds for other, seconds in self.runs if max(work, other) <= _ALIKE * min(work, other)]
         if alike:
             spread = 1.0 + _OTHER_RUNS / len(alike)
@@ -48,7 +48,7 @@ class UsualTime:
 _REDRAW_S = 0.1
 _LINE_S = 15.0
 _WIDTH = 28
-# Times that differ by less than the first factor are told as one, by less than the second as about one.
+# Fewest and most seconds within the first factor print as one time, within the second as "about" one.
 _SURE, _NEARLY_SURE = 1.3, 4.0
 
 # Called with the fraction done, 0..1; work that can be cancelled ends when it returns True.
@@ -62,7 +62,8 @@ def part_of(progress: None, start: float, end: float) -> None: ...
 @overload
 def part_of(progress: Progress | None, start: float, end: float) -> Progress | None: ...
 def part_of(progress: Progress | None, start: float, end: float) -> Progress | None:
-    """`progress` for a call that is only the part start..end of the work."""
+    """Returns a progress function for the part start..end of the work, which maps that part's 0..1 to the whole's; None
+    stays None."""
     if progress is None:
         return None
     whole = progress
@@ -70,10 +71,8 @@ def part_of(progress: Progress | None, start: float, end: float) -> Progress | N
 
 
 class ProgressBar:
-    """Called with fractions 0..1; a context manager that ends the line. Never cancels by itself; Ctrl-C does.
-
-    phase: which part of the work runs, in words.
-    """
+    """A progress bar, called with fractions 0..1. As a context manager it ends the line. It never cancels the work;
+    Ctrl-C does. phase: name of the running part of the work."""
 
     def __init__(self, label: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._label = printable(label)
@@ -103,7 +102,8 @@ class ProgressBar:
         self.show(fraction, None if left_s is None else (left_s, left_s))
 
     def show(self, fraction: float, left_s: tuple[float, float] | None, at_once: bool = False) -> None:
-        """Draws the progress and the fewest and most seconds left, if the last drawing is old or `at_once`."""
+        """Draws the bar if the last drawing is old or `at_once`. left_s: the fewest and most seconds left, or None if
+        unknown."""
         now = self._clock()
         if not at_once and now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
             return
@@ -122,7 +122,7 @@ class ProgressBar:
         self._say(fraction, f"{'about' if most_s <= _NEARLY_SURE * least_s else 'perhaps'} {number} {unit} left")
 
     def tell(self, text: str) -> None:
-        """Writes a line that stays, above the bar."""
+        """Writes a line that stays above the bar."""
         self._stream.write(f"\r\x1b[2K{text}\n" if self._terminal else f"{self._label}: {text}\n")
         self._stream.flush()
 
@@ -138,7 +138,7 @@ class ProgressBar:
 
 
 def duration(seconds: float) -> str:
-    """'0.4 s', '12 s', '3 min 05 s' or '1 h 02 min'."""
+    """Formats a duration as '0.4 s', '12 s', '3 min 05 s' or '1 h 02 min'."""
     if seconds < 9.95:
         return f"{seconds:.1f} s"
     seconds = round(seconds)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images and their cameras as messages of ROS 2, whichever package makes them."""
+"""Makes ROS 2 messages for images and their cameras, with any package's message classes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def image_message(make: Callable[..., Any], header: Any, pixels: NDArray[Any], encoding: str) -> Any:
-    """sensor_msgs/msg/Image of pixels [height, width(, channels)]. make(kind, **fields): a message."""
+    """Makes a sensor_msgs/msg/Image of pixels [height, width(, channels)]. make(type, **fields): makes a message."""
     return make(
         "sensor_msgs/msg/Image",
         header=header,
@@ -28,8 +28,9 @@ def camera_info_message(
     make: Callable[..., Any], header: Any, height: int, width: int, k: NDArray[np.float64], distortion: ArrayLike,
     tx: float = 0.0, ty: float = 0.0,
 ) -> Any:  # fmt: skip
-    """sensor_msgs/msg/CameraInfo. k: [3, 3] pixels. distortion: k1 k2 p1 p2 k3. tx, ty: the last column of P in pixel
-    metres; for a right camera minus focal length times its offset from the left one."""
+    """Makes a sensor_msgs/msg/CameraInfo. k: [3, 3], pixels. distortion: k1 k2 p1 p2 k3. tx, ty: the last column of P,
+    pixels times metres; for a right camera tx is minus the focal length times the baseline. make: as in
+    image_message()."""
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return make(
         "sensor_msgs/msg/CameraInfo",

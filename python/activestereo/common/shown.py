@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Users' values and names in messages: one short line, whatever is nested or hidden in them."""
+"""Formats users' values and names for messages: one short line, whatever they hold."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ENDS = re.compile(r"([\n\t])")
 
 
 class _Short(reprlib.Repr):
-    """Two levels and three entries of each: YAML's aliases make values too large to print."""
+    """Prints at most two levels and three entries of each, because YAML's aliases make values too large to print."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -29,24 +29,24 @@ _short = _Short()
 
 
 def shown(value: Any) -> str:
-    """A value for messages, at most 40 letters and three dots."""
+    """Formats a value for a message, at most 40 characters and three dots."""
     text = f"{value:g}" if isinstance(value, float) else _short.repr(value)
     return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
 
 
 def printable(name: object) -> str:
-    """The text of a name with control characters and bytes that are no UTF-8 escaped: a file's name cannot end the
-    line, nor give a terminal orders."""
+    """Returns a name's text with control characters and invalid UTF-8 escaped. So a file's name cannot break the line
+    or send commands to a terminal."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(name))
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words with commas between, and "and" before the last."""
+    """Joins words with commas, and with "and" before the last one."""
     return " and ".join([", ".join(words[:-1]), *words[-1:]] if len(words) > 1 else words)
 
 
 class PlainStream:
-    """A stream that escapes control characters, but for the ends of lines and tabs."""
+    """Wraps a text stream and escapes control characters in all that is written, except line ends and tabs."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
