@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""model.json: all knowledge of one sensor, in one file. The lab writes it and the simulator reads it.
+"""Reads and writes model.json, one file with everything known of one sensor. The lab writes it and the simulator reads
+it.
 
-model = read_model("out/diagnosis/model.json")
-sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.gltf", model=model)
+    model = read_model("out/diagnosis/model.json")
+    sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.gltf", model=model)
 """
 
 from activestereo.model.diagnosed import diagnosed_model

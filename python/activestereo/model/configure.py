@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a sensor's configuration from its model, which replaces the preset's rig, pattern, imager and calibration."""
+"""Changes a sensor's configuration to a sensor model's rig, pattern, imager and calibration."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ from activestereo.model.model import Imager, SensorModel
 
 
 def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
-    """The fields of a configuration that the model changes, with their new values. given: the configuration's present
-    fields. Give the model to the sensor for its effects and materials: StereoDepthSensor(config, scene,
-    model=model)."""
+    """Returns {field: new value} of the configuration fields that the model changes. given: the configuration's present
+    fields. Effects and materials need the model itself: StereoDepthSensor(config, scene, model=model)."""
     changes: dict[str, Any] = {}
     if (rig := model.rig) is not None:
         left = as_matrix(given["trans_pose_l"]) @ CAMERA_TO_BODY
@@ -69,8 +68,8 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
 
 
 def _signal(model: SensorModel) -> dict[str, float]:
-    """simsense's imager in counts (an electron is a count at gain 1): the noise model's terms as read noise, shot noise
-    and speckle."""
+    """Returns simsense's imager parameters in counts (one electron is one count at gain 1). The noise model's terms
+    become read noise, shot noise and speckle."""
     signal: dict[str, float] = {}
     if model.rig is not None:
         signal["bit_depth"] = model.rig.bit_depth

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The model of a capture: its calibration and pattern, with a diagnosis' findings; and a capture under a model's
-calibration and pattern in place of its nominal ones."""
+"""Makes the sensor model of a diagnosed capture, and replaces a capture's nominal calibration and pattern by a
+model's."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from activestereo.model.model import (
 
 @dataclass(frozen=True)
 class MeasuredProjector(Projector):
-    """A projector whose pattern is an array: relative radiant intensity, float32 [height][width], 0..1."""
+    """A projector whose pattern is an array of relative radiant intensity, float32 [height, width], 0..1."""
 
     image: NDArray[np.float32] | None = None
 
@@ -41,10 +41,8 @@ class MeasuredProjector(Projector):
 
 
 def calibrated(capture: Capture, model: SensorModel) -> Capture:
-    """The capture with the model's K, lenses, baseline, projector, pattern and poses, as far as it has them.
-
-    Raises ValueError if the model is of another image size.
-    """
+    """Returns the capture with the model's K, lenses, baseline, projector, pattern and poses, as far as the model has
+    them. Raises ValueError if the model is for another image size."""
     rig = capture.rig
     if model.rig is not None:
         for name, camera, side in (("left", rig.left, model.rig.left), ("right", rig.right, model.rig.right)):
@@ -68,8 +66,8 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
 
 
 def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
-    """Relative radiant intensity, [height][width], 1 at the brightest: the file's, or the dots' Gaussians, each with
-    its power as its integral, and the common background."""
+    """Returns the pattern's relative radiant intensity [height, width], 1 at the brightest pixel. It is read from the
+    file, or drawn as the dots' Gaussians, whose integrals are their powers, and the background."""
     if pattern.dots is None:
         assert pattern.file is not None
         return read_gray(pattern.file, key="pattern.file").astype(np.float32) / 255.0
@@ -81,8 +79,9 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
 
 
 def found_effect(diagnosis: Mapping[str, Any], effect_id: str) -> tuple[dict[str, Quantity], tuple[str, ...]]:
-    """({parameter: Quantity}, names of the surfaces that show it, () = all): as accepted into the model, else as
-    ranked."""
+    """Returns an effect's ({parameter: Quantity}, names of the surfaces that show it; () = all) from a diagnosis' JSON.
+    Values are those accepted into the model, else those in the ranking. Raises ValueError if the diagnosis has
+    neither."""
     ranked = {e.get("effect"): e for e in diagnosis.get("ranking", [])}
     accepted = {e.get("id"): e for e in reversed(diagnosis.get("model", {}).get("effects", []))}
     found = accepted.get(effect_id) or ranked.get(effect_id)
@@ -103,7 +102,7 @@ Interval = tuple[float | None, float | None]
 
 
 class NoiseTerms(Protocol):
-    """Variance of the noise: offset + shot * signal + relative * signal^2; DN^2, DN and 1."""
+    """Terms of the noise variance, offset + shot * signal + relative * signal^2; their units are DN^2, DN and 1."""
 
     @property
     def offset(self) -> float: ...
@@ -125,13 +124,12 @@ def diagnosed_model(
     material_names: Sequence[str] = (),
     poses: Sequence[MeasuredPose] = (),
 ) -> SensorModel:
-    """The SensorModel of a diagnosis.
+    """Makes the SensorModel of a diagnosis.
 
-    effects: those found. nuisances: values by names of model.model.NUISANCES. noise_model: None without repeats.
-    albedo: {material name: factor on its nominal infrared albedo}. intervals: {(effect id or 'nuisances' or material
-    name, parameter): 90 % interval}. material_names: of the capture's scene, by id. poses: measured poses of views that
-    differ from the stated ones.
-    """
+    effects: the effects found. nuisances: values by names of model.model.NUISANCES. noise_model: None without repeated
+    pictures. albedo: {material name: factor on its nominal infrared albedo}. intervals: {(owner, parameter): 90 %
+    interval}; an owner is an effect's id, 'nuisances' or a material's name. material_names: the scene's materials by
+    id. poses: measured poses of views that differ from the stated ones."""
     bounds, source = intervals or {}, f"diagnosis of {capture.name}"
 
     def quantity(owner: str, name: str, value: float, unit: str) -> Quantity:

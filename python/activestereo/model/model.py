@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A complete sensor model as plain data: calibration, pattern, imager, effects, materials and nuisances of the fit,
-with intervals and sources.
-
-Metres, seconds, radians, digital numbers (DN). Every section may be absent; the simulator's own values hold then.
-"""
+"""A complete sensor model as plain data: calibration, pattern, imager, effects, materials and a fit's nuisance
+parameters, with intervals and sources. Units are metres, seconds, radians and digital numbers (DN). Every section may
+be absent; the simulator then keeps its own values."""
 
 from __future__ import annotations
 
@@ -45,7 +43,7 @@ MATERIAL_FIELDS: dict[str, tuple[str, float, float]] = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value, the ends of its 90 % interval or None, its unit and its source."""
+    """A value with its unit and source. low, high: its 90 % interval, or None."""
 
     value: float
     low: float | None = None
@@ -56,8 +54,8 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Rig:
-    """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z
-    forward. exposure_s, gain: the settings that the sensor is used with."""
+    """The calibration of the two cameras and the projector. 4x4 transforms a_to_b map coordinates in a to coordinates
+    in b, in camera axes (x right, y down, z forward). exposure_s, gain: the sensor's usual settings."""
 
     left: Camera
     right: Camera
@@ -73,8 +71,8 @@ class Rig:
 @dataclass(frozen=True)
 class Pattern:
     """The image that the projector casts: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size`
-    (width, height). background: every pixel of that image beside the dots, so that its sum and the dots' powers are of
-    one unit. K: 3x3."""
+    (width, height). background: value of every pixel without dots; a dot's power is its sum over pixels in the same
+    unit. K: 3x3."""
 
     K: NDArray[np.float64]
     file: Path | None = None
@@ -87,8 +85,8 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Imager:
-    """Temporal noise: variance in DN^2 = offset + shot gain signal + relative signal^2, signal in DN above the black
-    level."""
+    """Temporal noise of the imager: variance in DN^2 = offset + shot * gain * signal + relative * signal^2. The signal
+    is in DN above the black level."""
 
     offset: Quantity
     shot: Quantity
@@ -97,7 +95,7 @@ class Imager:
 
 @dataclass(frozen=True)
 class MeasuredPose:
-    """The pose of a view of the capture: 4x4 camera_to_world of the left camera, as stated and as measured."""
+    """The pose of one view: 4x4 camera_to_world of the left camera, as the capture states it and as measured."""
 
     stated: NDArray[np.float64]
     measured: NDArray[np.float64]
@@ -105,8 +103,8 @@ class MeasuredPose:
 
 @dataclass(frozen=True)
 class ModelEffect:
-    """An effect with its parameters. surfaces: names of the materials that show it, () = all; in place of the parameter
-    of that name."""
+    """An effect with its parameters. surfaces: names of the materials that show it, () = all; they replace the
+    parameter `surfaces`."""
 
     effect: Effect
     parameters: Mapping[str, Quantity]
@@ -115,8 +113,9 @@ class ModelEffect:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """nuisances: names of NUISANCES. materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}. poses: measured poses
-    of the model's capture that differ from the stated ones. source: the model's origin."""
+    """A sensor model. nuisances: {name of NUISANCES: Quantity}. materials: {glTF name: {name of MATERIAL_FIELDS:
+    Quantity}}. poses: measured poses of a capture's views that differ from the stated ones. source: where the model
+    comes from."""
 
     rig: Rig | None = None
     pattern: Pattern | None = None
@@ -130,16 +129,16 @@ class SensorModel:
     def with_effect(
         self, effect: Effect, parameters: Mapping[str, Quantity], surfaces: Sequence[str] = ()
     ) -> SensorModel:
-        """A copy with one more effect, or with other parameters of a present one. Raises ValueError for an unknown
-        parameter or a value out of range."""
+        """Returns a copy with one more effect, or with new parameters of a present one. Raises ValueError for an
+        unknown parameter or a value out of range."""
         effect.values({name: q.value for name, q in parameters.items() if name != SURFACES.name})
         kept = tuple(e for e in self.effects if e.effect.id != effect.id)
         values = {name: q for name, q in parameters.items() if name != SURFACES.name}
         return replace(self, effects=(*kept, ModelEffect(effect, values, tuple(surfaces))))
 
     def bound(self, material_names: Sequence[str]) -> Model:
-        """Binds the effects to a scene's surfaces (scene_surfaces.py) with these names, by number. Raises ValueError
-        with a name that is absent."""
+        """Returns the effects with surface names replaced by numbers of a scene's surfaces (scene_surfaces.py).
+        material_names: the scene's names by number. Raises ValueError with a name that the scene lacks."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}
@@ -157,11 +156,12 @@ class SensorModel:
 
     @property
     def surfaces(self) -> set[str]:
-        """Names of all surfaces with effects."""
+        """Names of all surfaces that effects are limited to."""
         return {name for entry in self.effects for name in entry.surfaces}
 
     def scene_measurement(self, material_names: Sequence[str]) -> SceneMeasurement:
-        """Focal lengths, albedo factors and measured materials in a scene; unknown ones are absent."""
+        """Returns the fitted focal lengths, albedo factors and material properties for a scene with these materials.
+        Materials that the model does not know are left out."""
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
         )
@@ -179,8 +179,8 @@ class SensorModel:
 def with_surfaces(
     effect: Effect, values: Mapping[str, float], material_names: Sequence[str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Parameters without the choice of surfaces, and the names of the chosen materials. Raises ValueError if a chosen
-    number has no name."""
+    """Splits an effect's parameters into those without the choice of surfaces, and the names of the chosen materials.
+    Raises ValueError if a chosen number has no name."""
     chosen = material_numbers(values.get(SURFACES.name, 0.0)) if SURFACES in effect.parameters else []
     unknown = [n for n in chosen if n >= len(material_names)]
     if unknown:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads model.json, versions 1 and 2. An error is one line with the file, the key and the fault; nothing is read in
-part."""
+"""Reads model.json, versions 1 and 2. An invalid file raises an error of one line with the file, the key and the
+fault."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _NOTES = ("simulated", "image_only", "unit")
 
 
 def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> SensorModel:
-    """The SensorModel of a file. effects: {id: Effect} that it may name, by default the built-in ones. Raises
-    ValueError with the fault."""
+    """Reads a model file. effects: {id: Effect} that the file may name; None = the built-in ones. Raises ValueError
+    with the fault."""
     path = Path(path)
     try:
         root = JsonObject.read(path)
@@ -118,7 +118,7 @@ def _fields(entry: JsonObject, known: dict[str, tuple[str, float, float]]) -> di
 
 
 def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -> Quantity:
-    """A number, or an object with value, low, high and source."""
+    """Reads a number, or an object with value, low, high and source. Raises if it is outside low..high."""
     plain = entry.plain(key)
     if not isinstance(plain, dict):
         value, ends, source = entry.number(key), (None, None), ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor model in words, and how two differ."""
+"""Describes a sensor model in words, and the differences of two models."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NUISANCE_WORDS = {
 
 
 def show(model: SensorModel) -> str:
-    """The model's sections, a line for each value."""
+    """Describes the model's sections as text, with a line for each value."""
     lines = [f"a sensor model from {model.source}" if model.source else "a sensor model"]
     if model.rig is not None:
         lines.append(f"rig (engine), {model.rig.source}" if model.rig.source else "rig (engine)")
@@ -63,14 +63,15 @@ def show(model: SensorModel) -> str:
 
 
 def diff(first: SensorModel, second: SensorModel) -> str:
-    """Lines that only the first has (-) and only the second (+); empty if both are equal."""
+    """Returns the description lines that only the first model has (-) or only the second (+); empty if both are
+    equal."""
     lines = list(unified_diff(show(first).splitlines(), show(second).splitlines(), n=0, lineterm=""))[2:]
     return "\n".join(line for line in lines if not line.startswith("@@"))
 
 
 def differences(first: SensorModel, second: SensorModel) -> dict[str, list[Any]]:
-    """{name: [the first's value, the second's]} of all differences, with names such as
-    effects.vignetting.exponent.value; None for an absent value."""
+    """Returns {name: [the first model's value, the second's]} of all values that differ; None = absent. Names are paths
+    such as effects.vignetting.exponent.value."""
     said = [dict(_leaves(model_json(model), "")) for model in (first, second)]
     names = [name for name in dict.fromkeys([*said[0], *said[1]]) if said[0].get(name) != said[1].get(name)]
     return {name: [values.get(name) for values in said] for name in names}
@@ -88,7 +89,7 @@ def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
 
 
 def quantity_text(q: Quantity) -> str:
-    """A value with its interval and unit."""
+    """Formats a value with its interval and unit."""
     interval = "" if q.low is None or q.high is None else f" ({q.low:.4g} to {q.high:.4g})"
     return f"{q.value:.5g}{interval}" + ("" if q.unit in ("", "1") else f" {q.unit}")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes model.json, version 2, whole or not at all."""
+"""Writes model.json, version 2. A file is written whole or not at all."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from activestereo.model.read import FORMAT, VERSION
 
 
 def write_model(path: str | Path, model: SensorModel) -> list[Path]:
-    """Writes the model and, beside it, a copy of the pattern's image under the model's own name; returns the paths.
-    Raises OSError."""
+    """Writes the model and, beside it, a copy of the pattern's image, PATH's stem with .pattern.png. Returns the
+    written paths. Raises OSError."""
     path = Path(path)
     written = []
     pattern_name = f"{path.stem}.pattern.png"
@@ -33,14 +33,12 @@ def write_model(path: str | Path, model: SensorModel) -> list[Path]:
 
 
 def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) -> None:
-    """Replaces sections of a model file and keeps the others as they are, those too that this program cannot read.
+    """Replaces sections of a model file and keeps all others, even those that this program cannot read.
 
-    Writes what `measured` says of rig, pattern, imager, effects and materials into the model at `path`, made where
-    it does not exist. Effects, nuisances and materials that it names replace those of the same names. keep_rig: of a
-    rig that is there already, only the projector's place is replaced.
-
-    ValueError, with the file, where it is no model or one of another version: nothing is written then.
-    """
+    Writes the rig, pattern, imager, effects, nuisances and materials of `measured` into the file at `path`, which is
+    made if it does not exist. Effects, nuisances and materials replace only those of the same names. keep_rig: in a rig
+    that is there already, only left_to_projector is replaced. Raises ValueError with the file, and writes nothing, if
+    the file is no model or has another version."""
     path = Path(path)
     new = model_json(measured)
     root: dict[str, Any] = {"format": FORMAT, "version": VERSION}
@@ -68,8 +66,8 @@ def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) 
 
 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:
-    """The content of the file. pattern_file: name of the pattern's image beside it. Each part says whether the engines
-    simulate it."""
+    """Returns the content of model.json. pattern_file: name of the pattern's image beside it; None = the pattern's own
+    path. Each section says whether the engines simulate it."""
     root: dict[str, Any] = {"format": FORMAT, "version": VERSION, **_source(model.source)}
     if (rig := model.rig) is not None:
         cameras = {"left": rig.left, "right": rig.right}
