@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras as data: figures of real cameras (data), sensor configurations from them, and the engines' parameters."""
+"""Camera data with sources (folder data), the sensor configurations made from them, and the engines' parameters."""

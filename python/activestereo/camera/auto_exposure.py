@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Automatic exposure and gain with librealsense's options: a target mean count, a region to measure, and limits for
-each. Exposure changes first; gain changes only when exposure is at its limit.
-
-The devices' own steps are not published. Here a step corrects _DAMPING of the error in the logarithm of light, by a
-factor of at most two. Clipped pixels make a step too small, never wrong.
-"""
+"""Automatic exposure and gain with librealsense's options: a target mean count, an image region to measure, and limits
+of exposure and gain. Exposure changes first; gain changes only when exposure is at its limit. The devices' control
+steps are not published. Here a step corrects _DAMPING of the error in the logarithm of light, by a factor of at most
+two. Clipped pixels make a step too small, never wrong."""
 
 from __future__ import annotations
 
@@ -16,10 +14,10 @@ from numpy.typing import NDArray
 
 _DAMPING = 0.8
 _LARGEST_STEP = 2.0
-_SETTLED = 0.002  # relative change of a step after which nothing more is to come
+_SETTLED = 0.002  # a step with a smaller relative change ends the control
 _MOST_STEPS = 60
-_VIEWS = 16  # at a time, which stay in the processor's cache
-STRIDE = 2  # every so many pixels are looked at, in x and y
+_VIEWS = 16  # images at a time, which stay in the processor's cache
+STRIDE = 2  # only every second pixel is measured, in x and y
 DARKEST = np.finfo(np.float32).tiny  # smallest count of a lit pixel; devices may treat less as 0
 _BLOCK = 1 << 16  # numbers at a time, which stay in the processor's cache
 
@@ -30,7 +28,7 @@ class Setting:
     gain: float
 
     def applied_to(self, signal: Mapping[str, float]) -> dict[str, float]:
-        """The imagers' parameters under this setting. signal: those at gain 1."""
+        """Returns the imagers' parameters `signal`, which hold gain 1, with this exposure and gain."""
         return {**signal, "exposure_s": self.exposure_s, "gain": signal["gain"] * self.gain}
 
     @property
@@ -40,8 +38,8 @@ class Setting:
 
 @dataclass(frozen=True)
 class AutoExposure:
-    """The rule of one sensor: 'fixed', 'converging' or 'settled', from a first setting to a mean count of target_dn in
-    a region (left, top, right, bottom), or everywhere."""
+    """The exposure control of one sensor. mode: 'fixed', 'converging' or 'settled'. start: the first setting.
+    target_dn: the wanted mean count in `region` (left, top, right, bottom), or in the whole image if None."""
 
     mode: str
     start: Setting
@@ -51,9 +49,9 @@ class AutoExposure:
     region: tuple[int, int, int, int] | None = None
 
     def after(self, now: Setting, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float) -> Setting:
-        """The setting after the present one for one view; 'settled': the end of the steps from the start.
-
-        signal: simsense's, under the present setting. light: radiance [height][width]."""
+        """Returns the setting that follows `now` for one image: one step further in mode 'converging', else the end of
+        all steps from the start setting. signal: simsense's imager parameters under `now`. light: radiance [height,
+        width]. max_dn: the count at which pixels clip."""
         seen, black_dn = self._seen(light[None], signal, now), signal["black_level_dn"]
         begin = np.array([(now if self.mode == "converging" else self.start).light_s])
         follow = self._step if self.mode == "converging" else self._settled
@@ -65,8 +63,8 @@ class AutoExposure:
     def settled_light(
         self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
     ) -> NDArray[np.float32]:
-        """[n]: the settled light of n views [n][height][width], relative to the start setting, which `signal` belongs
-        to."""
+        """Returns [n]: exposure times gain at which the control settles for n images, relative to the start setting.
+        light: radiance [n, height, width]. signal: imager parameters under the start setting."""
         begin = np.full(_VIEWS, self.start.light_s)
         parts = [self._seen(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
         black_dn = signal["black_level_dn"]
@@ -74,7 +72,8 @@ class AutoExposure:
         return np.asarray(np.concatenate(found) / self.start.light_s, np.float32)
 
     def _seen(self, light: NDArray[np.float32], signal: Mapping[str, float], now: Setting) -> NDArray[np.float32]:
-        """[n, pixels]: counts above black per second of light, in the region."""
+        """Returns [n, pixels]: counts above black, per second of exposure times gain, in the measured region of n
+        images."""
         dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
         left, top, right, bottom = self.region or (0, 0, light.shape[2], light.shape[1])
         looked_at = np.asarray(light[:, top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32)
@@ -95,7 +94,7 @@ class AutoExposure:
     def _step(
         self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
     ) -> NDArray[np.float64]:
-        """Exposure times gain after one step, of each view."""
+        """Returns [n]: exposure times gain of n images after one step. seen: as from _seen()."""
         counts = seen * light_s.astype(np.float32)[:, None]
         counts += np.float32(black_dn)
         np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)
@@ -108,9 +107,9 @@ class AutoExposure:
 
 
 def rgb_exposure(radiance: NDArray[np.float32]) -> float:
-    """Factor that puts the median lit pixel's green at a quarter of white, in the float32 arithmetic of kuafu's output
-    `srgb`. The median is the middle of all light with the same upper 16 bits. radiance: float32 [..., height, width,
-    3]."""
+    """Computes the exposure factor that puts the median lit pixel's green at a quarter of white, in float32 as kuafu's
+    output `srgb` does. The median is rounded to the middle of all values with its upper 16 bits. radiance: float32
+    [..., height, width, 3]."""
     green = radiance[..., ::STRIDE, ::STRIDE, 1]
     lit = green[(green >= DARKEST) & (green < np.inf)]
     if not lit.size:
@@ -120,20 +119,21 @@ def rgb_exposure(radiance: NDArray[np.float32]) -> float:
 
 
 def exposure_of_median(green: np.float32) -> float:
-    """rgb_exposure() of pictures with this median, the lower one of two."""
+    """Computes the factor of rgb_exposure() from the median green value; of an even number of pixels, the lower
+    median."""
     shared = (np.float32(green).view(np.uint32) & np.uint32(0xFFFF0000) | np.uint32(0x8000)).view(np.float32)
     return float(max(np.float32(0.25) / shared, DARKEST))
 
 
 def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArray[np.float32]:
-    """Colours 0..1, sRGB-encoded under this exposure; None or 0: that of rgb_exposure(). radiance: [..., height, width,
-    3]."""
+    """Returns sRGB-encoded colours 0..1. radiance: [..., height, width, 3]. exposure: factor on radiance; None or 0 =
+    that of rgb_exposure()."""
     return srgb(radiance, exposure or rgb_exposure(radiance))
 
 
 def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32]:
-    """sRGB's transfer curve (IEC 61966-2-1) on linear values times a factor, clipped to 0..1. Accurate to 2e-5: it
-    reads a table over the root of the value, in which the curve is nearly straight."""
+    """Applies sRGB's transfer curve (IEC 61966-2-1) to linear values times a factor, clipped to 0..1. It is accurate to
+    2e-5. It reads a table over the value's square root, in which the curve is nearly straight."""
     light = np.ascontiguousarray(linear).reshape(-1)
     encoded = np.empty_like(light)
     scratch = np.empty(min(_BLOCK, light.size), dtype=np.float32)

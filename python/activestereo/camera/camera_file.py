@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads camera data from TOML files. Every figure has its source, and fields.toml checks it.
+"""Reads camera data from TOML files. Every figure has its source, and fields.toml gives its allowed range.
 
 name = "D435i"
 title = "Intel RealSense D435i"
@@ -28,7 +28,8 @@ _LONGEST_CHAIN = 8
 
 @dataclass(frozen=True)
 class Field:
-    """The range of a figure: `count` numbers (0: one, not a list) within low..high, or one of `choices`."""
+    """The allowed values of a camera figure: `count` numbers (0: one number, not a list) within low..high, or one of
+    `choices`."""
 
     doc: str
     unit: str = ""
@@ -41,7 +42,7 @@ class Field:
 
 
 def _fields() -> dict[str, dict[str, Field]]:
-    """{section: {figure: Field}} of fields.toml."""
+    """Reads fields.toml, {section: {figure: Field}}."""
     tables = {"MATCHER": MATCHER, "OPTICS": OPTICS, "RENDER": RENDER, "SIGNAL": SIGNAL}
     out: dict[str, dict[str, Field]] = {}
     for section, rows in read_toml(Path(__file__).with_name("fields.toml")).items():
@@ -74,7 +75,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class CameraData:
-    """figures: {section: {name: Figure}}, including those of the files that it is based on."""
+    """All figures of a camera, {section: {name: Figure}}, including those inherited through based_on."""
 
     name: str
     title: str
@@ -90,13 +91,13 @@ class CameraData:
 
 
 def camera_names() -> list[str]:
-    """Names of the known cameras' files."""
+    """Lists the known cameras by file name."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
 def read_camera(name: str | Path) -> CameraData:
-    """Reads a camera by its name (in any case) or the path of a file. Raises ValueError with the figure and its
-    fault."""
+    """Reads a camera's data by its name (in any case) or the path of a .toml file. Raises ValueError with the figure
+    and its fault."""
     path = FOLDER / f"{str(name).lower()}.toml"
     if not path.is_file() or "/" in str(name):
         path = Path(name)
@@ -108,7 +109,7 @@ def read_camera(name: str | Path) -> CameraData:
 
 
 def camera_titles() -> list[str]:
-    """Titles in the known cameras' files."""
+    """Lists the known cameras by the name in their files."""
     return [read_toml(FOLDER / f"{name}.toml")["name"] for name in camera_names()]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranges of the fields of a sensor's configuration: checked when one is set, and together when a sensor is made."""
+"""Checks the fields of a sensor's configuration: each one when it is set, and all together when a sensor is made."""
 
 from __future__ import annotations
 
@@ -107,14 +107,14 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 
 def check_field(name: str, value: Any) -> None:
-    """Raises ValueError with a field's invalid value and the allowed ones."""
+    """Raises ValueError with the value and the allowed ones if a field's value is invalid."""
     fault = None if value is None and name in _MAY_BE_NONE else _fault(name, value)
     if fault is not None:
         raise ValueError(f"{name} {fault}")
 
 
 def _fault(name: str, value: Any) -> str | None:
-    """The fault of a field's value, in words that follow the field's name."""
+    """Returns the fault of a field's value in words that follow the field's name; None if it is valid."""
     if name in _NUMBERS:
         return _NUMBERS[name].fault(value)
     if name in _LISTS:
@@ -255,7 +255,7 @@ def _matrix_fault(value: Any) -> str | None:
 
 
 def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
-    """Raises ValueError if a camera's matrix does not fit its resolution."""
+    """Raises ValueError if the camera matrix `k` of field `name` does not fit the camera's resolution in `fields`."""
     camera = name.partition("_")[0]
     if k is not None and name != "pattern_intrinsic":
         width, height = fields[f"{camera}_resolution"]
@@ -263,8 +263,8 @@ def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
 
 
 def check_together(fields: Mapping[str, Any]) -> None:
-    """Raises ValueError if a changed array has invalid values, or fields do not fit one another. fields: vars() of a
-    configuration."""
+    """Raises ValueError if a value is invalid or fields contradict one another. fields: vars() of a configuration. It
+    checks each value again, since arrays may have changed in place."""
     for name, value in fields.items():
         check_field(name, value)
     calibrated: Calibrated = fields["_calibrated"]
@@ -302,7 +302,7 @@ def check_together(fields: Mapping[str, Any]) -> None:
 
 
 def _check_automatic_exposure(fields: Mapping[str, Any]) -> None:
-    """Raises ValueError for limits, a target or a region that do not go together."""
+    """Raises ValueError if the limits, the target or the region of automatic exposure are impossible."""
     for name in ("ir_exposure_limits_s", "ir_gain_limits"):
         low, high = fields[name]
         if low > high:
@@ -328,7 +328,8 @@ def _check_middle(name: str, k: NDArray[np.float64], width: int, height: int, re
 
 
 def checked_twist(linear: ArrayLike, angular: ArrayLike) -> NDArray[np.float64]:
-    """A linear and an angular velocity, [6]. Raises ValueError for one that no sensor can have."""
+    """Returns the twist [v, w] (6, m/s and rad/s) of a linear and an angular velocity. Raises ValueError if one is
+    beyond the limits."""
     parts = (("linear velocity in m/s", linear, SPEED), ("angular velocity in rad/s", angular, TURN_RATE))
     for name, part, limits in parts:
         fault = _list_fault(np.asarray(part).tolist(), [limits] * 3)

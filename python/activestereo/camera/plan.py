@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's configuration in the engines' terms, resolved once, when the sensor is made."""
+"""Converts a sensor's configuration to the engines' inputs, once, when the sensor is made."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
 SPECKLE_SHAPE = 1333.33
 THERMAL_SIGMA_DN = 0.25
-# A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
+# Focus distance of a collimated beam. A dot is then the beam's width in metres, widened by its angle.
 _FAR_M = 1e6
 
 
 class Pattern(NamedTuple):
-    """A projector's image, and its relative radiant intensity 0..1, read-only."""
+    """A projector's image, uint8 [height, width], and its relative radiant intensity, float32 0..1 and read-only."""
 
     image: NDArray[np.uint8]
     radiant: NDArray[np.float32]
@@ -36,14 +36,14 @@ class Pattern(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorPlan:
-    """Inputs of renderer, imagers, rectification, matcher and registration, for a sensor with its RGB camera at the
-    origin. A mapping holds keyword arguments.
+    """Inputs of the renderer, imagers, rectification, matcher and registration for one sensor. The RGB camera is at the
+    origin. Dicts are keyword arguments.
 
     rgb, left, right: of kuafu.Camera, without velocities and the infrared exposure. left_to: 4x4 from the left camera's
-    axes to those of 'rgb', 'left', 'right' and 'projector'. ir_optics: of kuafu.Optics; rgb_optics: the same or None.
-    projector: of kuafu.Light, without its intensity; None if the sensor has none. pattern: the projector's image; None
-    if it has dots. laser_w_sr: its intensity in even and in odd pictures. renderer: of kuafu.Renderer; render: of its
-    render(). engine: of simsense.Engine, without the imagers. signal: the imagers' parameters at gain 1.
+    axes to those of 'rgb', 'left', 'right' and 'projector'. ir_optics: of kuafu.Optics; rgb_optics: the same, or None.
+    projector: of kuafu.Light without its intensity, or None without a projector. pattern: the projector's image; None
+    if it has dots. laser_w_sr: the projector's intensity in even and in odd pictures. renderer: of kuafu.Renderer;
+    render: of its render(). engine: of simsense.Engine, without the imagers. signal: the imagers' parameters at gain 1.
     responsivity_dn: counts per W s / (sr m^2) at gain 1."""
 
     rgb: dict[str, Any]
@@ -70,7 +70,7 @@ class SensorPlan:
 
 
 def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
-    """Raises ValueError if fields of the configuration do not go together."""
+    """Makes the SensorPlan of a configuration. Raises ValueError if its fields contradict one another."""
     pattern = _pattern(config) if config.light_dots is None else None
     check_together(vars(config))
     seen = {
@@ -131,24 +131,24 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
 
 
 def parameters(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> dict[str, Any]:
-    """The configuration's values of an engine's parameters."""
+    """Returns {parameter: the configuration's value} of the engine parameters in a table."""
     return {p.name: getattr(config, p.name) for p in table}
 
 
 def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
-    """The stereo matcher's parameters."""
+    """Returns {parameter: the configuration's value} of the stereo matcher."""
     return parameters(config, MATCHER)
 
 
 def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:
-    """(K, distortion) of an infrared camera."""
+    """Returns (3x3 K, distortion coefficients) of the left or the right infrared camera."""
     k, lens = (config.ir_intrinsic_right, config.ir_distortion_right) if is_right else (None, None)
     return config.ir_intrinsic if k is None else k, config.ir_distortion if lens is None else lens
 
 
 def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
-    """Both imagers' parameters, all of them, at gain 1: ir_signal or SAPIEN's noise, with responsivity and black
-    level."""
+    """Returns all imager parameters at gain 1: those of ir_signal, or of SAPIEN's noise if it is None. Responsivity and
+    black level are applied. Both infrared imagers use them."""
     signal = config.ir_signal
     if isinstance(signal, str):
         signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so
@@ -168,7 +168,7 @@ def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
 
 
 def pattern_of(config: StereoDepthSensorConfig) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
-    """The projector's image as uint8 [height, width] and its 3x3 K; None without a projector."""
+    """Returns (the projector's image as uint8 [height, width], its 3x3 K), or None without a projector image."""
     pattern = _pattern(config)
     return None if pattern is None else (pattern.image, pattern_k(config, *pattern.image.shape[::-1]))
 
@@ -185,7 +185,7 @@ def _pattern(config: StereoDepthSensorConfig) -> Pattern | None:
 
 
 def pattern_k(config: StereoDepthSensorConfig, width: int, height: int) -> np.ndarray:
-    """The projector's 3x3 K for a pattern image of this size."""
+    """Returns the projector's 3x3 K in pixels of a pattern image of this size."""
     if config.pattern_intrinsic is not None:
         return np.array(config.pattern_intrinsic, dtype=np.float64)
     focal = 0.5 * width / np.tan(0.5 * config.active_light_fov)
@@ -193,7 +193,7 @@ def pattern_k(config: StereoDepthSensorConfig, width: int, height: int) -> np.nd
 
 
 def _projector(config: StereoDepthSensorConfig, pattern: Pattern | None) -> dict[str, Any] | None:
-    """Keyword arguments of kuafu.Light without the place; None if there are neither dots nor an image."""
+    """Returns keyword arguments of kuafu.Light without its pose; None if there are neither dots nor an image."""
     fields: dict[str, Any] = {"kind": "projector", "name": "projector"}
     fields |= {"falloff": config.projector_falloff, "pattern_scale": config.light_pattern_scale}
     if config.projector_beam_radius_m > 0.0:

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's configuration: StereoDepthSensorConfig("D435"), or another camera of camera/data. Its files give every
-figure with its source ('activestereo presets' prints them). Names are SAPIEN's, and new fields follow their style.
-"sapien-D435" and "sapien-D415" have SAPIEN's values, too.
+"""Sensor configurations: StereoDepthSensorConfig("D435"), or another camera of camera/data. The camera's file gives
+every figure with its source ('activestereo presets' prints them). Field names are SAPIEN's, and new fields follow their
+style. "sapien-D435" and "sapien-D415" also have SAPIEN's values.
 
-Exposure. A pixel's noise-free count is ir_camera_exposure * ir_camera_gain * ir_responsivity_dn * radiance, plus the
+Exposure: a pixel's noise-free count is ir_camera_exposure * ir_camera_gain * ir_responsivity_dn * radiance, plus the
 black level. The devices' presets expose automatically (auto_exposure.py). SAPIEN's exposure is fixed: a mean dot
-reaches about 130 counts at 1 m on a surface of albedo 0.5.
-"""
+reaches about 130 counts at 1 m on a surface of albedo 0.5."""
 
 from __future__ import annotations
 
@@ -43,7 +42,8 @@ def _pose(camera: CameraData, name: str) -> Pose:
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
-    """simsense's imager for counts. None if the camera's file has none; SAPIEN's noise is used then."""
+    """Returns simsense's imager parameters from the camera's noise figures. None if its file has none; SAPIEN's noise
+    then applies."""
     imager = camera.figures["imager"]
     if "conversion_gain_dn_per_e" not in imager:
         return None
@@ -98,9 +98,9 @@ _OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
 
 
 class StereoDepthSensorConfig(MatcherFields, RenderFields):
-    """All settings of a sensor. Change any field before making the sensor. model: a camera's name, or the path of a
-    TOML file like those of camera/data. Raises ValueError for an unknown model and for an invalid value, AttributeError
-    for an unknown field."""
+    """All settings of a sensor; change any field before making the sensor. model: a camera's name, or the path of a
+    TOML file like those of camera/data. Raises ValueError for an unknown model or an invalid value, AttributeError for
+    an unknown field."""
 
     SUPPORTED_MODELS = tuple(camera_titles())
     _FIELDS: tuple[str, ...] = ()  # all names, once a first one has been made
@@ -232,8 +232,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         object.__setattr__(self, "_calibrated", kept)
 
     def check(self) -> None:
-        """Raises ValueError if fields do not go together, as sensors refuse them: a camera's matrix of another
-        resolution, a power that the laser has not."""
+        """Raises ValueError if fields contradict one another, such as a matrix for another resolution or a power that
+        the laser lacks. Sensors call it, too."""
         check_together(vars(self))
 
     @classmethod
@@ -246,7 +246,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return not self._differing(other)
 
     def __repr__(self) -> str:
-        """The model, and the fields that differ from it."""
+        """Shows the model and the fields that differ from its defaults."""
         try:
             base = type(self)(self.model)
         except ValueError:  # the path of a user's file
@@ -262,7 +262,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return f"StereoDepthSensorConfig({', '.join(changed)})"
 
     def _differing(self, other: StereoDepthSensorConfig) -> list[str]:
-        """Names of the fields whose values differ."""
+        """Lists the fields whose values differ from those of `other`."""
         names = []
         for name in self._FIELDS:
             a, b = getattr(self, name), getattr(other, name)
@@ -276,7 +276,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     if not TYPE_CHECKING:  # type checkers know the fields by their own names alone, and so find misspelt ones
 
         def __getattr__(self, name: str) -> Any:
-            """A field under SAPIEN's name."""
+            """Returns a field by SAPIEN's name."""
             if name in _OWN_NAMES:
                 return getattr(self, _OWN_NAMES[name])
             if name.startswith("__"):  # names that Python asks for, in copy() for one: no guess
@@ -294,8 +294,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     @classmethod
     def from_model(cls, model: SensorModel | str | Path, base: str = "D435") -> StereoDepthSensorConfig:
-        """The sensor of a model: a model.SensorModel or the path of a model.json. Values that it lacks are the
-        preset's. Give the model to the sensor, too: StereoDepthSensor(config, scene, model=model)."""
+        """Makes the configuration of a sensor model, given as a SensorModel or the path of a model.json. The preset
+        `base` supplies values that the model lacks. Give the model to the sensor, too: StereoDepthSensor(config, scene,
+        model=model)."""
         from activestereo.model import SensorModel, read_model
         from activestereo.model.configure import configured
 
@@ -307,19 +308,19 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     @property
     def focal_baseline_px_m(self) -> float:
-        """f * B of the IR pair: depth = this / disparity."""
+        """Focal length times baseline of the infrared pair, pixel metres: depth is this number over disparity."""
         baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
         return float(self.ir_intrinsic[0, 0] * baseline_m)
 
     @property
     def projector_in_left_m(self) -> tuple[float, float, float]:
-        """The projector's place in the left IR camera's frame (x right, y down, z forward), metres."""
+        """The projector's position in the left infrared camera's frame (x right, y down, z forward), metres."""
         forward, left, up = (self.pose_rgb_irproj.p - self.trans_pose_l.p).tolist()
         return -left, -up, forward
 
     def seen_from_left(self) -> StereoDepthSensorConfig:
-        """A copy whose RGB camera stands in the left infrared one's place, with its image and lens: depth is registered
-        to the left image."""
+        """Returns a copy whose RGB camera has the left infrared camera's pose, resolution and lens, so that depth is
+        registered to the left image."""
         out, to_left = deepcopy(self), self.trans_pose_l.inv()
         out.trans_pose_l = Pose()
         out.trans_pose_r, out.pose_rgb_irproj = to_left * self.trans_pose_r, to_left * self.pose_rgb_irproj
@@ -328,8 +329,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return out
 
     def scaled(self, factor: float) -> StereoDepthSensorConfig:
-        """A copy with all images and the disparity range `factor` times as large; fields of view, readout times,
-        projector and depths are the same. The matcher's block shrinks with them, but not below 7 pixels, and never
+        """Returns a copy whose images and disparity range are `factor` times as large. Fields of view, readout times,
+        projector and depth range stay. The matcher's block shrinks with the images, but not below 7 pixels, and never
         grows."""
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
@@ -342,9 +343,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return out
 
     def resized(self, width: int, height: int, fov: float | None = None) -> StereoDepthSensorConfig:
-        """A copy whose images are all width x height pixels, with square pixels as square as before. fov: horizontal
-        field of view of all cameras, degrees; None = each keeps its own, and height crops or extends. The disparity
-        range and the matcher's block scale with the infrared focal length, as in scaled()."""
+        """Returns a copy whose images are all width x height pixels; pixels keep their aspect ratio. fov: horizontal
+        field of view of all cameras, degrees. None: each camera keeps its own, and the new height crops or extends the
+        image. The disparity range and the matcher's block scale with the infrared focal length, as in scaled()."""
         for name, side in (("width", width), ("height", height)):
             SIDE.check(name, side)
         if fov is not None:
@@ -361,7 +362,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return out
 
     def _rescaled(self, factor: float) -> StereoDepthSensorConfig:
-        """A copy with matcher and speckle for images of this many times the focal length."""
+        """Returns a copy whose matcher and speckle suit images with `factor` times the focal length in pixels."""
         self.check()
         out = deepcopy(self)
         out.max_disparity = max(32, round(self.max_disparity * factor))
@@ -378,7 +379,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def _resize(
         self, out: StereoDepthSensorConfig, camera: str, size: tuple[int, int], focal: NDArray[np.float64]
     ) -> None:
-        """Gives `out` this camera at another resolution; focal: new over old focal lengths, x and y."""
+        """Sets camera 'rgb' or 'ir' of `out` to another resolution. focal: ratios of new to old focal lengths, x and
+        y."""
         ratio = np.array(size) / np.array(getattr(self, f"{camera}_resolution"))
         setattr(out, f"{camera}_resolution", size)
         for name in [f"{camera}_intrinsic"] + (
@@ -400,7 +402,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
 
 def own_config(config: StereoDepthSensorConfig | str | PathLike[str]) -> StereoDepthSensorConfig:
-    """A copy of a configuration, or the configuration of a camera's name or file. Raises TypeError for anything
+    """Returns a copy of a configuration, or makes the one of a camera's name or file. Raises TypeError for anything
     else."""
     if isinstance(config, (str, PathLike)):
         return StereoDepthSensorConfig(str(config))

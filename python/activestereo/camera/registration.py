@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Registers a depth image of the left infrared camera to the RGB camera, outside the depth engine."""
+"""Registers a depth image of the left infrared camera to the RGB camera without the depth engine."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from activestereo.common.lens import distort, is_distorting, is_drawn
 def registered(
     depth_m: NDArray[np.float32], k: NDArray[np.float64], left_to_rectified: NDArray[np.float64], plan: SensorPlan
 ) -> NDArray[np.float32]:
-    """Registered depth, float32 [height][width] of the RGB camera, metres, 0 = none: nearest pixels, the nearest
-    surface wins. depth_m, k: the rectified left image's. With depth_dilation each point also covers the pixels up and
-    left of it."""
+    """Returns depth registered to the RGB camera, float32 [height, width], metres, 0 = none. Each point falls on its
+    nearest pixel; the nearest surface wins. With depth_dilation, a point also covers the pixels up and left of it.
+    depth_m: of the rectified left image, metres. k: that image's 3x3. left_to_rectified: 4x4 from the left camera's
+    axes to the rectified ones."""
     rgb, matcher, left_to_rgb = plan.rgb, plan.engine, plan.left_to["rgb"]
     v, u = np.nonzero(depth_m)
     z = depth_m[v, u].astype(np.float64)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Generates projector patterns: pseudo-random dots like those of the D4xx, the same on every machine.
 
-Random dots: each cell of a square grid holds one dot at a random place. In a row of cells, each four takes the
-four quarters of the cell height in random order, so no low, wide window stays without dots. Stereo needs unique windows
+Random dots: each cell of a square grid holds one dot at a random place. In a row of cells, each group of four takes the
+four quarters of the cell height in random order. So no low, wide window lacks dots. Stereo needs unique windows
 (tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all others within the disparity range.
 The difference is at least half the energy of a mean dot. Density and size are measured on D435 and D415 images: about
 5000 dots in view, with a visible sigma of 1.2 and 1.8 pixels including the pixel's own blur.

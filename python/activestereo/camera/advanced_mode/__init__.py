@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The D400's advanced-mode JSON: read, checked, written, and as parameters of the matcher and of the camera."""
+"""Reads, checks and writes the D400's advanced-mode JSON, and converts it to parameters of the matcher and the
+camera."""
 
 from activestereo.camera.advanced_mode.settings import (
     AdvancedSettings,

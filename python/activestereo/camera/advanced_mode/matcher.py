@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rectified infrared pairs matched under advanced-mode settings."""
+"""Matches rectified infrared pairs with the depth engine under advanced-mode settings."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ _IN_COUNTS_OF_8_BITS = ("p2_full_gradient_dn", "min_texture_dn", "low_texture_dn
 
 
 class PairMatcher:
-    """Matches pairs of one size. K: 3x3 of the left and the right rectified image, px, which differ by cx alone.
-
-    base: simsense's parameters at the camera's default settings, for images of 8 bits. overrides: parameters of
-    simsense's rig and matcher that go before the settings'."""
+    """Matches rectified pairs of one image size. K: 3x3 of the left and the right image, px; only cx may differ. first:
+    an image with the pairs' size and dtype. base: simsense's matcher parameters at the camera's default settings, for
+    8-bit images. overrides: parameters of simsense's rig and matcher that replace those from the settings."""
 
     def __init__(
         self,
@@ -52,20 +51,21 @@ class PairMatcher:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """All parameters of the engine."""
+        """All parameters of the engine by name."""
         return dict(self._engine.parameters)
 
     def set_settings(self, settings: AdvancedSettings) -> None:
-        """Sets the matcher for the next pairs; the depth table stays."""
+        """Sets the matcher's parameters for the next pairs from these settings; the depth table stays."""
         matcher = self._parameters(settings)
         self._engine.set_parameters(**{name: matcher[name] for name in self._engine.parameters if name in matcher})
 
     def disparity(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.float32]:
-        """Disparity in pixels, -1 = not measured."""
+        """Computes the left image's disparity in pixels, float32 [height, width], -1 = not measured."""
         return np.array(self._engine.compute(left, right, ("disparity",))["disparity"], np.float32)
 
     def image(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.uint16]:
-        """The depth image in the camera's format: units of the depth table, or disparities; 0 = no measurement."""
+        """Computes the depth image in the camera's format, 0 = no measurement. Values are depths in units of the depth
+        table, or disparities in 1/32 pixel if the table says so."""
         if self.table.is_disparity:
             values = _DISPARITY_STEPS * np.maximum(self.disparity(left, right), 0.0).astype(np.float64)
         else:

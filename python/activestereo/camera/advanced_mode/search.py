@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looks for advanced-mode settings on a few pairs of a recording, one key after another."""
+"""Searches advanced-mode settings that improve the depth of a few pairs of a recording, one key after another."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CHOICES: dict[str, tuple[float, ...]] = {
     "param-rsmremovethreshold": (0.1, 0.375, 0.8),
 }
 ROUNDS = 2
-# Shares of the start's that a better setting may have.
+# A better setting has at most this share of the start's noise, and at least this share of its fill.
 _MOST_NOISE, _LEAST_FILL = 1.1, 0.98
 _WINDOW_PX = 11
 _FLAT_PX = 1.0  # a larger residual from a plane means an edge in the window
@@ -36,8 +36,9 @@ _WRONG_PX = 2.0
 
 @dataclass(frozen=True)
 class Score:
-    """Means over the pairs. fill: share of pixels; noise_px: RMS about the plane of flat windows, median over them;
-    wrong: share of the pixels with truth that are unmeasured or off by more than 2 px, NaN without truth."""
+    """Quality of disparity images, averaged over the pairs. fill: share of measured pixels. noise_px: RMS deviation
+    from a fitted plane, as the median over flat windows. wrong: share of the pixels with truth that are unmeasured or
+    off by more than 2 px; NaN without truth."""
 
     fill: float
     noise_px: float
@@ -45,7 +46,8 @@ class Score:
 
 
 def score(disparities: Sequence[NDArray[np.float32]], truths: Sequence[NDArray[np.float32]] = ()) -> Score:
-    """Scores disparity images, -1 = no measurement. truths: likewise, NaN = unknown."""
+    """Computes the Score of disparity images [height, width] in pixels, -1 = no measurement. truths: true disparities
+    of the same images, NaN = unknown; () = none."""
     fill = float(np.mean([np.mean(disparity > 0) for disparity in disparities]))
     # RMS about the fitted plane in each window that is measured throughout and holds no edge.
     noise = []
@@ -73,7 +75,8 @@ def search(
     evaluate: Callable[[AdvancedSettings], Score],
     progress: Callable[[float], object] = lambda fraction: None,
 ) -> tuple[AdvancedSettings, Score, Score]:
-    """(best settings, the start's score, theirs). evaluate: scores of settings."""
+    """Improves settings towards a goal by trying the values of one key after another. Returns (best settings, score of
+    `start`, score of the best). evaluate: computes the Score of settings."""
     first = best_score = evaluate(start)
     best, done = start, 0
     total = ROUNDS * sum(len(choices) for choices in _CHOICES.values())

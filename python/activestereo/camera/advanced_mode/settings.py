@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Advanced-mode JSON as Intel's Viewer and rs400_advanced_mode write it: one object of keys, or one with the keys under
-"parameters"; numbers may be text. The D400's visual presets are such settings.
+"""Reads advanced-mode JSON, as Intel's Viewer and rs400_advanced_mode write it, and the D400's visual presets. The file
+is one object of keys, or has the keys under "parameters"; numbers may be text.
 
-Converts them to the matcher's parameters, the depth image's units, and the camera's light. Only Intel knows the D400's
-matcher, so keys are read against its defaults. A key with the camera's default leaves the preset's matcher unchanged;
-another value scales the parameter by the same ratio."""
+Converts the settings to the matcher's parameters, the depth image's units, and the camera's exposure and laser. Only
+Intel knows the D400's matcher, so keys are read against its defaults. A key at the camera's default leaves the
+matcher's parameter unchanged; another value scales the parameter by the same ratio."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ _IGNORED = ("result", "result:")
 
 @dataclass(frozen=True)
 class Key:
-    """A row of keys.toml. words: allowed values of a key that is no number. to: names that it sets here. control:
-    GROUP.FIELD of pyrealsense2's controls, whose number is control_offset + control_scale x the key."""
+    """A key of the advanced mode, as a row of keys.toml describes it. words: allowed values of a key that is no number.
+    to: parameters that it sets here. control: GROUP.FIELD of pyrealsense2's controls, whose number is control_offset +
+    control_scale * the key's."""
 
     name: str
     default: Value
@@ -44,7 +45,7 @@ class Key:
 
 @cache
 def keys() -> dict[str, Key]:
-    """All keys by name."""
+    """Reads the table of all keys, {name: Key}."""
     rows: dict[str, dict[str, Any]] = read_toml(_TABLE)
     lists = ("to", "range", "words")
     return {
@@ -55,38 +56,42 @@ def keys() -> dict[str, Key]:
 
 @dataclass(frozen=True)
 class AdvancedSettings:
-    """values: those of the given keys, by the table's names; an alias stands under its target's name."""
+    """Advanced-mode settings. values: {key: value} of the keys that were given; an alias stands under the name of its
+    key."""
 
     values: Mapping[str, Value]
 
     def number(self, name: str) -> float:
-        """A key's number: the given one, or the camera's default."""
+        """Returns a key's number: the given one, or the camera's default."""
         return float(self.values.get(name, keys()[name].default))
 
     def word(self, name: str) -> str:
         return str(self.values.get(name, keys()[name].default))
 
     def is_changed(self, *names: str) -> bool:
-        """Whether one of these keys was given and differs from the camera's default."""
+        """Returns whether one of these keys was given and differs from the camera's default."""
         return any(name in self.values and self.values[name] != keys()[name].default for name in names)
 
     def as_text(self) -> dict[str, str]:
-        """Values as librealsense writes them: of each param- and aux-param- key, and of the others that were given."""
+        """Returns the values as text, as librealsense writes them: every param- and aux-param- key, and the other given
+        keys."""
         whole = {name: key.default for name, key in keys().items() if name.startswith(("param-", "aux-param-"))}
         return {name: _text(value) for name, value in sorted({**whole, **self.values}.items())}
 
     def unmapped(self) -> list[str]:
-        """Given keys that differ from the camera's default and set nothing here."""
+        """Lists the given keys that differ from the camera's default but set no parameter here."""
         return [name for name in self.values if not keys()[name].to and self.is_changed(name)]
 
 
 def read_settings(path: str | Path) -> AdvancedSettings:
-    """The settings of a file. Raises ValueError with the file and each key that is unknown or out of range."""
+    """Reads settings from a JSON file. Raises ValueError with the file and every key that is unknown or out of
+    range."""
     return parse_settings(read_json_object(path), str(path))
 
 
 def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
-    """read_settings() of a JSON object; `source` stands before an error."""
+    """Checks a JSON object's keys and returns them as settings. Raises ValueError, which begins with `source`, with
+    every key that is unknown or out of range."""
     inside = content.get("parameters", content)
     if not isinstance(inside, Mapping) or not inside:
         raise ValueError(f"{source}: has no keys of the advanced mode, such as param-secondpeakdelta")
@@ -121,7 +126,7 @@ def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
 
 
 def write_settings(path: str | Path, settings: AdvancedSettings) -> None:
-    """The file for the camera: all given keys, as text, as librealsense writes them."""
+    """Writes a JSON file for the camera with all given keys as text, as librealsense writes them."""
     values = {name: _text(value) for name, value in sorted(settings.values.items())}
     write_text(path, json.dumps(values, indent=4) + "\n")
 
@@ -135,8 +140,8 @@ _EMPTY = ("custom", "default")
 
 
 def visual_preset(name: str) -> AdvancedSettings:
-    """The settings of a preset, by librealsense's name: custom, default, hand, high_accuracy, high_density or
-    medium_density. ValueError lists them."""
+    """Returns the settings of a visual preset by librealsense's name: custom, default, hand, high_accuracy,
+    high_density or medium_density. Raises ValueError with these names for another one."""
     if name in _EMPTY:
         return AdvancedSettings({})
     known = read_toml(_FILE)
@@ -151,14 +156,15 @@ _SCALED = (
 _WIDEST_WINDOW, _WIDEST_BLOCK = 9, 15
 _LARGEST_PENALTY = 223
 _LEFT_RIGHT_STEPS = 32  # of a pixel
-_REGION_PIXELS = 168  # those around one within 13x13, which librealsense scales the share by
+_REGION_PIXELS = 168  # neighbours in a 13x13 window, by which librealsense scales the threshold
 _DN_OF_10_BITS = 0.25
 _DN_OF_12_BITS = 1 / 16
 
 
 @dataclass(frozen=True)
 class DepthTable:
-    """Format of a depth image: metres per unit and the depths that it keeps, or disparities instead."""
+    """Format of a depth image: metres per unit and the range of depths that it keeps. is_disparity: pixels hold
+    disparities instead."""
 
     unit_m: float
     min_depth_m: float
@@ -167,7 +173,7 @@ class DepthTable:
 
 
 def matcher_parameters(settings: AdvancedSettings, base: Mapping[str, Any]) -> dict[str, Any]:
-    """simsense's parameters: `base`, the camera's preset for images of 8 bits, changed by the settings."""
+    """Returns simsense's matcher parameters: `base`, the camera's for 8-bit images, changed by the settings."""
     out = dict(base)
     changed, number = settings.is_changed, settings.number
     share = {n: number(n) / float(keys()[n].default) for n in _SCALED}  # a key's number over the camera's default
@@ -205,7 +211,7 @@ def depth_table(settings: AdvancedSettings) -> DepthTable:
 
 
 def camera_fields(settings: AdvancedSettings) -> dict[str, Any]:
-    """Fields of StereoDepthSensorConfig for exposure and laser, of the keys that were given."""
+    """Returns {field of StereoDepthSensorConfig: value} for the given keys of exposure and laser."""
     given, number = settings.values, settings.number
     out: dict[str, Any] = {}
     if settings.is_changed("aux-param-autoexposure-setpoint"):
@@ -225,5 +231,5 @@ def camera_fields(settings: AdvancedSettings) -> dict[str, Any]:
 
 
 def _odd(side: float, most: int) -> int:
-    """The nearest odd number, 3 at least."""
+    """Rounds a window's side to an odd number, between 3 and `most`."""
     return min(most, max(3, 2 * round((side - 1) / 2) + 1))
