@@ -1,4 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
 """Captures: recordings of a real camera with the scene that it saw. capture.py reads them, write.py writes them, and
-importers makes them of other programs' recordings.
-"""
+importers converts other programs' recordings."""

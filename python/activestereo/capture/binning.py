@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Captures with images averaged over blocks of pixels. The lab searches large images so, and reports figures on the
-whole ones."""
+"""Averages a capture's images over blocks of pixels. The lab searches on such smaller images and reports figures for
+the whole ones."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ MOST_PIXELS = 848 * 480
 
 
 def usual_samples(capture: Capture) -> int:
-    """Default samples per pixel: 64 for a whole image of usual size; larger images share the same total."""
+    """Returns the default samples per pixel: 64 for a whole image of usual size; larger images share the same total."""
     return max(4, round(64 * min(1.0, MOST_PIXELS / _pixels(capture.rig))))
 
 
 def usual_binning(capture: Capture) -> int:
-    """Default side of the block, along rows and columns, over which a capture's images are averaged."""
+    """Returns the default side, in pixels, of the square blocks over which a capture's images are averaged."""
     pixels = _pixels(capture.rig)
     return 1 if pixels <= MOST_PIXELS else int(np.ceil(np.sqrt(2.0 * pixels / MOST_PIXELS)))
 
@@ -31,8 +31,8 @@ def _pixels(rig: Rig) -> int:
 
 
 def binned(capture: Capture, size: int) -> Capture:
-    """The capture with its infrared images averaged over size x size pixels, without the device's depth, which was
-    matched on the whole images. Raises CaptureError if no pixel of an image is left."""
+    """Returns the capture with infrared images averaged over size x size pixels, and K and line time to match. The
+    device's depth is dropped, since it was matched on whole images. Raises CaptureError if too few pixels remain."""
     if size == 1:
         return capture
     least = min(min(camera.width, camera.height) for camera in (capture.rig.left, capture.rig.right))
@@ -52,7 +52,8 @@ def binned(capture: Capture, size: int) -> Capture:
 
 
 def unbinned(capture: Capture) -> Capture:
-    """The whole capture with a binned one's poses, focal lengths and projector; any other capture unchanged."""
+    """Returns a binned capture's whole capture, with the binned one's poses, focal lengths and projector. Other
+    captures return unchanged."""
     if capture.whole is None:
         return capture
     whole, rig = capture.whole, capture.rig

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A capture: a real active stereo sensor's measurements and the known facts of the scene (capture format, version 1).
-
-Metres, seconds, radians. Cameras: x right, y down, z forward, pixel centres at integers. A transform `a_to_b` is a 4x4
-array that maps coordinates in a to coordinates in b. Images are digital numbers (DN), read on each call.
-"""
+"""Reads a capture: an active stereo sensor's measurements and the known facts of the scene (capture format, version 1).
+Units are metres, seconds and radians. Camera axes: x right, y down, z forward; pixel centres are at integers. A
+transform `a_to_b` is a 4x4 array that maps coordinates in a to coordinates in b. Images are digital numbers (DN), read
+from disk on each call."""
 
 import warnings
 from collections import Counter
@@ -44,12 +43,13 @@ SPLITS = ("train", "test")
 
 
 class CaptureWarning(UserWarning):
-    """The reader ignored a part of a capture."""
+    """Warns that the reader ignored a part of a capture."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Nominal camera. distortion: five, eight or four coefficients, see activestereo/common/lens.py."""
+    """A camera's nominal intrinsics. K: 3x3, pixels. distortion: five, eight or four coefficients, see
+    activestereo/common/lens.py."""
 
     width: int
     height: int
@@ -63,7 +63,8 @@ class Camera:
 
 @dataclass(frozen=True)
 class Projector:
-    """Point source; `pattern` / 255 is its relative radiant intensity towards pixel (u, v) of K."""
+    """A projector: a point source with an image. pattern() is its relative radiant intensity towards pixel (u, v) of K,
+    3x3."""
 
     pattern_path: Path
     K: np.ndarray
@@ -71,7 +72,7 @@ class Projector:
 
     @computed_once
     def pattern(self) -> np.ndarray:
-        """Relative radiant intensity, float32 [height][width], 0..1."""
+        """Reads the pattern's relative radiant intensity, float32 [height, width], 0..1."""
         image = read_gray(self.pattern_path, key="rig.projector.pattern")
         if image.dtype != np.uint8:
             raise CaptureError(f"{self.pattern_path}: rig.projector.pattern: is a 16-bit image, expected 8-bit gray")
@@ -80,14 +81,14 @@ class Projector:
 
 @dataclass(frozen=True)
 class ColorCamera(Camera):
-    """The colour camera of the same housing, and its place."""
+    """The colour camera in the same housing. left_to_color: 4x4 from the left camera's axes."""
 
     left_to_color: np.ndarray = field(default_factory=lambda: np.eye(4))
 
 
 @dataclass(frozen=True)
 class KnownLight:
-    """A room lamp at a measured place, of unknown brightness. position_m: in the world's axes."""
+    """A room lamp of known position and unknown brightness. position_m: in the world's axes."""
 
     name: str
     position_m: np.ndarray
@@ -96,8 +97,8 @@ class KnownLight:
 
 @dataclass(frozen=True)
 class Rig:
-    """The nominal calibration, as the user states it. black_dn: the measured black level and its standard deviation;
-    None: fits find it."""
+    """The nominal calibration, as the user states it. black_dn: (measured black level, its standard deviation); None:
+    fits find it."""
 
     left: Camera
     right: Camera
@@ -117,15 +118,15 @@ class Rig:
 
     @property
     def max_dn(self) -> int:
-        """The largest digital number the sensor can give."""
+        """The largest digital number that the sensor can give."""
         return 2**self.bit_depth - 1
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One exposure of the rig. `camera_to_world` is the left camera's pose at mid-exposure. left_path, right_path: None
-    in recordings of colour and depth alone. left_mask_path, right_mask_path: images with 0 at pixels of unknown scene;
-    None: all is known."""
+    """One exposure of the rig. camera_to_world: the left camera's pose at mid-exposure. left_path, right_path: None in
+    recordings of colour and depth alone. repeat_group: equal in frames that repeat one view. left_mask_path,
+    right_mask_path: images with 0 where the scene is unknown; None: all is known."""
 
     id: int
     left_path: Path | None
@@ -148,7 +149,7 @@ class Frame:
     right_mask_path: Path | None = None
 
     def path(self, side: str) -> Path:
-        """The path of one camera's image. Raises CaptureError if the recording has none."""
+        """Returns the path of the 'left' or 'right' image. Raises CaptureError if the recording has none."""
         path = {"left": self.left_path, "right": self.right_path}[side]
         if path is None:
             raise CaptureError(f"frames[id={self.id}].{side}: there are no infrared images, only colour and depth")
@@ -160,7 +161,7 @@ class Frame:
 
     @property
     def exposure_gain(self) -> float:
-        """Exposure in seconds times gain: the common factor of every light in this frame."""
+        """Exposure in seconds times gain, by which all light in this frame is scaled."""
         return self.exposure_s * self.gain
 
     @property
@@ -170,10 +171,9 @@ class Frame:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviations of a capture's stated values, per coordinate: poses of views, the projector's pose, focal
-    lengths and albedos (relative). The defaults fit a good hand-eye and rig calibration, and albedos compared with a
-    reference card. exposure: of each frame's exposure (relative), which a comparison then fits; None: exposures are
-    exact."""
+    """Standard deviations of a capture's stated values: poses of views, the projector's pose, focal lengths (relative)
+    and albedos (relative). The defaults suit a good hand-eye and rig calibration, and albedos compared with a reference
+    card. exposure: of each frame's exposure (relative), which a comparison then fits; None: exposures are exact."""
 
     pose_m: float = 1e-3
     pose_rad: float = 1.5e-3
@@ -186,9 +186,9 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class Capture:
-    """A folder in the capture format. Frames keep the file's order. measured: results of `calibrate world` on camera,
-    poses, pattern and light, with covariances (calibrate/README.md). binning: side of the block, in pixels, that images
-    are averaged over (binning.py). whole: the capture before binning."""
+    """A folder in the capture format; frames keep the file's order. measured: results of `calibrate world` on camera,
+    poses, pattern and light, with covariances (calibrate/README.md). binning: side in pixels of the blocks that images
+    are averaged over (binning.py). whole: the capture before binning, or None."""
 
     path: Path
     name: str
@@ -206,7 +206,8 @@ class Capture:
         return [frame for frame in self.frames if frame.split == name]
 
     def ir(self, frame: Frame, side: str) -> np.ndarray:
-        """One IR image, float32 [height][width], DN."""
+        """Reads a frame's 'left' or 'right' infrared image, float32 [height, width], DN; averaged if the capture is
+        binned."""
         if self.whole is not None:
             return block_means(self.whole.ir(frame, side), self.binning)
         camera = self.rig.camera(side)
@@ -214,7 +215,8 @@ class Capture:
         return image.astype(np.float32)
 
     def known(self, frame: Frame, side: str) -> np.ndarray | None:
-        """Mask of an infrared image's pixels with a known scene, bool [height][width]; None: all."""
+        """Reads the mask of an infrared image's pixels where the scene is known, bool [height, width]; None: all are
+        known."""
         path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[side]
         if path is None:
             return None
@@ -223,7 +225,8 @@ class Capture:
         return known if self.whole is None else block_means(known, self.binning) == 1.0
 
     def depth(self, frame: Frame) -> np.ndarray | None:
-        """The device's own depth in metres, float32 [height][width], 0 = no measurement; None if the frame has none."""
+        """Reads the device's own depth in metres, float32 [height, width], 0 = no measurement; None if the frame has
+        none."""
         if frame.depth_path is None:
             return None
         size = (self.rig.left.width, self.rig.left.height)
@@ -231,14 +234,15 @@ class Capture:
         return image.astype(np.float32) * np.float32(frame.depth_scale)
 
     def color(self, frame: Frame) -> np.ndarray | None:
-        """The colour image as stored, sRGB uint8 [height][width][3]; None if the frame has none."""
+        """Reads the colour image as stored, sRGB uint8 [height, width, 3]; None if the frame has none."""
         if frame.color_path is None or self.rig.color is None:
             return None
         size = (self.rig.color.width, self.rig.color.height)
         return read_color(frame.color_path, size, f"frames[id={frame.id}].color")
 
     def repeats(self, split: str | None = None) -> dict[int, list[Frame]]:
-        """Frames by repeat group, groups of at least two: {group: [frames]}."""
+        """Returns {repeat group: its frames} of all groups with at least two frames in the split; None: in any
+        split."""
         groups: dict[int, list[Frame]] = {}
         for frame in self.frames:
             if frame.repeat_group is not None and split in (None, frame.split):
@@ -247,7 +251,7 @@ class Capture:
 
 
 def read_capture(path: str | Path) -> Capture:
-    """Reads and checks CAPTURE/capture.json. Raises CaptureError with the file and the key; unknown keys give a
+    """Reads and checks the capture.json of a folder. Raises CaptureError with the file and the key; unknown keys give a
     CaptureWarning."""
     folder = Path(path)
     if folder.name == "capture.json":
@@ -260,7 +264,7 @@ def read_capture(path: str | Path) -> Capture:
 
 
 def capture_from(root: JsonObject) -> Capture:
-    """The capture of a capture.json. CaptureError as by read_capture()."""
+    """Makes the Capture from the content of a capture.json. Raises CaptureError as read_capture() does."""
     if root.text("format") != FORMAT:
         root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
     if root.integer("version") != VERSION:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checked reading of a capture's JSON: every failure is a CaptureError that names the file, the key and the number."""
+"""Reads and checks a capture's JSON. Every failure is a CaptureError that names the file, the key and the value."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _TRANSFORM = ((ANY,) * 3 + (LENGTH,)) * 3 + (ANY,) * 4
 
 
 class CaptureError(ValueError):
-    """A capture is unusable. The message names the file, the key and the fault."""
+    """Says that a capture is unusable: the file, the key and the fault."""
 
 
 _Read = TypeVar("_Read", bound=Callable[..., Any])
 
 
 def _neutral(value: Callable[..., Any]) -> Callable[[_Read], _Read]:
-    """Makes a read give value(object, its arguments) in place of a wrong value, where faults are collected. Reads
-    inside of it raise, so that each value has one fault."""
+    """Decorates a read method for objects that collect faults: a wrong value is recorded and replaced by value(object,
+    its arguments). Nested reads raise instead, so that each value has one fault."""
 
     def decorate(read: _Read) -> _Read:
         @wraps(read)
@@ -52,8 +52,8 @@ def _neutral(value: Callable[..., Any]) -> Callable[[_Read], _Read]:
 
 
 class JsonObject:
-    """One object of the file, with typed reads by key. It remembers the keys that were read. name: begins its messages.
-    faults: collects the faults' texts; None: the first one is raised."""
+    """One JSON object of a file, with typed reads by key; it remembers which keys were read. name: its path in the
+    file, for messages. faults: list that collects the faults' texts; None: the first fault is raised."""
 
     def __init__(self, path: Path, name: str, values: dict[str, Any], faults: list[str] | None = None) -> None:
         self.path, self.name, self.faults = path, name, faults
@@ -63,7 +63,7 @@ class JsonObject:
 
     @classmethod
     def read(cls, path: str | Path, faults: list[str] | None = None) -> JsonObject:
-        """The object of a file. Raises CaptureError if it has none."""
+        """Reads a file whose top level is a JSON object. Raises CaptureError otherwise."""
         try:
             values = read_json_object(path)
         except OSError as error:
@@ -78,26 +78,26 @@ class JsonObject:
         return f"{self.name}.{key}" if self.name else key
 
     def has(self, key: str) -> bool:
-        """Whether the key is there and not null."""
+        """Returns whether the key is there and not null."""
         return self._values.get(key) is not None
 
     def keys(self) -> list[str]:
-        """The names of the entries, in the file's order."""
+        """Lists the object's keys in the file's order."""
         return list(self._values)
 
     def plain(self, key: str) -> object:
-        """An entry without checks."""
+        """Returns a value without checks of its type."""
         return self._get(key)
 
     def texts(self, key: str) -> list[str]:
-        """A list of text."""
+        """Reads a list of texts."""
         values = self._get(key)
         if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
             self.fail(key, "is not a list of text")
         return values
 
     def table(self, key: str, columns: int) -> np.ndarray:
-        """A list of rows of so many numbers each, as float64 [n][columns]."""
+        """Reads a list of rows, each with `columns` numbers, as float64 [n, columns]."""
         rows = self._get(key)
         if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == columns for row in rows):
             self.fail(key, f"is not a list of rows of {columns} numbers")
@@ -110,17 +110,17 @@ class JsonObject:
         raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
 
     def complain(self, key: str, what: str) -> None:
-        """Calls refuse() with a text on a key."""
+        """Reports a fault of a key: raises CaptureError, or collects its text."""
         self.refuse(CaptureError(f"{self.path}: {self.key(key)}: {what}"))
 
     def refuse(self, error: CaptureError) -> None:
-        """Raises a fault, or collects it."""
+        """Raises the error, or collects its text if this object collects faults."""
         if self.faults is None:
             raise error
         self.faults.append(str(error))
 
     def unknown_keys(self) -> list[str]:
-        """Keys in the file that nobody read, here and below, in the file's order."""
+        """Lists the keys that nobody has read, in this object and those below it, in the file's order."""
         own = [self.key(key) for key in self._values if key not in self._known]
         return own + [key for child in self._children for key in child.unknown_keys()]
 
@@ -152,7 +152,7 @@ class JsonObject:
         return self._children[-1]
 
     def free_form(self, key: str) -> dict[str, Any]:
-        """An optional object with arbitrary keys."""
+        """Reads an optional object with arbitrary keys; {} if it is missing."""
         value = self._get(key, optional=True)
         if value is not None and not isinstance(value, dict):
             self.fail(key, "is not an object")
@@ -177,7 +177,7 @@ class JsonObject:
 
     @_neutral(lambda self, key, limits, *_: np.zeros(len(limits)))
     def numbers(self, key: str, limits: Sequence[Limits], optional: bool = False) -> Any:
-        """A list with a number for each of the limits, as float64."""
+        """Reads a list of numbers, one within each of `limits`, as float64."""
         values = self._get(key, optional)
         if values is None:
             return None
@@ -197,7 +197,7 @@ class JsonObject:
 
     @_neutral(lambda *_: np.zeros(5))
     def lens(self, key: str) -> np.ndarray:
-        """Five, eight or four coefficients, see activestereo/common/lens.py."""
+        """Reads five, eight or four distortion coefficients, see activestereo/common/lens.py."""
         values = self._get(key)
         count = len(values) if isinstance(values, list) else 5
         if count not in LENGTHS:
@@ -221,7 +221,8 @@ class JsonObject:
 
     @_neutral(lambda *_: None)
     def file(self, key: str, optional: bool = False) -> Any:
-        """A path in the file, relative to the file's folder; the file must exist there (own_files says more)."""
+        """Reads a file name relative to this file's folder and returns its path. The file must exist there (see
+        own_files)."""
         if self._get(key, optional) is None:
             return None
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that is wrong with a capture, found in one pass; read_capture() ends at the first fault."""
+"""Finds everything that is wrong with a capture in one pass; read_capture() ends at the first fault."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from activestereo.capture.capture_json import CaptureError, JsonObject
 
 
 def capture_faults(path: str | Path) -> list[str]:
-    """The faults of a capture's file and of each of its images, in the file's order; empty if there are none."""
+    """Returns all faults of a capture's JSON, in its order; if there are none, those of its images. Empty if the
+    capture is right."""
     folder, faults = Path(path).parent if Path(path).name == "capture.json" else Path(path), list[str]()
     try:
         root = JsonObject.read(folder / "capture.json", faults)

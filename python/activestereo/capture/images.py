@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gray image files of captures: 8-bit or 16-bit PNG to and from numpy arrays, with errors that name the file and the
-key."""
+"""Reads and writes captures' image files: 8-bit or 16-bit gray and 8-bit colour. Errors name the file and the key."""
 
 import struct
 import zlib
@@ -15,21 +14,21 @@ from activestereo.common.output_files import write_png
 
 _GRAY_MODES = ("L", "I;16", "I;16B", "I")
 _COLOR_MODES = ("RGB", "RGBA", "LA", "P")
-# No camera of this kind has a tenth of them; a small file can promise far more.
+# Ten times more than any such camera has. A small file can claim far more pixels and exhaust memory.
 _MOST_PIXELS = 1 << 26
 # Pillow's errors for damaged bytes. Damaged chunks of a PNG are ValueErrors in some versions, struct.error in others.
 _DAMAGES = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error)
 
 
 def image_size(path: str | Path, key: str = "image") -> tuple[int, int]:
-    """(width, height) from the file's header, without decoding the pixels."""
+    """Reads (width, height) from the file's header, without decoding the pixels."""
     with _open(path, key) as image:
         return image.size
 
 
 def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
-    """Pixels as stored: uint8 or uint16 [height][width]. expected_size: (width, height). A colour image with equal
-    channels counts as gray."""
+    """Reads a gray image as stored, uint8 or uint16 [height, width]. A colour image with equal channels counts as gray.
+    Raises CaptureError if its (width, height) is not expected_size."""
     mode, pixels = _pixels(path, key, expected_size, (*_GRAY_MODES, *_COLOR_MODES), "8-bit or 16-bit gray")
     if mode in _COLOR_MODES:
         if not (pixels == pixels[..., :1]).all():
@@ -43,21 +42,21 @@ def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, ke
 
 
 def block_means(image: np.ndarray, size: int) -> np.ndarray:
-    """Means of an image's blocks of size x size pixels, float32. Drops rows and columns that fill no block."""
+    """Averages an image over blocks of size x size pixels, float32. Rows and columns that fill no block are dropped."""
     height, width = (length // size for length in image.shape)
     blocks = image[: height * size, : width * size].reshape(height, size, width, size)
     return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
 
 
 def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
-    """A colour image as stored, uint8 [height][width][3]; a gray one has three equal channels. expected_size: (width,
-    height)."""
+    """Reads a colour image as stored, uint8 [height, width, 3]; a gray image gets three equal channels. Raises
+    CaptureError if its (width, height) is not expected_size."""
     _, pixels = _pixels(path, key, expected_size, (*_COLOR_MODES, "L"), "8-bit colour")
     return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
 
 
 def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
-    """read_gray(), or a .npy array uint8 or uint16 [height][width]."""
+    """Reads a gray image file as read_gray() does, or a .npy array, uint8 or uint16 [height, width]."""
     if Path(path).suffix != ".npy":
         return read_gray(path, key=key)
     try:
@@ -70,7 +69,7 @@ def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
 
 
 def write_gray(path: str | Path, pixels: np.ndarray) -> None:
-    """uint8 or uint16 [height][width]."""
+    """Writes uint8 or uint16 pixels [height, width] as a gray PNG."""
     if pixels.dtype not in (np.uint8, np.uint16) or pixels.ndim != 2:
         raise ValueError(f"{path}: expected uint8 or uint16 [height][width], got {pixels.dtype} {pixels.shape}")
     write_png(path, pixels)
@@ -92,7 +91,8 @@ def _open(path: str | Path, key: str) -> Image.Image:
 def _pixels(
     path: str | Path, key: str, expected_size: tuple[int, int] | None, modes: tuple[str, ...], expected: str
 ) -> tuple[str, np.ndarray]:
-    """(Pillow's mode, which is one of these, the pixels: of colour uint8 [height][width][3])."""
+    """Decodes an image of one of these Pillow modes. Returns (mode, pixels); pixels of colour modes are uint8 [height,
+    width, 3]."""
     with _open(path, key) as image:
         if image.mode not in modes:
             raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected {expected}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes captures (capture format, version 1): for recorders and for programs that make worlds with a known answer."""
+"""Writes captures (capture format, version 1), for recorders and for programs that make worlds with a known answer."""
 
 import json
 from collections.abc import Mapping
@@ -27,14 +27,13 @@ def write_capture(
     depths: Mapping[int, np.ndarray] | None = None, colors: Mapping[int, np.ndarray] | None = None,
     masks: Mapping[tuple[int, str], np.ndarray] | None = None, with_empty_scene: bool = False,
 ) -> None:  # fmt: skip
-    """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
+    """Writes `capture` as a folder at `path`, which must not exist; it is made in a sibling folder and then renamed.
 
-    images: {(frame id, side): uint8 or uint16 [height][width]}, empty for recordings of colour and depth alone;
-    pattern: uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale;
-    colors: {frame id: sRGB uint8 [height][width][3]}; masks: {(frame id, side): bool [height][width]}, true at pixels
-    of known scene. capture.scene_path is copied with every file beside it that has the same stem; with_empty_scene
-    writes a scene without objects under its name instead.
-    """
+    images: {(frame id, side): uint8 or uint16 [height, width]}, empty for recordings of colour and depth alone;
+    pattern: uint8 [height, width]; depths: {frame id: uint16 [height, width]} in units of the frame's depth_scale;
+    colors: {frame id: sRGB uint8 [height, width, 3]}; masks: {(frame id, side): bool [height, width]}, true where the
+    scene is known. capture.scene_path is copied with every file beside it that has the same stem; with_empty_scene
+    writes a scene without objects under its name instead."""
     with new_folder(Path(path)) as out:
         for name in ("left", "right", "depth", *(("color",) if colors else ())):
             (out / name).mkdir(parents=True, exist_ok=True)
@@ -74,7 +73,7 @@ def write_capture(
 
 
 def _capture_json(capture: Capture) -> dict[str, Any]:
-    """The file's content without its frames."""
+    """Returns the content of capture.json without its frames."""
     rig = capture.rig
     cameras = {
         name: {"width": camera.width, "height": camera.height}

@@ -2,12 +2,11 @@
 """Converts recordings of other programs to captures (capture format, version 1).
 
     realsense_text     output of `rs-enumerate-devices -c`: intrinsics and extrinsics
-    calibration        a calibration of both cameras, whichever program wrote it; Middlebury's and ETH3D's calib.txt
-    calibration_yaml   ROS' camera_info, Kalibr's camera chain, OpenCV's matrices, by PyYAML, if installed
-    realsense_folder   a folder of a librealsense recording's PNG files
-    bag                librealsense's .bag, bags of ROS 1 and ROS 2, by the package rosbags, if installed
-    color_depth_bag    the same of depth and colour alone
+    calibration        calibrations of both cameras from any program; Middlebury's and ETH3D's calib.txt
+    calibration_yaml   ROS' camera_info, Kalibr's camera chain, OpenCV's matrices (with PyYAML)
+    realsense_folder   folders of PNG files of a librealsense recording
+    bag                librealsense's .bag, bags of ROS 1 and ROS 2 (with rosbags)
+    color_depth_bag    bags with depth and colour but no infrared streams (with rosbags)
     trajectory         camera poses as a TUM text file
 
-Every failure of the input is a ValueError of one line: the file, the key and the value.
-"""
+Every failure of the input is a ValueError of one line: the file, the key and the value."""

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Extracts bags of ROS 1 and ROS 2, and librealsense's .bag files, into a folder of PNG files and a DeviceText.
+"""Extracts bags of ROS 1 and ROS 2, and librealsense's .bag files, into a folder of PNG files and a DeviceText. Needs
+the package rosbags (pip install rosbags).
 
-Reading needs the package rosbags (pip install rosbags). Topics are recognised by name: librealsense's
-/device_0/sensor_0/Infrared_1/image/data, realsense-ros's /camera/infra1/image_rect_raw, and others with the same words.
-The baseline comes from the right camera's camera_info (-P[3] / P[0]), else from librealsense's transform of the stream.
-Infrared 1 is the left camera on every D4xx. A bag may be one .db3 file without metadata.yaml, as librealsense records
-since 2.58."""
+Topics are recognised by name: librealsense's /device_0/sensor_0/Infrared_1/image/data, realsense-ros's
+/camera/infra1/image_rect_raw, and others with the same words. The baseline comes from the right camera's camera_info
+(-P[3] / P[0]), else from librealsense's transform of the stream. Infrared 1 is the left camera on every D4xx. A bag may
+also be one .db3 file without metadata.yaml, as librealsense records since 2.58."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 
 
 @dataclass
 class _Found:
-    """A bag's contents without its images."""
+    """The calibration found in a bag, by stream, and the number of images of each stream."""
 
     intrinsics: dict[str, Camera] = field(default_factory=dict)
     baselines_m: dict[str, float] = field(default_factory=dict)
@@ -65,19 +65,16 @@ class _Found:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether the path is a ROS 1 bag, or the folder or file of a ROS 2 bag."""
+    """Returns whether the path is a ROS 1 bag, or the folder or a file of a ROS 2 bag."""
     return path.suffix in (".bag", ".db3", ".mcap") or (path / "metadata.yaml").is_file()
 
 
 def extract_bag(
     path: Path, folder: Path, progress: Callable[[float], None] | None = None, baseline_m: float | None = None
 ) -> tuple[DeviceText, float | None]:
-    """Writes the images of both infrared streams and of depth into `folder`, named by stream and time, as
-    realsense_folder reads them. Returns (calibration, metres per unit of depth or None). baseline_m: used if the bag
-    has none.
-
-    Raises ImportError without rosbags, and ValueError, one line, with the bag and the missing part.
-    """
+    """Writes a bag's infrared and depth images into `folder`, named by stream and time as realsense_folder reads them.
+    Returns (calibration, metres per unit of depth or None). baseline_m: the user's baseline, for a bag that states
+    none. Raises ValueError, one line, with the bag and the missing part, also without rosbags."""
     found = _Found()
     start_ms: float | None = None
     for topic, message, time_ms, share in messages(path):
@@ -100,12 +97,12 @@ def extract_bag(
 
 
 def depth_units_of(topic: str, message: Any) -> float | None:
-    """Metres per unit of depth if a message is librealsense's option for it, else None."""
+    """Returns metres per unit of depth if a message is librealsense's option for it, else None."""
     return float(message.data) if "depth_units" in topic.lower() and hasattr(message, "data") else None
 
 
 def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> None:
-    """Stores a message's intrinsics of a stream, or the baseline."""
+    """Stores a stream's intrinsics or the baseline in `found` if the message states it."""
     stream, kind = stream_of(topic), type(message).__name__
     if kind.endswith("CameraInfo") and stream is not None and stream not in found.intrinsics:
         found.intrinsics[stream] = intrinsic_of(path, topic, message)
@@ -119,8 +116,8 @@ def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> No
 
 
 def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
-    """The pose of a stream, 4x4 from the device's first stream, if the message states it. Reads librealsense's
-    Transform, or its text since 2.58, in column order."""
+    """Returns a stream's pose, 4x4 from the device's first stream, if the message states it, else None. Reads
+    librealsense's Transform, or its text since 2.58, whose rotation is column by column."""
     name = f"{path}: {topic}"
     if type(message).__name__.endswith("Transform"):
         q, t = message.rotation, message.translation
@@ -134,7 +131,7 @@ def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None
 
 
 def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
-    """Reads only the calibration. baseline_m and errors as in extract_bag()."""
+    """Reads only a bag's calibration. baseline_m and errors are as in extract_bag()."""
     found = _Found()
     for topic, kind in topics(path):
         if kind in IMAGES and (stream := stream_of(topic)) is not None:
@@ -148,8 +145,8 @@ def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
 def read_pairs(
     path: Path, is_wanted: Callable[[str], bool] = lambda name: True
 ) -> Iterator[tuple[str, NDArray[np.generic], NDArray[np.generic]]]:
-    """(name, left, right) of each infrared pair, in order of time, one at a time in memory; the name is the left
-    image's time in milliseconds. is_wanted: of a name; others are not decoded. Raises as extract_bag()."""
+    """Yields (name, left, right) of each infrared pair in order of time, one pair in memory. The name is the left
+    image's time in milliseconds. is_wanted(name): decides whether to decode a pair. Raises as extract_bag() does."""
     waiting: dict[str, tuple[float, str, Any]] = {}
     for topic, message, time_ms, _ in messages(path, IMAGES, INFRARED):
         stream = stream_of(topic) or ""
@@ -164,19 +161,19 @@ def read_pairs(
 
 
 def count_pairs(path: Path) -> int:
-    """Upper limit of the number of pairs. Raises as extract_bag()."""
+    """Returns an upper limit of the number of infrared pairs. Raises as extract_bag() does."""
     with _opened(path) as reader:
         counts = {stream_of(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in IMAGES}
     return min(counts.get(side, 0) for side in INFRARED)
 
 
 def has_color(path: Path) -> bool:
-    """Whether a bag has colour images. Raises as extract_bag()."""
+    """Returns whether a bag has colour images. Raises as extract_bag() does."""
     return any(stream_of(topic) == "Color" and kind in IMAGES for topic, kind in topics(path))
 
 
 def topics(path: Path) -> list[tuple[str, str]]:
-    """(topic, kind of message) of all topics to read."""
+    """Lists (topic, message type) of the topics that this importer reads."""
     with _opened(path) as reader:
         return [(c.topic, c.msgtype.split("/")[-1]) for c in _wanted(reader)]
 
@@ -187,8 +184,8 @@ def stream_of(topic: str) -> str | None:
 
 @contextmanager
 def _with_metadata(path: Path) -> Iterator[Path]:
-    """Makes a folder with a link to a .db3 file and its metadata.yaml; only reads the file. Raises sqlite3.Error if it
-    is no such bag."""
+    """Yields a temporary folder with a link to a .db3 file and a metadata.yaml made for it; the file itself is only
+    read. Raises sqlite3.Error if it is no such bag."""
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
         count, first, last = file.execute("SELECT COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
         counts = dict(file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id").fetchall())
@@ -218,7 +215,8 @@ def _with_metadata(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Opens a bag for reading. Raises ValueError if it cannot be read, on opening or inside the block."""
+    """Opens a bag and yields its rosbags reader. Raises ValueError if it cannot be read, on opening or inside the
+    block."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -243,8 +241,9 @@ def _opened(path: Path) -> Iterator[Any]:
 def messages(
     path: Path, kinds: Sequence[str] = (), streams: Sequence[str] = _OF_A_PAIR, is_first_enough: bool = False
 ) -> Iterator[tuple[str, Any, float, float]]:
-    """(topic, message, time in ms, share of the bag that is read). kinds: of these alone, () = all that is
-    wanted. streams: of these, and of the device. is_first_enough: one message of each topic."""
+    """Yields (topic, message, time in ms, share of the bag that is read) of a bag's messages. kinds: message types to
+    read, () = all that this importer knows. streams: streams to read, besides topics of the device itself.
+    is_first_enough: reads until each topic has given a message."""
     with _opened(path) as reader:
         wanted = [
             c
@@ -273,7 +272,7 @@ _BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown 
 
 
 def _wanted(reader: Any) -> list[Any]:
-    """Connections to read. A stream that exists raw and compressed is read raw."""
+    """Lists the connections to read. A stream that exists both raw and compressed is read raw."""
     found = []
     for c in reader.connections:
         kind, topic = c.msgtype.split("/")[-1], c.topic.lower()
@@ -288,12 +287,13 @@ def _wanted(reader: Any) -> list[Any]:
 
 
 def _either(message: Any, name: str) -> Any:
-    """A field of CameraInfo: capital in ROS 1, small in ROS 2."""
+    """Returns a field of CameraInfo, whose name is upper-case in ROS 1 and lower-case in ROS 2."""
     return getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
 
 
 def pixels_of(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
-    """An image's pixels. A compressed one is a PNG file, before which a depth image has a header of its own."""
+    """Decodes an image message's pixels, uint8 or uint16 [height, width]. A compressed image is a PNG file; a depth
+    image has a header before it."""
     content = np.asarray(message.data, np.uint8).tobytes()
     if hasattr(message, "format"):
         start = content.find(_PNG)
@@ -316,7 +316,7 @@ def pixels_of(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
 
 
 def intrinsic_of(path: Path, topic: str, message: Any) -> Camera:
-    """The camera of a CameraInfo. Raises ValueError for a lens of another kind."""
+    """Returns the camera that a CameraInfo describes. Raises ValueError for a lens model that is not supported."""
     K, given = (np.asarray(_either(message, name), float) for name in ("k", "d"))
     K, model = K.reshape(3, 3), message.distortion_model.lower()
     if model in _FISHEYE:

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One scene of a data set of the BOP benchmark (Hodan et al., ECCV 2018): rgb/ or gray/, depth/, scene_camera.json with
-K and millimetres, scene_gt.json with the objects' poses, and models/ beside the dataset's scenes.
+"""Reads one scene of a BOP benchmark data set (Hodan et al., ECCV 2018).
 
-The world is that of cam_R_w2c. Without it the world is the first frame's camera, and the first object's poses place the
-other cameras.
-"""
+The scene's folder has rgb/ or gray/, depth/, scene_camera.json with K and millimetres, and scene_gt.json with the
+objects' poses; models/ lies beside the data set's scenes. The world is that of cam_R_w2c. Without it the world is the
+first frame's camera, and the first object's poses place the other cameras."""
 
 from __future__ import annotations
 
@@ -34,8 +33,8 @@ _GREY = [0.5, 0.5, 0.5, 1.0]
 
 
 def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> ColorDepthRecording:
-    """scene: path for the objects' glTF file, written if there are models. Raises ValueError with file, key and
-    value."""
+    """Reads a scene as a ColorDepthRecording. scene: path at which a glTF file of the objects is written, if there are
+    models. Raises ValueError with file, key and value."""
     path = folder / "scene_camera.json"
     cameras, poses = read_json_object(path), folder / "scene_gt.json"
     truth = read_json_object(poses) if poses.is_file() else {}
@@ -93,7 +92,8 @@ def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> Col
 
 
 def _motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np.float64]:
-    """way: w2c or m2c."""
+    """Reads the 4x4 pose in metres of an entry's cam_R_ and cam_t_. way: w2c (world to camera) or m2c (model to
+    camera)."""
     name, translation = f"{path}: {key}.cam_R_{way}, cam_t_{way}", entry.get(f"cam_t_{way}")
     pose = printed_motion(entry[f"cam_R_{way}"], translation if translation is not None else (), name)
     pose[:3, 3] *= _MM

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A calibration of both infrared cameras, whichever program wrote it, and Middlebury's own.
+"""Reads a calibration of both infrared cameras, whichever program wrote it, and Middlebury's calib.txt.
 
-calib.txt of the Middlebury stereo sets of 2014 and later, which ETH3D's two-view sets have, too: cam0 and cam1 as
-[f 0 cx; 0 f cy; 0 0 1], doffs = cx1 - cx0 in pixels, baseline in millimetres, width and height.
+The Middlebury stereo sets of 2014 and later and ETH3D's two-view sets have a calib.txt: cam0 and cam1 as [f 0 cx; 0 f
+cy; 0 0 1], doffs = cx1 - cx0 in pixels, baseline in millimetres, width and height.
 
     z = f x baseline / (disparity + doffs)     (https://vision.middlebury.edu/stereo/data/scenes2014/)
 """
@@ -31,7 +31,7 @@ _MOST_ROUNDING_PX = 0.01
 
 
 def read_middlebury(path: Path) -> DeviceText:
-    """The DeviceText of both rectified cameras. Raises ValueError with file, key and value."""
+    """Reads both rectified cameras from a calib.txt. Raises ValueError with file, key and value."""
     values, K = dict(_LINE.findall(read_text(path))), []
 
     def numbers(key: str, is_matrix: bool = False) -> list[float]:
@@ -64,10 +64,9 @@ _YAML = (".yaml", ".yml", ".json")
 def read_calibration_files(
     paths: Sequence[Path], are_rectified: bool, baseline_m: float | None, size: tuple[int, int] | None
 ) -> DeviceText:
-    """The DeviceText of one file, or of ROS' or OpenCV's two.
-
-    are_rectified: the images are those of P. baseline_m: used if the files state none in metres. size: (width, height)
-    of the images, for files without it. Raises ValueError with file, key, value and remedy."""
+    """Reads the calibration from one file, or from the two that ROS or OpenCV write. are_rectified: the images are
+    rectified ones, described by P. baseline_m: the user's baseline, or None. size: (width, height) of the images, for
+    files without it. Raises ValueError with file, key, value and remedy."""
     for path in paths:
         refuse_foreign(path)
     texts = [read_text(path, errors="replace") for path in paths]

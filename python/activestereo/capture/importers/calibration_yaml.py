@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibrations in YAML: ROS' camera_info of both cameras, Kalibr's camera chain, and OpenCV's matrices.
+"""Reads calibrations in YAML: ROS' camera_info of both cameras, Kalibr's camera chain, and OpenCV's matrices.
 
 ROS: files of camera_calibration's cameracalibrator (camera_matrix, distortion_coefficients, rectification_matrix,
 projection_matrix), or output of `rostopic echo` and `ros2 topic echo` (K, D, R, P, in either case). Each file or
 document holds one camera. The right camera is the one whose P[3] is below 0: -fx x baseline (REP 104). Kalibr: cam0 and
-cam1, with T_cn_cnm1 from cam0 to cam1. OpenCV: a FileStorage with the names of its sample stereo_calib, M1 D1 M2 D2
+cam1, with T_cn_cnm1 from cam0 to cam1. OpenCV: a FileStorage with the names of its sample stereo_calib: M1 D1 M2 D2
 with R T, which maps camera 1 to camera 2, or P1 P2 of both rectified images.
 
 Values stay texts until a number is asked for, and tags build no objects. So `!!bool foo`, `!!opencv-matrix`, merge keys
 and numbers in base 60 do no harm. Aliases share their targets, and nothing here walks deeper than a matrix. Reading
-needs PyYAML: python3-yaml of Debian, or pip install pyyaml.
-"""
+needs PyYAML: python3-yaml of Debian, or pip install pyyaml."""
 
 from __future__ import annotations
 
@@ -37,7 +36,7 @@ _ROS_MODELS = ("plumb_bob", "rational_polynomial", *_FISHEYE)
 _RIGHT = re.compile(r"right|infra(?:red)?[ _-]?2|ir2", re.I)
 # Names of the matrices of OpenCV's cameras 1 and 2 in several programs.
 _MATRICES, _LENSES = ("M{}", "K{}", "cameraMatrix{}"), ("D{}", "distCoeffs{}")
-_MOST_BYTES = 1 << 18  # a calibration has some thousands
+_MOST_BYTES = 1 << 18  # a calibration has some thousand bytes
 _NOTHING = (None, "", "~", "null")
 # OpenCV's FileStorage writes this first, which YAML has otherwise: %YAML 1.0.
 _OPENCV_DIRECTIVE = re.compile(r"%YAML:[\d.]+")
@@ -45,7 +44,7 @@ _OPENCV_DIRECTIVE = re.compile(r"%YAML:[\d.]+")
 
 @dataclass(frozen=True)
 class Entry:
-    """One mapping, with its name for errors."""
+    """A YAML mapping with checked reads by key. name: begins its error messages."""
 
     name: str
     values: dict[str, Any]
@@ -58,26 +57,27 @@ class Entry:
         return isinstance(value, dict | list) or value not in _NOTHING
 
     def named(self, *keys: str) -> tuple[str, Any]:
-        """(key, value) of the first of some keys that is there."""
+        """Returns (key, value) of the first of `keys` that exists. Raises ValueError if none does."""
         for key in keys:
             if self.has(key):
                 return key, self.values[key]
         self.fail(keys[0], "is missing")
 
     def entry(self, key: str) -> Entry | None:
-        """The mapping inside; None if there is none."""
+        """Returns the mapping under a key; None if there is none."""
         value = self.values.get(key)
         return Entry(f"{self.name}: {key}", value) if isinstance(value, dict) else None
 
     def one_of(self, known: Sequence[str], key: str, default: str | None = None) -> str:
-        """A text out of these; default: used if the key is missing."""
+        """Reads a text that must be one of `known`. default: used if the key is missing."""
         value = self.named(key)[1] if default is None or self.has(key) else default
         if value not in known:
             self.fail(key, f"is {shown(value)}, expected {' or '.join(known)}")
         return str(value)
 
     def numbers(self, counts: Sequence[int], limits: Limits, *keys: str) -> NDArray[np.float64]:
-        """Numbers, as many as one of `counts`, from a list, a list of rows, or a matrix' data."""
+        """Reads numbers from a list, a list of rows, or a matrix' data, under the first of `keys` that exists. Their
+        count must be one of `counts`."""
         key, value = self.named(*keys)
         if isinstance(value, dict):
             value = value.get("data")
@@ -98,7 +98,7 @@ class Entry:
         return np.array(given, dtype=np.float64)
 
     def side(self, *keys: str) -> int:
-        """A width or a height, pixels."""
+        """Reads a width or a height in pixels, under the first of `keys` that exists."""
         key, value = self.named(*keys)
         fault = SIDE.fault(_whole(value))
         if fault is not None:
@@ -106,7 +106,8 @@ class Entry:
         return int(value)
 
     def lens(self, is_fisheye: bool, *keys: str) -> NDArray[np.float64]:
-        """The four numbers of a fisheye lens, else the five or eight of OpenCV's k1 k2 p1 p2 k3 k4 k5 k6."""
+        """Reads distortion coefficients: four of a fisheye lens, else five or eight in OpenCV's order k1 k2 p1 p2 k3 k4
+        k5 k6."""
         if is_fisheye:
             return self.numbers((4,), DISTORTION, *keys)
         given = self.numbers((0, 4, 5, 8, 12, 14), DISTORTION, *keys)
@@ -116,7 +117,7 @@ class Entry:
 
 
 def read_entries(path: Path) -> list[Entry]:
-    """The file's mappings, one per document. Raises ValueError with the file and the fault."""
+    """Reads a YAML file's mappings, one for each document. Raises ValueError with the file and the fault."""
     try:
         import yaml
     except ImportError as error:
@@ -131,7 +132,11 @@ def read_entries(path: Path) -> list[Entry]:
         raise ValueError(f"{path}: is no text in UTF-8: {error}") from error
     except RecursionError:
         raise ValueError(f"{path}: is nested too deep") from None
-    except (yaml.YAMLError, ValueError, OverflowError) as error:  # a letter that there is not: "\\UFFFFFFFF"
+    except (
+        yaml.YAMLError,
+        ValueError,
+        OverflowError,
+    ) as error:  # such as a character that does not exist: "\\UFFFFFFFF"
         raise ValueError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
     if not found or not all(isinstance(document, dict) for document in found):
         raise ValueError(f"{path}: has no mapping: ROS' camera_info, Kalibr's camchain or OpenCV's matrices are read")
@@ -140,7 +145,7 @@ def read_entries(path: Path) -> list[Entry]:
 
 
 def _number(text: Any) -> Any:
-    """A text's number; any other value unchanged."""
+    """Converts a text to its number; any other value returns unchanged."""
     try:
         return float(text) if isinstance(text, str) else text
     except ValueError:
@@ -153,7 +158,8 @@ def _whole(text: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Camera:
-    """A camera in ROS' terms; R and P are those of its rectified image."""
+    """A camera as ROS describes it. raw: the camera before rectification. R, P: rotation to its rectified image, and
+    that image's 3x4 projection."""
 
     name: str
     raw: Camera
@@ -168,11 +174,10 @@ def read_calibration_yaml(
     baseline_m: float | None = None,
     size: tuple[int, int] | None = None,
 ) -> DeviceText:
-    """The DeviceText of Kalibr's file, of ROS' two (or one with two documents) in any order, or of OpenCV's.
-
-    are_rectified: the images are those of P, ROS' image_rect, instead of image_raw. baseline_m: used if ROS' P[3] are
-    0. size: (width, height) of the images, used if OpenCV's files have none. Raises ValueError with file, key and
-    value, or with the package if PyYAML is missing."""
+    """Reads the calibration from Kalibr's file, from ROS' two in any order (or one with two documents), or from
+    OpenCV's. are_rectified: the images are ROS' image_rect, described by P, instead of image_raw. baseline_m: used if
+    ROS' P[3] are 0. size: (width, height) of the images, used if OpenCV's files have none. Raises ValueError with file,
+    key and value, or with the package if PyYAML is missing."""
     entries = [entry for path in paths for entry in read_entries(Path(path))]
     path = Path(paths[0])
     chain = next((entry for entry in entries if entry.has("cam0")), None)
@@ -267,7 +272,7 @@ def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int]
 
 
 def _ordered(path: Path, lenses: Sequence[Camera], first_to_second: NDArray[np.float64]) -> DeviceText:
-    """Orders two cameras: the right one lies right of the left one."""
+    """Returns the calibration of two cameras in any order; the camera on the right becomes the right one."""
     if first_to_second[0, 3] > 0.0:
         return DeviceText.of_pair(path, lenses[::-1], np.linalg.inv(first_to_second))
     return DeviceText.of_pair(path, lenses, first_to_second)

@@ -3,9 +3,8 @@
 folders.
 
 Depth lies on the colour image's pixels, as if one camera took both, unless the colour camera is stated. Baseline,
-pattern and projector are the preset's nominal ones. Such a capture places objects and gives depth to compare, but no
-noise and no dots.
-"""
+pattern and projector are the preset's nominal ones. Such a capture shows objects' places and depth to compare, but
+neither noise nor dots."""
 
 from __future__ import annotations
 
@@ -24,7 +23,8 @@ from activestereo.capture.write import write_capture
 
 @dataclass(frozen=True)
 class ColorDepthFrame:
-    """Files of one moment. depth_scale: metres per unit of the depth file. camera_to_world: None if unknown."""
+    """The image files of one moment. depth_scale: metres per unit of the depth file. camera_to_world: 4x4, or None if
+    unknown."""
 
     time_s: float
     depth: Path
@@ -35,8 +35,9 @@ class ColorDepthFrame:
 
 @dataclass(frozen=True)
 class ColorDepthRecording:
-    """K: matrix of both images, in pixels. kind: the program of the layout. scene: a glTF file of the objects in view,
-    or None. color: the colour camera, if depth does not lie on its pixels. assumed: lines for people."""
+    """A recording of colour and depth. K: 3x3 of both images, pixels. kind: name of the folder's layout. scene: a glTF
+    file of the objects in view, or None. color: the colour camera, if depth does not lie on its pixels. assumed:
+    messages on assumptions, for the user."""
 
     path: Path
     kind: str
@@ -48,7 +49,8 @@ class ColorDepthRecording:
 
 
 def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64]:
-    """K from nine numbers, row by row. Raises ValueError with file, key and value."""
+    """Checks nine numbers, row by row, as a camera matrix and returns it as 3x3. Raises ValueError with file, key and
+    value."""
     try:
         K = np.array(values, dtype=np.float64).reshape(3, 3)
     except (TypeError, ValueError):
@@ -59,7 +61,7 @@ def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64
 
 
 def image_files(folder: Path) -> dict[str, Path]:
-    """PNG and JPEG files of a folder by their names without suffix, in order."""
+    """Lists a folder's PNG and JPEG files, {name without suffix: path}, in order of their paths."""
     files = [*folder.glob("*.png"), *folder.glob("*.jpg"), *folder.glob("*.jpeg")] if folder.is_dir() else []
     return {file.stem: file for file in sorted(files)}
 
@@ -68,8 +70,9 @@ def write_color_depth(
     recording: ColorDepthRecording, out: Path, baseline_m: float, projector: Projector, pattern: NDArray[np.uint8],
     scene: Path | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
-    """Writes the capture `out`, which must not exist. The three after `out` are the preset's. Raises ValueError with
-    the file where sizes are mixed, depth is 8-bit or a file is damaged."""
+    """Writes a recording as the capture `out`, which must not exist, and returns it. baseline_m, projector, pattern:
+    the preset's. scene: a glTF file in place of the recording's. Raises ValueError with the file if sizes differ, depth
+    has 8 bits or a file is damaged."""
     tell = progress or (lambda fraction: None)
     width, height = image_size(recording.frames[0].depth, "depth")
     color = recording.color or ColorCamera(width, height, recording.K)
@@ -103,6 +106,6 @@ def write_color_depth(
 
 
 def nearest(times: Iterable[float], time_s: float, within_s: float) -> float | None:
-    """The time nearest to another one, or None if it is farther than within_s."""
+    """Returns the time in `times` that is nearest to time_s, or None if it is farther than within_s."""
     found = min(times, key=lambda t: abs(t - time_s), default=None)
     return found if found is not None and abs(found - time_s) <= within_s else None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of depth and colour without infrared streams, as librealsense's own samples are: depth in its camera, or
-realsense-ros' depth that is aligned to colour."""
+"""Reads bags of depth and colour without infrared streams, as librealsense's own samples are. Depth is in the depth
+camera's image, or is realsense-ros' depth aligned to colour."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _YUV = {
 
 
 def has_color_depth_alone(path: Path) -> bool:
-    """Whether a bag has depth and no infrared stream. Raises ValueError if it cannot be read."""
+    """Returns whether a bag has depth but no infrared stream. Raises ValueError if it cannot be read."""
     streams = {stream_of(topic) for topic, kind in topics(path) if kind in IMAGES}
     return not streams & set(INFRARED) and bool(streams & {"Depth", "Aligned"})
 
@@ -50,8 +50,8 @@ def read_color_depth_bag(
     path: Path, folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ColorDepthRecording:  # fmt: skip
-    """Writes the images into `folder`. K and depth_scale override the bag's. Raises ImportError without rosbags, and
-    ValueError, one line, with the bag and the missing part."""
+    """Writes a bag's images into `folder` and returns them as a recording. K and depth_scale override the bag's. Raises
+    ValueError, one line, with the bag and the missing part, also without rosbags."""
     there = {stream_of(topic) for topic, kind in topics(path) if kind in IMAGES}
     depth_stream = "Depth" if "Depth" in there else "Aligned"
     lenses: dict[str, Camera] = {}
@@ -103,7 +103,7 @@ def read_color_depth_bag(
 
 
 def _color_pixels(path: Path, topic: str, message: Any) -> NDArray[np.uint8]:
-    """RGB, uint8 [height][width][3]."""
+    """Decodes a colour image message as RGB, uint8 [height, width, 3]."""
     content = np.asarray(message.data, np.uint8)
     if hasattr(message, "format"):
         try:

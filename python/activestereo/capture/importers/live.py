@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records frames of a connected D4xx as a folder of PNG files and a DeviceText, as the bag reader does. Needs
+"""Records frames of a connected D4xx as a folder of PNG files and a DeviceText, as the bag reader makes them. Needs
 librealsense's own package: pip install pyrealsense2."""
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _TIMEOUT_MS = 5000
 def record_live(
     folder: Path, frame_count: int, size: tuple[int, int], progress: Callable[[float], None] | None = None
 ) -> tuple[DeviceText, float, float]:
-    """Writes frame_count frames of both infrared streams, depth and colour into `folder`; returns (calibration, metres
-    per unit of depth, exposure in seconds of the last frame). Raises ValueError if pyrealsense2 is missing;
-    RuntimeError is librealsense's: no device, no such mode, no frames."""
+    """Records frame_count frames of both infrared streams, depth and colour into `folder`. Returns (calibration, metres
+    per unit of depth, exposure in seconds of the last frame). size: (width, height). Raises ValueError if pyrealsense2
+    is missing, and librealsense's RuntimeError without a device, a mode of this size or frames."""
     try:
         import pyrealsense2 as rs
     except ImportError as error:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders as Open3D's recorders write them: color/, depth/, camera_intrinsic.json (K column by column), and poses of
-the camera as trajectory.log or, as its viewer saves them, trajectory.json."""
+"""Reads folders of Open3D's recorders: color/, depth/ and camera_intrinsic.json (K column by column). Camera poses are
+in trajectory.log, or in trajectory.json, which Open3D's viewer saves."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ _RATE_HZ = 30.0
 def read_open3d(
     folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None
 ) -> ColorDepthRecording:
-    """K and depth_scale override the folder's. Raises ValueError with file, key and value."""
+    """Reads a folder as a ColorDepthRecording. K and depth_scale override the folder's. Raises ValueError with file,
+    key and value."""
     path = next(folder / name for name in INTRINSICS if (folder / name).is_file())
     intrinsics = read_json_object(path)
     if K is None:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a recording's infrared pairs one after another, from a bag or a folder of PNG files, without a copy of it."""
+"""Reads a recording's infrared pairs one after another, from a bag or a folder of PNG files, without copying the
+recording."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ _MOST_OF_8_BITS = 255
 
 @dataclass(frozen=True)
 class Pair:
-    """Two rectified images of one size, uint8, or uint16 where counts are above 255. name: of the pair alone, fit for a
-    file."""
+    """Two rectified images of one size, uint8, or uint16 if the first pair has counts above 255. name: unique in the
+    recording and usable as a file name."""
 
     name: str
     left: NDArray[np.generic]
@@ -28,8 +29,8 @@ class Pair:
 
 
 def recorded_pairs(path: Path, is_wanted: Callable[[str], bool] = lambda name: True) -> Iterator[Pair]:
-    """Yields the pairs in order of time. is_wanted: decides by a pair's name; other pairs are not decoded. Raises
-    ValueError, one line, with the recording and its fault, after the pairs before it."""
+    """Yields the infrared pairs in order of time. is_wanted(name): decides whether to decode a pair. Raises ValueError,
+    one line, with the recording and its fault, once the pairs before the fault have been yielded."""
     if is_bag(path):
         pairs = read_pairs(path, is_wanted)
     else:

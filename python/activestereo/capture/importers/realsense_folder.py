@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, depth where it is there as 16-bit
-PNG, and colour.
+"""Imports a folder of PNG files as a capture: infrared pairs, 16-bit depth if there is any, and colour.
 
-Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, Color,
-and the last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
-left/000001.png beside right/000001.png. Names without such a number are the same but for those words: left/desk.png
-beside right/desk.png, desk_left.png beside desk_right.png.
-"""
+File names tell the stream by a word, anywhere in the name: "Infrared 1" or left, "Infrared 2" or right, Depth, Color.
+Their last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
+left/000001.png beside right/000001.png. Without such numbers, names of a frame differ only in the stream's word:
+left/desk.png beside right/desk.png, desk_left.png beside desk_right.png."""
 
 import re
 from collections.abc import Callable
@@ -42,14 +40,15 @@ LEAST_TIME_MS = 1e6
 
 @dataclass(frozen=True)
 class RobotPoses:
-    """gripper_to_base by the name of a frame's left file without suffix, and the camera's place on the gripper."""
+    """Poses of a robot that carries the camera. gripper_to_base: {name of a frame's left file without suffix: 4x4}.
+    camera_to_gripper: 4x4 of the left camera."""
 
     gripper_to_base: dict[str, NDArray[np.float64]]
     camera_to_gripper: NDArray[np.float64]
 
     def at(self, left: Path) -> tuple[NDArray[np.float64], int]:
-        """(gripper_to_base, number of the place) of a frame. Frames of one pose are of one place. Raises ValueError if
-        the frame is not listed."""
+        """Returns (gripper_to_base, number of this pose among all different poses) of a frame. Raises ValueError if the
+        frame is not listed."""
         if left.stem not in self.gripper_to_base:
             raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
         pose = self.gripper_to_base[left.stem]
@@ -59,8 +58,8 @@ class RobotPoses:
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """Files of one frame by stream. The number is that in the left file's name, else its place in order. view: the
-    number of its view. projector_on: False below a folder that is named off."""
+    """The files of one frame by stream. number: the one in the left file's name, else the frame's place in order. view:
+    number of the folder that the frame is from. projector_on: False below a folder that is named off."""
 
     number: float
     files: dict[str, Path]
@@ -69,9 +68,9 @@ class FrameFiles:
 
 
 def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]:
-    """Frames with both cameras, for each view in order of time. A folder inside with both cameras is a view of its own,
-    such as walls/near and walls/far, or desk/on and desk/off. depth_word: a word in names of depth images, to choose
-    one of several kinds; None for "depth". Raises ValueError if there are none."""
+    """Lists a folder's frames that have both cameras' images, view by view in order of time. A subfolder with both
+    cameras is a view of its own, such as walls/near and walls/far, or desk/on and desk/off. depth_word: word in the
+    names of the depth images to take, if there are several kinds; None: "depth". Raises ValueError without frames."""
     folder = Path(folder)
     streams = _STREAMS if depth_word is None else _STREAMS | {"depth": re.compile(re.escape(depth_word), re.I)}
     out = []
@@ -89,7 +88,7 @@ def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]
 
 
 def swapped(files: list[FrameFiles]) -> list[FrameFiles]:
-    """The same frames with the cameras' images exchanged."""
+    """Returns the frames with the left and the right images exchanged."""
     return [
         replace(entry, files=entry.files | {"left": entry.files["right"], "right": entry.files["left"]})
         for entry in files
@@ -97,8 +96,8 @@ def swapped(files: list[FrameFiles]) -> list[FrameFiles]:
 
 
 def _views(folder: Path, seen: set[Path]) -> list[Path]:
-    """The innermost folders with both cameras. seen: folders visited before or on the way; links may lead back to
-    them."""
+    """Lists the innermost folders with both cameras' images, or the folder itself. seen: folders that were visited, to
+    which links may lead back."""
     out = []
     for child in sorted(folder.iterdir()):
         if child.is_dir() and child.resolve() not in seen:
@@ -145,7 +144,8 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
 def _by_name(
     folder: Path, by_stream: dict[str, list[tuple[float | None, Path]]], streams: dict[str, re.Pattern[str]]
 ) -> list[FrameFiles]:
-    """Joins files into frames by names that differ only in the stream's word, in natural order."""
+    """Joins files into frames whose names differ only in the stream's word, in natural order ('view 9' before 'view
+    10')."""
     named: dict[str, dict[str, Path]] = {}
     for stream, files in by_stream.items():
         for _, file in files:
@@ -179,11 +179,10 @@ def import_realsense(
 ) -> Capture:  # fmt: skip
     """Writes frames as the capture `out`, which must not exist, and returns it.
 
-    files: from frame_files(). 16-bit images with no pixel above 255 are stored in 8 bits. projector, pattern: the
+    files: from frame_files(). 16-bit images without pixels above 255 are stored with 8 bits. projector, pattern: the
     device's nominal ones. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
-    trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without a trajectory,
-    frames of one folder (and one pose of the gripper) whose pictures lie on each other are repeats.
-    """
+    trajectory: (times [n] in seconds, camera poses [n, 4, 4]). robot: poses of a gripper that carries the camera.
+    Without a trajectory, frames of one folder (and one gripper pose) whose pictures agree become a repeat group."""
     tell = progress or (lambda fraction: None)
     first = read_gray(files[0].files["left"], key="Infrared 1")
     height, width = first.shape

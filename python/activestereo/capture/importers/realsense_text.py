@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the output of `rs-enumerate-devices -c` for one device: intrinsics of every stream and mode, extrinsics between
-streams.
+"""Reads the output of `rs-enumerate-devices -c` for one device: intrinsics of every stream and mode, and extrinsics
+between streams.
 
     Intrinsic of "Infrared 1" / 848x480 / {Y8}         Extrinsic from "Infrared 1"  To  "Infrared 2" :
       Width:  848                                       Rotation Matrix:
@@ -9,8 +9,7 @@ streams.
       Distortion: Brown Conrady
       Coeffs:  0 0 0 0 0
 
-An extrinsic maps coordinates in the first stream to those in the second: the right camera's x is minus the baseline.
-"""
+An extrinsic maps coordinates in the first stream to those in the second; the right camera's x is minus the baseline."""
 
 from __future__ import annotations
 
@@ -38,7 +37,8 @@ _BROWN = ("brown conrady", "modified brown conrady", "none", "inverse brown conr
 
 @dataclass(frozen=True)
 class DeviceText:
-    """intrinsics: by (stream, width, height); extrinsics: a_to_b 4x4 by (a, b)."""
+    """A device's calibration. intrinsics: {(stream, width, height): Camera}. extrinsics: {(a, b): 4x4 a_to_b} of two
+    streams."""
 
     path: Path
     intrinsics: dict[tuple[str, int, int], Camera]
@@ -46,7 +46,8 @@ class DeviceText:
 
     @classmethod
     def of_pair(cls, path: Path, lenses: Sequence[Camera], left_to_right: NDArray[np.float64] | float) -> DeviceText:
-        """Both infrared cameras alone. left_to_right: 4x4, or the baseline in metres of rectified ones."""
+        """Makes the calibration of both infrared cameras alone. left_to_right: 4x4, or the baseline in metres of
+        rectified cameras."""
         motion = np.eye(4)
         if isinstance(left_to_right, float):
             motion[0, 3] = -left_to_right
@@ -56,7 +57,7 @@ class DeviceText:
         return cls(path, modes, {INFRARED: motion})
 
     def intrinsic(self, stream: str, width: int, height: int) -> Camera:
-        """Intrinsics of a mode. Raises ValueError, which lists the modes."""
+        """Returns a stream's camera for images of this size. Raises ValueError, which lists the known sizes."""
         found = self.intrinsics.get((stream, width, height))
         if found is None:
             known = [(w, h) for s, w, h in self.intrinsics if s == stream]
@@ -70,7 +71,7 @@ class DeviceText:
         return found
 
     def extrinsic(self, first: str, second: str) -> NDArray[np.float64]:
-        """first_to_second, 4x4. Raises ValueError if the text has neither it nor its inverse."""
+        """Returns the 4x4 first_to_second of two streams. Raises ValueError if neither it nor its inverse is known."""
         if (first, second) in self.extrinsics:
             return self.extrinsics[first, second]
         if (second, first) in self.extrinsics:
@@ -81,7 +82,7 @@ class DeviceText:
 
 
 def read_device_text(path: Path) -> DeviceText:
-    """The DeviceText of a file. Raises ValueError with file, key and value."""
+    """Reads the output of rs-enumerate-devices -c from a file. Raises ValueError with file, key and value."""
     path = Path(path)
     try:
         lines = read_text(path, errors="replace").splitlines()

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which frames of a recording are repeats of one view: by their pictures, for a hand-held camera states no poses."""
+"""Groups a recording's frames into repeats of one view by their pictures, since a hand-held camera states no poses."""
 
 from collections.abc import Hashable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-_SIDE = 4  # of blocks: a dot that moves by a part of a pixel keeps some 0.4 of its variance in their means
+_SIDE = 4  # pixels of a block; a dot that moves by a part of a pixel keeps some 0.4 of its variance in block means
 # White noise keeps 1/16; noise that rectification has blurred, at most 0.19.
 _MOST_SLOW = 0.25
-_RECENT = 2  # groups of a view that a frame is compared with: its projector may blink
+_RECENT = 2  # latest groups of a view that a frame is compared with, since its projector may blink
 
 
 def repeat_groups(images: Sequence[NDArray], views: Sequence[Hashable]) -> list[int | None]:
-    """The repeat group of each image [height][width] in order of time, None where no other one lies on it. views: a key
-    of each image's view; images of different views are no repeats."""
+    """Returns the number of each image's repeat group, None for an image without a repeat. images: [height, width]
+    each, in order of time. views: key of each image's view; only images with equal keys can be repeats."""
     groups: list[list[int]] = []
     recent: dict[Hashable, list[list[int]]] = {}
     for k, (image, view) in enumerate(zip(images, views, strict=True)):
@@ -30,8 +30,8 @@ def repeat_groups(images: Sequence[NDArray], views: Sequence[Hashable]) -> list[
 
 
 def _lies_on(image: NDArray, other: NDArray) -> bool:
-    """Whether two images differ by noise, brightness, rows and columns alone: means of blocks keep little of noise, and
-    most of what moves."""
+    """Returns whether two images differ only by noise, brightness and offsets of rows and columns. In means over
+    blocks, noise nearly vanishes, but most of a movement stays."""
     first, second = image.astype(np.float32), other.astype(np.float32)
     scale = float(np.vdot(first, second)) / max(float(np.vdot(second, second)), 1.0)
     difference = first - scale * second

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Camera poses over time as a TUM text file: each line is timestamp tx ty tz qx qy qz qw, camera_to_world, # starts a
-comment; and other files that people take for poses or calibrations, by the names that their makers give them."""
+"""Reads camera poses over time from a TUM text file: each line is timestamp tx ty tz qx qy qz qw, camera_to_world; #
+starts a comment. Refuses other programs' files that people mistake for poses or calibrations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TRANSFORMS = "transforms.json"
 
 
 def refuse_foreign(path: Path) -> None:
-    """Raises ValueError if a file, or a folder's transforms.json, is of a known kind that is not supported."""
+    """Raises ValueError if a file, or a folder's transforms.json, is nerfstudio's, which is not supported."""
     path = path / _TRANSFORMS if path.is_dir() else path
     if path.suffix.lower() != ".json" or not path.is_file():
         return
@@ -29,7 +29,8 @@ def refuse_foreign(path: Path) -> None:
 
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(times [n] in seconds, increasing; poses [n][4][4]). Raises ValueError with file, line and fault."""
+    """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file, line and
+    fault."""
     refuse_foreign(path)
     rows: list[list[float]] = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
@@ -60,8 +61,8 @@ def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def pose_at(times: NDArray[np.float64], poses: NDArray[np.float64], time: float, name: str) -> NDArray[np.float64]:
-    """The pose at a time, interpolated between its neighbours. Raises ValueError if the time is more than 50 ms
-    outside."""
+    """Returns the 4x4 pose at a time, interpolated between its neighbours. Raises ValueError, which begins with `name`,
+    if the time is more than 50 ms outside of `times`."""
     if not times[0] - 0.05 <= time <= times[-1] + 0.05:
         raise ValueError(f"{name}: its time {time:.6f} s is outside the poses' {times[0]:.6f} to {times[-1]:.6f} s")
     time = float(np.clip(time, times[0], times[-1]))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012): rgb.txt and depth.txt list files by time,
-groundtruth.txt the camera's poses; depth has 5000 units to the metre."""
+"""Reads folders in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012). rgb.txt and depth.txt list files by
+time, groundtruth.txt the camera's poses; depth images have 5000 units per metre."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ _WITHIN_S = 0.02
 
 
 def read_tum(folder: Path, K: NDArray[np.float64] | None, depth_scale: float | None = None) -> ColorDepthRecording:
-    """K: the layout has none of its own. Raises ValueError with file, line and value."""
+    """Reads a folder as a ColorDepthRecording. K: 3x3, which the layout lacks; None raises. Raises ValueError with
+    file, line and value."""
     if K is None:
         raise ValueError(f"{folder}: K: the TUM layout has none: give --k FX,FY,CX,CY of the colour camera")
     colors, depths = (_listed(folder / name) for name in ("rgb.txt", "depth.txt"))
