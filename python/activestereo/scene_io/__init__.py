@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes: files that are read, converted and written; solids and bodies of which scenes are made."""
+"""Reads, converts and writes scene files, and makes the solids and bodies of which scenes consist."""

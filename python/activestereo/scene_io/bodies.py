@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies of any simulator in a kuafu scene: made once, then moved by arrays of poses.
+"""Shows any simulator's rigid bodies in a kuafu scene: they are made once, then moved by arrays of poses.
 
     bodies = Bodies(scene, environment_count=16)
     cup = bodies.add("cup", [Shape(scene.add_mesh(positions, triangles), [material])])
     bodies.move(poses)  # [16, bodies, 7] or [16, bodies, 4, 4]: NumPy, torch, or anything with DLPack
 
-A scene mirror of one simulator (activestereo.integrations.mujoco, activestereo.integrations.sapien) adds its shapes and
-poses."""
+activestereo.integrations.mujoco and activestereo.integrations.sapien use it to mirror their simulator's scene."""
 
 from __future__ import annotations
 
@@ -23,8 +22,8 @@ from activestereo.scene_io.meshes import Mesh
 
 
 class BodyPoseError(ValueError):
-    """A pose is not rigid or not finite. Environments with such a pose stay as they were; the others have moved.
-    environment (None for a single scene) and body: the first one's."""
+    """Says that a pose is not rigid or not finite. Environments with such a pose stay as they were; the others have
+    moved. environment (None for a single scene) and body: those of the first bad pose."""
 
     def __init__(self, text: str, environment: int | None, body: str) -> None:
         super().__init__(text)
@@ -33,7 +32,8 @@ class BodyPoseError(ValueError):
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh of a body. mesh, materials: the scene's numbers. to_body: 4x4, scale included."""
+    """A mesh of a body. mesh, materials: numbers in the scene. to_body: 4x4 from the mesh's to the body's frame, scale
+    included."""
 
     mesh: int
     materials: Sequence[int] = ()
@@ -41,10 +41,9 @@ class Shape:
 
 
 class Bodies:
-    """Bodies of one scene, numbered in the order of adding.
-
-    environment_count: E environments that share meshes and materials; each view of a render sees one; None: one scene
-    without environments, whose poses are [bodies, 7] or [bodies, 4, 4]."""
+    """Rigid bodies of one scene, numbered in the order of adding. environment_count: number E of environments, which
+    share meshes and materials; each view of a render sees one. None: one scene without environments, whose poses are
+    [bodies, 7] or [bodies, 4, 4]."""
 
     def __init__(self, scene: kuafu.Scene, environment_count: int | None = None) -> None:
         if environment_count is not None and environment_count < 1:
@@ -71,8 +70,8 @@ class Bodies:
         semantic_id: int = 0,
     ) -> int:
         """Puts a body into the scene and returns its number. shapes: the same in each environment, or {environment:
-        shapes}. pose: [7] or [4, 4] until it is moved. environments: the ones that get it, all by default. semantic_id:
-        its value in kuafu's output of that name."""
+        shapes}. pose: [7] or [4, 4] until the body is moved. environments: those that get the body, all by default.
+        semantic_id: the body's value in kuafu's output `semantic_id`."""
         if name in self.names:
             raise ValueError(f"there is a body '{name}' already")
         start = np.eye(4) if pose is None else pose_matrices(np.asarray(pose, dtype=np.float64), f"body '{name}'")
@@ -121,7 +120,8 @@ class Bodies:
         return len(self.names) - 1
 
     def remove(self, name: str) -> None:
-        """Takes a body out of the scene; its meshes and materials stay. Bodies after it move up by one number."""
+        """Removes a body from the scene; its meshes and materials stay. The numbers of the bodies after it fall by
+        one."""
         body = self.index(name)
         stays = self._bodies != body
         for instance in self._instances[~stays].tolist():
@@ -134,17 +134,17 @@ class Bodies:
         self._last = np.delete(self._last, body, axis=1)
 
     def set_materials(self, material_of: Callable[[int, int], int]) -> None:
-        """Replaces each material of each instance by material_of(environment, the shape's own material). The
-        environment is 0 in a single scene."""
+        """Replaces each material of each body by material_of(environment, the material given to add()). The environment
+        is 0 in a single scene."""
         for instance, environment, own in zip(self._instances, self._environments, self._materials, strict=True):
             if own:
                 materials = [material_of(int(environment), number) for number in own]
                 self.scene.set_instance_materials(int(instance), materials)
 
     def vary_albedo(self, name: str, factors: ArrayLike) -> None:
-        """Scales base colours and infrared albedos, up to 1, of one body's materials in each environment: factors [E],
-        over what the body was added with. Where bodies share a material, they share the last of their factors. Raises
-        ValueError with all environments of a bad factor; then nothing has changed."""
+        """Multiplies a body's base colours and infrared albedos, as it was added, by a factor for each environment [E],
+        up to 1. Bodies that share a material also share the last factor. Raises ValueError with all environments of bad
+        factors; nothing has changed then."""
         body, values = self.index(name), np.asarray(factors, np.float64)
         if values.shape != (self.environment_count,):
             raise ValueError(f"albedo of '{name}' is {list(values.shape)}, expected [{self.environment_count}] factors")
@@ -168,25 +168,26 @@ class Bodies:
                 self.scene.set_instance_materials(int(self._instances[row]), own)
 
     def index(self, name: str) -> int:
-        """A body's number. Raises ValueError for an unknown name."""
+        """Returns a body's number. Raises ValueError for an unknown name."""
         if name in self.names:
             return self.names.index(name)
         raise ValueError(f"there is no body '{name}' among {len(self.names)}{did_you_mean(name, self.names)}")
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """A copy of where the bodies are: [E, bodies, 4, 4], without environments [bodies, 4, 4]."""
+        """A copy of the bodies' present poses, [E, bodies, 4, 4]; without environments [bodies, 4, 4]."""
         return self._last[0].copy() if self.environment_count is None else self._last.copy()
 
     @property
     def semantic_id_table(self) -> NDArray[np.uint32]:
-        """A copy of the semantic_id of each instance, by its number; the last one, 0, is of all numbers beyond."""
+        """A copy of the semantic_id of each instance, by the instance's number. The last entry is 0 and stands for all
+        larger numbers."""
         return self._semantic_ids.copy()
 
     def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:
-        """Moves the bodies whose pose has changed. Returns the number of instances that moved.
+        """Moves the bodies whose pose has changed. Returns the number of instances (meshes) that moved.
 
-        poses: [E, bodies, 7] (x, y, z, then the quaternion w, x, y, z) or [E, bodies, 4, 4] body to world; without
+        poses: body to world, [E, bodies, 7] (x, y, z, then the quaternion w, x, y, z) or [E, bodies, 4, 4]; without
         environments the first axis is absent. A mapping {name: [E, 7] or [E, 4, 4]} moves some bodies. Raises
         BodyPoseError for a pose that is not rigid and finite, and ValueError for another shape or an unknown body."""
         lead, count = () if self.environment_count is None else (self.environment_count,), len(self.names)
@@ -228,5 +229,5 @@ class Bodies:
 
 
 def add_mesh(scene: kuafu.Scene, mesh: Mesh, name: str = "") -> int:
-    """Adds a mesh to a scene, with its normals and texture coordinates; returns its number."""
+    """Adds a mesh with its normals and texture coordinates to a scene, and returns its number."""
     return scene.add_mesh(mesh.positions, mesh.indices, normals=mesh.normals, uvs=mesh.uvs, name=name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environment maps from files: Radiance HDR and OpenEXR in linear radiance, PNG and JPEG in sRGB."""
+"""Reads environment maps: Radiance HDR and OpenEXR in linear radiance, PNG and JPEG in sRGB."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ MAP_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 
 
 class EnvironmentMapError(ValueError):
-    """An environment map is unusable. The text has the file and the remedy."""
+    """Says that an environment map is unusable: the file and the remedy."""
 
 
 def read_environment_map(path: str | Path) -> np.ndarray:
-    """Linear RGB radiance, float32 [height, width, 3], of an equirectangular image twice as wide as high. Raises
+    """Reads an equirectangular image, twice as wide as high, as linear RGB radiance, float32 [height, width, 3]. Raises
     EnvironmentMapError."""
     path = Path(path)
     if not path.exists():
@@ -58,6 +58,7 @@ def read_environment_map(path: str | Path) -> np.ndarray:
 
 
 def set_environment_map(scene: kuafu.Scene, path: str | Path, scale: float = 1.0) -> None:
-    """Lights a scene with y up by the map, times `scale`, in staging's light group. Raises EnvironmentMapError."""
+    """Lights a scene with y up by the map in a file, times `scale`, in the light group ALL_SIDES. Raises
+    EnvironmentMapError."""
     texture = scene.add_texture(read_environment_map(path), name=Path(path).name)
     scene.set_environment((scale, scale, scale), texture=texture, map_to_world=MAP_TO_Y_UP, light_group=ALL_SIDES)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The example scene: things on a table in front of a wall, each of a material that treats projected light differently.
+"""Writes the example scene: objects on a table before a wall, each of a material that reflects projected light
+differently.
 
     python -m activestereo.scene_io.example_scene table_top.gltf
 
-World axes are glTF's (y up); the table top is y = 0. The node "camera" stands where a sensor would, 0.5 to 1.4 m from
-what it sees. Two lamps near the ceiling light the middle of the table with 240 lux, and what a room's walls send back,
-ROOM_RADIANCE of staging.py, with 70 more: within 300 to 500 lux, as EN 12464-1 asks of offices.
-"""
+World axes are glTF's (y up); the table top is y = 0. The node "camera" stands as a sensor would, 0.5 to 1.4 m from the
+objects. Two lamps near the ceiling light the middle of the table with 240 lux. Light from a room's walls, ROOM_RADIANCE
+of staging.py, adds 70 lux. The sum is within 300 to 500 lux, as EN 12464-1 asks of offices."""
 
 import io
 import sys
@@ -31,8 +31,8 @@ CAMERA_TO_WORLD = look_at(eye=(-0.02, 0.46, 0.72), target=(0.0, 0.035, -0.02), u
 
 
 def write_table_top(path: str | Path, is_matt: bool = False) -> None:
-    """Writes the scene to a .gltf or .glb file; the same bytes each time. is_matt: all surfaces scatter light evenly,
-    and things of glass are left out."""
+    """Writes the scene to a .gltf or .glb file, with the same bytes each time. is_matt: all surfaces are diffuse, and
+    glass objects are left out."""
     writer = GltfWriter("activestereo example scene")
     material = _materials(writer, is_matt)
     writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), material["wood"], (0.0, -0.04, -0.02))
@@ -56,7 +56,8 @@ def write_table_top(path: str | Path, is_matt: bool = False) -> None:
 
 
 def _materials(writer: GltfWriter, is_matt: bool) -> dict[str, int]:
-    """{name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850 nm."""
+    """Adds all materials and returns {name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850
+    nm."""
     table = {  # colour, roughness, metallic, ir_albedo; roughness None: it scatters light evenly
         "wood": ((1.0, 1.0, 1.0), 0.65, 0.0, 0.52),
         "wall": ((0.62, 0.66, 0.68), None, 0.0, 0.60),
@@ -94,7 +95,7 @@ def _materials(writer: GltfWriter, is_matt: bool) -> dict[str, int]:
 
 
 def _wood_png(width: int = 1024, height: int = 572, planks: int = 6) -> bytes:
-    """Six planks with a little grain, sRGB."""
+    """Draws wooden planks with a little grain as an sRGB PNG file."""
     random = np.random.Generator(np.random.PCG64(5))
     u, v = np.meshgrid(np.linspace(0.0, 1.0, width), np.linspace(0.0, 1.0, height) * planks)
     plank = np.minimum(v.astype(int), planks - 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A glTF 2.0 file put together from meshes and plain material dictionaries: one self-contained .gltf or .glb."""
+"""Writes meshes and plain material dictionaries as a glTF 2.0 file: one self-contained .gltf or .glb."""
 
 import base64
 import json
@@ -30,11 +30,11 @@ class GltfWriter:
         }
 
     def set_extras(self, **fields: Any) -> None:
-        """Extras of the file's asset, which tell our own programs more than glTF can say."""
+        """Sets the `extras` of the file's asset, which tell this project's programs more than glTF can express."""
         self._json["asset"]["extras"] = fields
 
     def add_material(self, name: str, **fields: Any) -> int:
-        """Fields are those of glTF's material; extensions in use are declared. Returns its index."""
+        """Adds a material with fields of glTF's `material`, declares its extensions, and returns its index."""
         for extension in fields.get("extensions", {}):
             self._use(extension)
         return self._append("materials", {"name": name, **fields})
@@ -42,7 +42,8 @@ class GltfWriter:
     def add_texture(
         self, file_bytes: bytes, name: str, wrap: tuple[int, int] = (REPEAT, REPEAT), mime: str = "image/png"
     ) -> int:
-        """file_bytes: a PNG or JPEG file, as `mime` says; wrap: along u and v."""
+        """Adds a texture and returns its index. file_bytes: a PNG or JPEG file, as `mime` says. wrap: glTF's codes
+        along u and v."""
         image = self._append("images", {"name": name, "mimeType": mime, "bufferView": self._view(file_bytes)})
         wraps = {} if wrap == (REPEAT, REPEAT) else {"wrapS": wrap[0], "wrapT": wrap[1]}
         sampler = self._append("samplers", {"magFilter": 9729, "minFilter": 9729, **wraps})
@@ -51,18 +52,18 @@ class GltfWriter:
     def add_mesh(
         self, name: str, mesh: Mesh, material: int, translation: Sequence[float] = (0.0, 0.0, 0.0), yaw_deg: float = 0.0
     ) -> None:
-        """A mesh and a node that places it, turned about y."""
+        """Adds a mesh and a node that shows it at `translation`, turned by yaw_deg about y."""
         half = np.deg2rad(yaw_deg) / 2
         shape, turn = self.add_shape(name, mesh, material), [0.0, float(np.sin(half)), 0.0, float(np.cos(half))]
         self._node(name, mesh=shape, translation=list(translation), rotation=turn)
 
     def add_placed_mesh(self, name: str, mesh: Mesh, material: int, local_to_world: np.ndarray) -> None:
-        """A mesh and a node with a 4x4."""
+        """Adds a mesh and a node that shows it with this 4x4 local_to_world."""
         self.place(name, self.add_shape(name, mesh, material), local_to_world)
 
     def add_shape(self, name: str, mesh: Mesh, material: int, colors: np.ndarray | None = None) -> int:
-        """A mesh that place() shows, once or often. colors: linear RGBA float32 [n, 4] of its vertices. Returns its
-        index."""
+        """Adds a mesh that place() shows once or often, and returns its index. colors: linear RGBA of the vertices,
+        float32 [n, 4]."""
         attributes = {
             "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
             "NORMAL": self._accessor(mesh.normals, "VEC3"),
@@ -75,27 +76,28 @@ class GltfWriter:
         return self._append("meshes", {"name": name, "primitives": [primitive]})
 
     def place(self, name: str, shape: int, local_to_world: np.ndarray) -> None:
-        """A node with a 4x4 that shows a mesh of add_shape()."""
+        """Adds a node that shows a mesh of add_shape(), with this 4x4 local_to_world."""
         self._node(name, mesh=shape, matrix=_columns(local_to_world))
 
     def add_point_light(
         self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float, **extras: Any
     ) -> None:
-        """intensity: W/sr for each of the colour's channels. extras: of the light, as kuafu's importer reads them."""
+        """Adds a point light. intensity: W/sr at colour 1, for each channel. extras: the light's, as kuafu's importer
+        reads them."""
         self._light(name, {"type": "point"}, color, intensity, extras, translation=list(translation))
 
     def add_directional_light(
         self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float, **extras: Any
     ) -> None:
-        """Light along the node's -z; intensity: W/m^2 for each of the colour's channels."""
+        """Adds a light that shines along its node's -z. intensity: W/m^2 at colour 1, for each channel."""
         self._light(name, {"type": "directional"}, color, intensity, extras, matrix=_columns(local_to_world))
 
     def add_spot_light(
         self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float,
         cone_rad: tuple[float, float], **extras: Any,
     ) -> None:  # fmt: skip
-        """Light around the node's -z; intensity: W/sr for each of the colour's channels. cone_rad: the half angles at
-        which it begins to fall, and at which it ends."""
+        """Adds a light that shines in a cone around its node's -z. intensity: W/sr at colour 1, for each channel.
+        cone_rad: half angles at which the light begins to fall and at which it ends."""
         kind = {"type": "spot", "spot": {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}}
         self._light(name, kind, color, intensity, extras, matrix=_columns(local_to_world))
 
@@ -111,18 +113,20 @@ class GltfWriter:
         self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
     def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
-        """camera_to_world: 4x4 in camera axes (x right, y down, z forward); glTF's have y up and look along -z."""
+        """Adds a camera. camera_to_world: 4x4 in camera axes (x right, y down, z forward), converted to glTF's (y up,
+        looking along -z). vertical_fov: radians."""
         perspective = {"yfov": vertical_fov, "aspectRatio": aspect_ratio, "znear": 0.01}
         camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
         self._node(name, camera=camera, matrix=_columns(matrix))
 
     def document(self) -> tuple[dict[str, Any], bytes]:
-        """The JSON without its buffer, and the buffer."""
+        """Returns (the JSON without its buffer, the buffer's bytes)."""
         return self._json, bytes(self._bytes)
 
     def write(self, path: str | Path) -> None:
-        """.gltf with the buffer inside as base64, or .glb."""
+        """Writes a .gltf file, with the buffer inside as base64, or a .glb file. Raises ValueError for another
+        suffix."""
         suffix = str(path).lower().rsplit(".", 1)[-1]
         if suffix not in ("gltf", "glb"):
             raise ValueError(f"{path}: a scene file ends in .gltf or .glb")
@@ -173,6 +177,6 @@ class GltfWriter:
 
 
 def _columns(matrix: np.ndarray) -> list[float]:
-    """A 4x4 as glTF writes it."""
+    """Returns a 4x4 as 16 numbers column by column, as glTF writes it."""
     columns: list[float] = np.asarray(matrix, dtype=float).T.reshape(-1).tolist()
     return columns

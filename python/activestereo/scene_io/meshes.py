@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Triangle meshes made from a few numbers: box, sphere, torus, sheet and lathed profiles.
-
-Metres, y up, triangles counter-clockwise from outside.
-"""
+"""Makes triangle meshes from a few numbers: boxes, spheres, tori, sheets and lathed profiles. Units are metres; y is
+up; triangles are counter-clockwise from outside."""
 
 from __future__ import annotations
 
@@ -37,15 +35,17 @@ def joined(parts: Sequence[Mesh]) -> Mesh:
 
 
 def grid(rows: int, columns: int) -> np.ndarray:
-    """Triangles of a rows x columns grid of vertices, counter-clockwise when columns go right and rows go up."""
+    """Returns triangles [t, 3] of a rows x columns grid of vertices, counter-clockwise when columns go right and rows
+    go up."""
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     a, b, c, d = first, first + 1, first + columns, first + columns + 1
     return np.vstack([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
 
 
 def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray | None = None) -> np.ndarray:
-    """Triangles [t, 3] of a depth image's pixels, by their numbers. depth: [height, width], 0 = none. Depths of one
-    triangle differ by less than this share. wanted: mask; each triangle has one or more of its pixels."""
+    """Connects neighbouring pixels of a depth image [height, width] (0 = none) to triangles [t, 3] of pixel numbers.
+    The depths of a triangle differ by less than the share `largest_step`. wanted: mask of pixels; each triangle has at
+    least one."""
     number = np.arange(depth.size).reshape(depth.shape)
     a, b, c, d = np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]
     faces = []
@@ -59,7 +59,8 @@ def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray |
 
 
 def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
-    """A parallelogram, seen from the side that cross(side_u, side_v) points to; texture upright with side_v up."""
+    """Makes a parallelogram from a corner and two sides. It is visible from the side that cross(side_u, side_v) points
+    to; the texture is upright with side_v up."""
     origin, side_u, side_v = (np.asarray(v, dtype=np.float64) for v in (origin, side_u, side_v))
     normal = np.cross(side_u, side_v)
     normal /= np.linalg.norm(normal)
@@ -68,7 +69,7 @@ def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
 
 
 def box(width: float, height: float, depth: float) -> Mesh:
-    """Sides along x, y, z; stands on y = 0, centred in x and z."""
+    """Makes a box with sides along x, y, z. It stands on y = 0, centred in x and z."""
     faces = []
     half = 0.5 * np.array([width, height, depth])
     for axis in range(3):
@@ -82,8 +83,8 @@ def box(width: float, height: float, depth: float) -> Mesh:
 
 
 def lathe(profiles: Sequence[ArrayLike], segments: int = 96) -> Mesh:
-    """Profiles turned about the y axis. Each is a smooth line of (radius, height) points; the surface's outside is to
-    the right of its way, and where one profile ends and the next begins there is a crease."""
+    """Makes a surface by turning profiles about the y axis. Each profile is a smooth line of (radius, height) points,
+    with the outside to its right. Between two profiles there is a crease."""
     angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
     around = np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=1)
     up, parts = np.array([0.0, 1.0, 0.0]), []
@@ -102,25 +103,27 @@ def lathe(profiles: Sequence[ArrayLike], segments: int = 96) -> Mesh:
 
 
 def arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float, points: int = 24) -> np.ndarray:
-    """Points (radius, height) of a circle's arc for a lathe profile; 0 degrees points outwards, 90 up."""
+    """Returns points [n, 2] (radius, height) on a circle's arc for a lathe profile; 0 degrees points outwards, 90
+    up."""
     angle = np.deg2rad(np.linspace(start_deg, end_deg, points))
     return np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)
 
 
 def sphere(radius: float) -> Mesh:
-    """Centred at the origin."""
+    """Makes a sphere centred at the origin."""
     profile = arc((0.0, 0.0), radius, -90.0, 90.0, 49)
     profile[[0, -1], 0] = 0.0
     return lathe([profile])
 
 
 def torus(ring_radius: float, tube_radius: float) -> Mesh:
-    """Lies on y = 0, about the y axis."""
+    """Makes a torus about the y axis that lies on y = 0."""
     return lathe([arc((ring_radius, tube_radius), tube_radius, -180.0, 180.0, 49)])
 
 
 def tumbler(radius: float, height: float, wall: float, base: float) -> Mesh:
-    """A straight drinking glass of closed glass: outer wall, round rim, inner wall, thick base. Stands on y = 0."""
+    """Makes a straight drinking glass as a closed surface: outer wall, round rim, inner wall, thick base. It stands on
+    y = 0."""
     rim = arc((radius - 0.5 * wall, height - 0.5 * wall), 0.5 * wall, 0.0, 180.0, 13)
     foot = arc((radius - 0.004, 0.004), 0.004, -90.0, 0.0, 9)
     inside = arc((radius - wall - 0.006, base + 0.006), 0.006, 0.0, -90.0, 9)
@@ -129,7 +132,7 @@ def tumbler(radius: float, height: float, wall: float, base: float) -> Mesh:
 
 
 def vase(height: float) -> Mesh:
-    """A bellied vase, open at the top; stands on y = 0."""
+    """Makes a bellied vase, open at the top, that stands on y = 0."""
     t = np.linspace(0.0, 1.0, 65)
     radius = height * (
         0.17 + 0.16 * np.sin(np.pi * (t * 0.92 + 0.06)) ** 2 - 0.06 * t + 0.05 * np.maximum(t - 0.85, 0.0) / 0.15

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes and materials of a file as kuafu reads it, for scenes put together in Python: CAD parts, robots, models."""
+"""Reads meshes and materials from files with kuafu, for scenes put together in Python: CAD parts, robots, models."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _TEXTURES = tuple(name for name in dir(kuafu.Material) if name.endswith("_textur
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh of one material. colors: linear RGBA [n, 4] of the vertices, or None. material: None where the file has
-    none. textures: its images by the material's field, as Scene.get_texture gives them."""
+    """A mesh of one material. colors: linear RGBA of the vertices [n, 4], or None. material: None if the file has none.
+    textures: {texture field of the material: image, as Scene.get_texture gives it}."""
 
     mesh: Mesh
     colors: NDArray[np.float32] | None = None
@@ -32,12 +32,12 @@ class Part:
     textures: Mapping[str, dict[str, Any]] = field(default_factory=dict)
 
     def painted(self, rgba: tuple[float, float, float, float]) -> Part:
-        """The same mesh in one colour."""
+        """Returns the mesh in one colour, linear RGBA, without textures."""
         return Part(self.mesh, material=kuafu.Material(base_color=rgba))
 
 
 def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tuple[int, int]]:
-    """Adds a file's parts to a scene, each image once; returns the numbers of mesh and material of each."""
+    """Adds a file's parts to a scene, and each image once. Returns (mesh number, material number) of each part."""
     numbers: dict[int, int] = {}
     out = []
     for part in parts:
@@ -55,9 +55,8 @@ def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tupl
 
 
 def read_parts(path: str | Path) -> list[Part]:
-    """The parts of a .obj, .ply, .stl, .dae, .gltf or .glb file as they stand in it, in its unit, which is the metre in
-    Collada and glTF. Normals are the file's, else shaded by _shaded(). Raises ValueError with the file and its
-    fault."""
+    """Reads the parts of a .obj, .ply, .stl, .dae, .gltf or .glb file, in the file's axes and unit (Collada and glTF:
+    metres). Without normals in the file, it shades by _shaded(). Raises ValueError with the file and its fault."""
     scene = kuafu.Scene(_device())
     try:
         scene.load(path)
@@ -93,9 +92,9 @@ def read_parts(path: str | Path) -> list[Part]:
 def _shaded(
     points: NDArray[np.float64], faces: NDArray[np.integer[Any]], uvs: NDArray[np.float32] | None = None
 ) -> Mesh:
-    """A Mesh whose normals follow the faces around a vertex that turn by less than CREASE_DEG from one another: a
-    cylinder's side is round and its rim sharp. It has a vertex for each corner. points [n, 3], uvs [n, 2], faces
-    [t, 3]."""
+    """Makes a Mesh with smooth normals and a vertex for each triangle corner. Faces at a vertex share a normal if they
+    turn by less than CREASE_DEG: a cylinder's side is round and its rim sharp. points: [n, 3]. faces: [t, 3]. uvs: [n,
+    2]."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     joined = same.reshape(-1)[faces]
     edges = points[faces]
@@ -124,5 +123,5 @@ def _shaded(
 
 @cache
 def _device() -> kuafu.Device:
-    """One for all files: a scene is made on a device."""
+    """Returns one device for reading all files, since a scene is made on a device."""
     return kuafu.Device()

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Materials from measured reflectances: one table gives the RGB camera's and the infrared cameras' view.
+"""Sets materials from measured reflectances; one table gives the colour for the RGB camera and the albedo for the
+infrared cameras.
 
-A CSV file has a column `wavelength_nm`, ascending, and one column for each material of the scene that was measured:
+A CSV file has a column `wavelength_nm`, ascending, and one column for each measured material of the scene:
 
     wavelength_nm,wood,steel
     400,0.08,0.52
     ...
     900,0.55,0.61
 
-The visible colour is that of the reflectance under light of equal energy, seen through the CIE 1931 observer and
-brought to linear sRGB so that a reflectance of 1 is white. The infrared albedo is the reflectance where the sensor's
-laser shines.
-"""
+The visible colour is that of the reflectance under light of equal energy, seen by the CIE 1931 observer and converted
+to linear sRGB so that a reflectance of 1 is white. The infrared albedo is the reflectance at the wavelength of the
+sensor's laser."""
 
 from __future__ import annotations
 
@@ -44,18 +44,19 @@ _OBSERVER = (
 
 
 class ReflectanceError(ValueError):
-    """A table is unusable. The text has the file, the place and the remedy."""
+    """Says that a table is unusable: the file, the place and the remedy."""
 
 
 @dataclass(frozen=True)
 class Reflectance:
-    """Share of light that a surface sends back, by wavelength."""
+    """The share of light that a surface reflects, by wavelength."""
 
     wavelengths_nm: NDArray[np.float64]  # [n], ascending
     values: NDArray[np.float64]  # [n], 0 to 1
 
     def linear_rgb(self) -> NDArray[np.float64]:
-        """[3], linear sRGB; colours that sRGB does not have are cut to 0..1."""
+        """Computes the colour under light of equal energy, linear sRGB [3]; colours outside sRGB are clipped to
+        0..1."""
         nm = np.arange(360.0, 781.0)
         observer = [
             sum(w * np.exp(-0.5 * ((nm - peak) / np.where(nm < peak, low, high)) ** 2) for w, peak, low, high in lobes)
@@ -67,7 +68,8 @@ class Reflectance:
 
 
 def read_reflectances(path: str | Path, infrared_nm: float = INFRARED_NM) -> dict[str, Reflectance]:
-    """The table's materials by name. Raises ReflectanceError."""
+    """Reads a table as {material name: Reflectance}. infrared_nm: a wavelength that it must cover. Raises
+    ReflectanceError."""
     try:
         rows = [row for row in csv.reader(io.StringIO(read_text(path), newline="")) if row]
     except (OSError, ValueError, csv.Error) as error:
@@ -103,9 +105,8 @@ def read_reflectances(path: str | Path, infrared_nm: float = INFRARED_NM) -> dic
 def apply_reflectances(
     scene: kuafu.Scene, table: dict[str, Reflectance], infrared_nm: float = INFRARED_NM
 ) -> list[str]:
-    """Gives the scene's materials of these names their measured colour and infrared albedo, in place of their base
-    colours and their textures. Returns the names that were found. Raises ReflectanceError for a name that the scene
-    lacks."""
+    """Sets the measured colour and infrared albedo of the scene's materials by name, in place of base colours and
+    textures. Returns the names of the changed materials. Raises ReflectanceError for a name that the scene lacks."""
     materials = [scene.get_material(number) for number in range(scene.summary.material_count)]
     known = sorted(material.name for material in materials)
     if missing := sorted(set(table) - set(known)):

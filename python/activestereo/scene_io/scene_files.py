@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene files of every kind: kuafu reads them itself, or usd-core, where it is installed, converts them first. Also
-reads glTF's JSON, and guesses the unit of a scene of an unlikely size."""
+"""Loads scene files of every kind: kuafu reads them, after usd-core has converted USD. Also reads glTF's JSON, and
+guesses the unit of a scene of an unlikely size."""
 
 from __future__ import annotations
 
@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 def load_scene_file(
     scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None, unit_m: float = 1.0
 ) -> tuple[float, float, float] | None:
-    """Adds a scene file to the scene, at that time of its animations, seconds. unit_m: metres in a unit of the file,
-    such as 0.001 for a file in millimetres.
-
-    Returns the radiance of a USD stage's dome light, W/(sr m^2), or None where there is none: it is the caller's to
-    set. Raises UsdError, a ValueError of one line that names the file and what to do, and what Scene.load raises.
-    """
+    """Adds a scene file to the scene, at time `time_s` of its animations. unit_m: metres in a unit of the file, such as
+    0.001 for a file in millimetres. Returns the radiance of a USD stage's dome light, W/(sr m^2), which the caller must
+    set, or None without one. Raises UsdError, a ValueError of one line with the file and the remedy, and the errors of
+    Scene.load."""
     if is_usd(path):
         return load_usd(scene, path, time_s, unit_m).ambient
     scene.load(path, np.diag([unit_m, unit_m, unit_m, 1.0]), time_s=time_s)
@@ -36,12 +34,12 @@ def load_scene_file(
 
 
 def keep_transparent() -> None:
-    """Lets materials of opacity 0 stay unseen, in every file that this process and those that it starts load."""
+    """Keeps materials of opacity 0 invisible, in all files that this process and its later child processes load."""
     os.environ["KUAFU_LOAD_TRANSPARENT"] = "1"
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """The document of a .gltf or .glb file (glTF 2.0, section 4.4). Raises OSError, ValueError, TypeError or
+    """Reads the JSON of a .gltf or .glb file (glTF 2.0, section 4.4). Raises OSError, ValueError, TypeError or
     struct.error for another file."""
     with open_file(path) as file:
         head = file.read(20)
@@ -51,12 +49,12 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def likely_unit(size_m: float) -> float:
-    """The metres of the unit that a scene of this size, read as metres, was written in."""
+    """Guesses a file's unit, in metres, from the scene's size when read as metres."""
     return 0.001 if size_m > 50.0 else 1000.0 if size_m < 2e-3 else 1.0
 
 
 def size_hint(size_m: float) -> str:
-    """The unit that a scene of an unlikely size may have been written in, or nothing."""
+    """Returns a hint at the unit that a scene of an unlikely size may have; an empty text for a likely size."""
     unit = likely_unit(size_m)
     if unit == 1.0:
         return ""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The solids that physics engines are made of, as meshes. Metres, centred at the origin, z along their axis,
-counter-clockwise from outside."""
+"""Makes meshes of physics engines' solids. Units are metres; solids are centred at the origin with z as their axis;
+triangles are counter-clockwise from outside."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ Z_TO_X.setflags(write=False)
 
 @cache
 def box() -> Mesh:
-    """Sides of 2: scaled by half sizes it is any box."""
+    """Returns a cube with sides of 2: scaled by half sizes it is any box."""
     cube = meshes.box(2.0, 2.0, 2.0)
     return turned(Mesh.of(cube.positions - [0.0, 1.0, 0.0], cube.normals, cube.uvs, cube.indices), _Y_UP_TO_Z_UP)
 
 
 @cache
 def sphere() -> Mesh:
-    """Radius 1: scaled it is any sphere or ellipsoid."""
+    """Returns a sphere of radius 1: scaled it is any sphere or ellipsoid."""
     return turned(meshes.sphere(1.0), _Y_UP_TO_Z_UP)
 
 
 @cache
 def cylinder() -> Mesh:
-    """Radius 1, from z = -1 to 1."""
+    """Returns a cylinder of radius 1, from z = -1 to 1."""
     return turned(meshes.lathe([[(0, -1), (1, -1)], [(1, -1), (1, 1)], [(1, 1), (0, 1)]]), _Y_UP_TO_Z_UP)
 
 
 @cache
 def capsule(radius_m: float, half_length_m: float) -> Mesh:
-    """half_length_m: of the part between the half spheres; a capsule cannot be scaled from another."""
+    """Returns a capsule, which cannot be scaled from another. half_length_m: half the length between its half
+    spheres."""
     profile = np.vstack(
         [meshes.arc((0.0, -half_length_m), radius_m, -90.0, 0.0), meshes.arc((0.0, half_length_m), radius_m, 0.0, 90.0)]
     )
@@ -50,17 +51,17 @@ def capsule(radius_m: float, half_length_m: float) -> Mesh:
 
 @cache
 def rectangle() -> Mesh:
-    """Sides of 2 in the plane z = 0, seen from above."""
+    """Returns a square with sides of 2 in the plane z = 0, visible from above."""
     return meshes.sheet((-1.0, -1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0))
 
 
 def turned(mesh: Mesh, rotation: NDArray[np.float64]) -> Mesh:
-    """rotation: 3x3, from the mesh's axes to the new ones."""
+    """Returns the mesh rotated by a 3x3 from its axes to the new ones."""
     return Mesh.of(mesh.positions @ rotation.T, mesh.normals @ rotation.T, mesh.uvs, mesh.indices)
 
 
 def height_field(heights_m: NDArray[np.float64], half_x_m: float, half_y_m: float) -> Mesh:
-    """A grid [rows, columns] of heights over a rectangle; rows go along y, columns along x."""
+    """Makes a mesh of a grid of heights [rows, columns] over a rectangle; rows go along y, columns along x."""
     rows, columns = heights_m.shape
     x, y = np.linspace(-half_x_m, half_x_m, columns), np.linspace(-half_y_m, half_y_m, rows)
     slope_y, slope_x = np.gradient(heights_m, y, x)

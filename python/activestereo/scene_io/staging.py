@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lamps in the units of scene files, the infrared light of each kind of lamp, and the light and the view of a scene
-file that has none of its own.
+"""Converts lamps of scene files to radiometric units and infrared light. Gives a scene file without light or camera
+default ones.
 
 Scene files state photometric units: candela and lux (KHR_lights_punctual), nits (UsdLux). Divided by LUMENS_PER_WATT
-they are visible light in W/sr, W/m^2 and W/(sr m^2). A camera's `ir_ambient_scale` says how much of a white LED's
-visible light its infrared imagers count; INFRARED_SHARES says how much more they count of other lamps that are as
-bright to the eye."""
+they are visible light in W/sr, W/m^2 and W/(sr m^2). A camera's `ir_ambient_scale` is the share of a white LED's
+visible light that its infrared imagers count. INFRARED_SHARES multiplies it for other lamps that are as bright to the
+eye."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ INFRARED_SHARES = {
 
 
 def infrared_share(kind: str) -> float:
-    """The share of a kind of lamp, or a number. Raises ValueError with the known kinds."""
+    """Returns the infrared share of a kind of lamp, or the number in the text. Raises ValueError with the known
+    kinds."""
     try:
         share = INFRARED_SHARES[kind] if kind in INFRARED_SHARES else float(kind)
     except ValueError:
@@ -50,7 +51,7 @@ def infrared_share(kind: str) -> float:
 
 
 def set_infrared_share(scene: kuafu.Scene, share: float) -> None:
-    """Gives this share to every lamp without infrared light in the file."""
+    """Gives this infrared share to every lamp for which the file states no infrared light."""
     for number in range(scene.summary.light_count):
         light = scene.get_light(number)
         if light.ir_intensity is None and light.ir_share == 0.0:
@@ -61,17 +62,17 @@ def set_infrared_share(scene: kuafu.Scene, share: float) -> None:
 # An office, as EN 12464-1 asks for 300 to 500 lux: light from all sides in a scene without lamps.
 ROOM_LUX = 400.0
 ROOM_WITHOUT_LAMPS = ROOM_LUX / (np.pi * LUMENS_PER_WATT)  # W/(sr m^2): an even sky of radiance L gives pi L
-# What the walls of such a room send back, W/(sr m^2), where the scene has lamps.
+# Radiance of light from such a room's walls, W/(sr m^2), for a scene with lamps.
 ROOM_RADIANCE = 0.1
 
-# kuafu's light groups, by which a picture's light is told apart: lamps, surfaces that shine, light from all sides.
+# kuafu's light groups, which separate a picture's light: lamps, emissive surfaces, light from all sides.
 LAMPS, SURFACES, ALL_SIDES = 0, 1, 2
 
-_HALF_VIEW = 0.9 * np.tan(np.deg2rad((69.0, 42.0)) / 2.0)  # nine tenths of a D400's colour camera, to either side
+_HALF_VIEW = 0.9 * np.tan(np.deg2rad((69.0, 42.0)) / 2.0)  # nine tenths of half a D400 colour camera's view
 
 
 def part_light(scene: kuafu.Scene) -> None:
-    """Puts surfaces that shine into a light group of their own; light from all sides is the caller's."""
+    """Puts emissive surfaces into the light group SURFACES. The caller sets the group of light from all sides."""
     for number in range(scene.summary.material_count):
         material = scene.get_material(number)
         if any(material.emission) or material.ir_emission:
@@ -80,12 +81,13 @@ def part_light(scene: kuafu.Scene) -> None:
 
 
 def room_radiance(scene: kuafu.Scene) -> float:
-    """Visible radiance from all sides, W/(sr m^2), where nobody states one."""
+    """Returns the default visible radiance from all sides, W/(sr m^2): a room's walls with lamps in the scene, else an
+    office's sky."""
     return ROOM_RADIANCE if has_lamps(scene) else float(ROOM_WITHOUT_LAMPS)
 
 
 def has_lamps(scene: kuafu.Scene) -> bool:
-    """Whether the scene has a light or a surface that shines."""
+    """Returns whether the scene has a light or an emissive surface."""
     summary = scene.summary
     return summary.light_count > 0 or any(
         any(scene.get_material(number).emission) for number in range(summary.material_count)
@@ -93,8 +95,8 @@ def has_lamps(scene: kuafu.Scene) -> bool:
 
 
 def overall_view(summary: kuafu.SceneSummary, least_m: float = 0.0) -> NDArray[np.float64]:
-    """camera_to_world [4, 4] of a camera in front of the scene and above it (y up, as in glTF), as near as it sees the
-    whole bounding box. least_m: the shortest distance that the camera measures."""
+    """Returns camera_to_world [4, 4] of a camera in front of and above the scene (y up, as in glTF), as near as it sees
+    the whole bounding box. least_m: the shortest distance that the camera measures."""
     low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
     centre, direction = 0.5 * (low + high), np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
     axes = look_at(direction, np.zeros(3), (0.0, 1.0, 0.0))[:3, :3]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stage becomes one .glb file, in metres with y up."""
+"""Converts a USD stage to one .glb file, in metres with y up."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def is_usd(path: str | PathLike[str]) -> bool:
 
 
 def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = None) -> Converted:
-    """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: at
-    its earliest sample. Raises UsdError of one line."""
+    """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: each
+    attribute's earliest sample. Raises UsdError of one line."""
     stage = open_stage(Path(path), time_s)
     from pxr import Tf  # open_stage says where it is missing
 
@@ -64,8 +64,8 @@ def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = N
 def load_usd(
     scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None, unit_m: float = 1.0
 ) -> Converted:
-    """Adds the stage at `path` to the scene. unit_m: metres in a metre of the stage. Raises UsdError of one line, and
-    what Scene.load raises."""
+    """Adds the stage at `path` to the scene. unit_m: factor on its size in metres. Raises UsdError of one line, and the
+    errors of Scene.load."""
     with tempfile.TemporaryDirectory() as folder:
         glb = Path(folder) / "stage.glb"
         converted = convert(path, glb, time_s)
@@ -86,7 +86,7 @@ class _Conversion:
         self._shapes: dict[Any, list[int]] = {}
 
     def visible(self, root: Any) -> Iterator[Any]:
-        """The visible prims below a prim, with instances. It leaves out the prototypes below a PointInstancer."""
+        """Yields the visible prims below a prim, instances included, but not the prototypes below a PointInstancer."""
         from pxr import Usd, UsdGeom
 
         prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))
@@ -144,7 +144,8 @@ class _Conversion:
             self.shown += 1
 
     def _mesh_of(self, prim: Any) -> list[int]:
-        """glTF's meshes of the prim: one for each material on it. Instances share those of their prototype."""
+        """Returns the indices of the prim's meshes in the glTF file, one for each material. Instances share those of
+        their prototype."""
         from pxr import UsdGeom, UsdShade
 
         binding = UsdShade.MaterialBindingAPI(prim)

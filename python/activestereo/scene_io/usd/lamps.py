@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lights of a stage: as glTF's punctual lights, whose extras state their extent; tubes as surfaces that shine.
+"""Converts a stage's lights to glTF's punctual lights, whose extras state their extent, and tubes to emissive surfaces.
 
-USD's intensity times 2^exposure times colour is a luminance in nits, of a normalized distant light an illuminance in
-lux (UsdLuxLightAPI, "Quantities and Units"; ovrtx, "Light Units"). LUMENS_PER_WATT makes them radiometric.
-"""
+USD's intensity times 2^exposure times colour is a luminance in nits; for a normalized distant light, an illuminance in
+lux (UsdLuxLightAPI, "Quantities and Units"; ovrtx, "Light Units"). Dividing by LUMENS_PER_WATT makes it radiometric."""
 
 from __future__ import annotations
 
@@ -21,7 +20,8 @@ _SHARE = "activestereo:ir_share"  # a light's attribute: a kind of lamp, or a nu
 
 
 def radiance(stage: Stage, api: Any) -> np.ndarray:
-    """Linear RGB, W/(sr m^2), before normalize."""
+    """Returns a light's linear RGB radiance [3], W/(sr m^2), before `normalize` is applied. Raises UsdError if it is
+    not finite or negative."""
     from pxr import UsdLux
 
     color = np.array(stage.value(api.GetColorAttr(), (1, 1, 1)), dtype=float)
@@ -41,7 +41,8 @@ def radiance(stage: Stage, api: Any) -> np.ndarray:
 
 
 def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, to_world: np.ndarray) -> None:
-    """A light that is no dome. Matrices 4x4 from the light to the stage's unit and to metres."""
+    """Adds a light other than a dome light to the glTF file. to_stage, to_world: 4x4 from the light to the stage's unit
+    and to metres."""
     from pxr import UsdLux
 
     name, kind, api = str(prim.GetPath()), str(prim.GetTypeName()), UsdLux.LightAPI(prim)
@@ -96,8 +97,8 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
 
 
 def _extent(stage: Stage, prim: Any, to: np.ndarray) -> tuple[float, float, dict[str, Any], Mesh | None]:
-    """(area of all that shines, area that a faraway eye on its axis sees, extras of glTF's light, the surface of a
-    tube or None) of a lamp; to: 4x4 from its axes to the unit of the areas."""
+    """Returns (emitting area, area seen from far away on its axis, extras of glTF's light, mesh of a tube's surface or
+    None) of a lamp. to: 4x4 from the lamp's axes to the unit of the areas."""
     from pxr import UsdLux
 
     kind, scales = str(prim.GetTypeName()), np.linalg.norm(to[:3, :3], axis=0)
@@ -127,7 +128,7 @@ def _extent(stage: Stage, prim: Any, to: np.ndarray) -> tuple[float, float, dict
 
 
 def _cone(stage: Stage, prim: Any) -> tuple[float, float] | None:
-    """(inner, outer) half angle of a light that shines into a cone, radians."""
+    """Returns the (inner, outer) half angle in radians of a light that shines into a cone, else None."""
     from pxr import UsdLux
 
     if not prim.HasAPI(UsdLux.ShapingAPI):
@@ -145,6 +146,6 @@ def _cone(stage: Stage, prim: Any) -> tuple[float, float] | None:
 
 
 def _peak(light: np.ndarray) -> tuple[list[float], float]:
-    """(colour, intensity) as glTF has them."""
+    """Splits RGB light into (colour with its largest channel 1, intensity), as glTF states it."""
     peak = max(float(light.max()), 1e-30)
     return (light / peak).tolist(), peak

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes of a stage as triangles, one Mesh for each set of faces that has a material of its own. Concave polygons lose
-one ear after another (Meisters, Polygons have ears, 1975)."""
+"""Converts a stage's meshes to triangles, one Mesh for each set of faces with a material of its own. Concave polygons
+are cut ear by ear (Meisters, Polygons have ears, 1975)."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from activestereo.scene_io.usd.stage import Stage
 
 Points = NDArray[np.float64]
 
-_MOST_CORNERS = 2000  # its cost grows by the square; beyond, a polygon stays a fan
+_MOST_CORNERS = 2000  # cutting ears takes quadratic time; polygons with more corners stay fans
 
 
 def _ears(places: Points) -> NDArray[np.int64]:
-    """[n - 2, 3] corners of the triangles of a polygon [n, 3], in its own direction."""
+    """Cuts a polygon [n, 3] into triangles [n - 2, 3] of corner numbers, in the polygon's own direction."""
     normal = np.cross(places - places[0], np.roll(places, -1, axis=0) - places[0]).sum(axis=0)
     axis = int(np.abs(normal).argmax())
     flat = places[:, [(axis + 1) % 3, (axis + 2) % 3]]
@@ -29,7 +29,7 @@ def _ears(places: Points) -> NDArray[np.int64]:
     rest, out = list(range(len(flat))), []
 
     def turn(a: Points, b: Points, c: Points) -> Points:
-        """Twice the area of the triangles, positive where they turn left."""
+        """Computes twice the area of the triangles, positive where they turn left."""
         return np.asarray((b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0]))
 
     def is_ear(k: int) -> bool:
@@ -51,7 +51,8 @@ def _ears(places: Points) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Polygons:
-    """A mesh's faces cut into triangles. corners [t, 3]: numbers of corners; vertices: the point of each corner."""
+    """A mesh's faces cut into triangles. corners: [t, 3], numbers of face corners. vertices: the point of each face
+    corner."""
 
     corners: np.ndarray
     faces: np.ndarray  # [t], the face that each triangle is of
@@ -62,7 +63,7 @@ class Polygons:
 
 
 def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
-    """Cuts concave faces by their ears; the others stay fans."""
+    """Replaces the fans of concave faces by triangles that are cut ear by ear; other faces stay fans."""
     count, face = np.bincount(cut.corner_face, minlength=cut.face_count), cut.corner_face
     first, corners, places = np.cumsum(count) - count, cut.corners.copy(), points[cut.vertices]
     # 1. Faces with a corner that turns against the face's normal are concave.
@@ -86,7 +87,7 @@ def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
 
 
 def _at_corners(values: np.ndarray, interpolation: str, cut: Polygons) -> np.ndarray | None:
-    """Values [n, k] of a primvar for each face corner; None: their number does not fit the interpolation."""
+    """Returns a primvar's values [n, k] for each face corner; None if their number does not fit the interpolation."""
     count, index = {
         "vertex": (cut.point_count, cut.vertices),
         "varying": (cut.point_count, cut.vertices),
@@ -112,7 +113,8 @@ def _primvar(stage: Stage, prim: Any, name: str, cut: Polygons) -> np.ndarray | 
 
 
 def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.ndarray:
-    """[corner, 3]. A subdivided mesh without normals is smooth, another has the normals of its faces."""
+    """Returns unit normals of the face corners [corners, 3]. If there are none, a subdivided mesh gets smooth ones and
+    others the normals of their faces."""
     found = _primvar(stage, mesh.GetPrim(), "normals", cut)
     if found is None:
         authored = stage.vectors(mesh.GetNormalsAttr())
@@ -133,7 +135,8 @@ def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.n
 
 
 def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
-    """The whole mesh without coordinates of textures, its vertices the face corners; None where nothing is in it."""
+    """Returns (the mesh's polygons as triangles, a Mesh of all without texture coordinates); the Mesh's vertices are
+    face corners. None for an empty or invalid mesh."""
     # 1. Each face is a fan of triangles; a hole has none.
     points = stage.vectors(mesh.GetPointsAttr())
     counts = np.asarray(stage.value(mesh.GetFaceVertexCountsAttr(), []), dtype=np.int64)
@@ -165,7 +168,8 @@ def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
 
 
 def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) -> Mesh:
-    """The mesh of triangles_of() with the coordinates of the primvar; unchanged if it has none of that name."""
+    """Returns the Mesh of triangles_of() with texture coordinates from the primvar `uv_name`; unchanged if there is
+    none."""
     uvs = _primvar(stage, mesh.GetPrim(), uv_name, cut)
     if uvs is None:
         return whole
@@ -173,14 +177,14 @@ def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) 
 
 
 def part(whole: Mesh, triangles: np.ndarray) -> Mesh:
-    """The mesh of the triangles alone, vertices that are alike joined."""
+    """Returns a Mesh of the chosen triangles alone, with equal vertices joined. triangles: mask or numbers."""
     rows = np.hstack([whole.positions, whole.normals, whole.uvs])[whole.indices[triangles].ravel()]
     unique, index = np.unique(rows, axis=0, return_inverse=True)
     return Mesh.of(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3))
 
 
 def solid(stage: Stage, prim: Any) -> Mesh | None:
-    """A Cube, Sphere, Plane, Cylinder, Cone or Capsule; None: it is none of them."""
+    """Returns the mesh of a Cube, Sphere, Plane, Cylinder, Cone or Capsule; None for another prim."""
     from pxr import UsdGeom
 
     if prim.IsA(UsdGeom.Cube):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens a stage: usd-core's modules, the matrix to metres and y up, and messages that come once for each kind."""
+"""Opens a stage with usd-core, reads its values, unit and axes, and gives each message once."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _LOG = logging.getLogger("activestereo.scene_io.usd")
 
 
 class UsdError(ValueError):
-    """A USD file cannot be shown. The text has the file and the remedy."""
+    """Says that a USD file cannot be shown: the file and the remedy."""
 
 
 @dataclass
 class Stage:
-    """An open stage at one time, and the messages about it."""
+    """An open stage at one time, with the messages about it."""
 
     path: Path
     stage: Any  # Usd.Stage
@@ -27,19 +27,19 @@ class Stage:
     messages: list[str] = field(default_factory=list)
 
     def tell(self, message: str) -> None:
-        """Once."""
+        """Logs and keeps a message, unless it was given before."""
         if message not in self.messages:
             self.messages.append(message)
             _LOG.warning("%s: %s", self.path, message)
 
     def value(self, attribute: Any, fallback: Any = None) -> Any:
-        """The value of an attribute at the stage's time."""
+        """Returns an attribute's value at the stage's time, or `fallback` if it has none."""
         value = attribute.Get(self.time) if attribute else None
         return fallback if value is None else value
 
     def vectors(self, attribute: Any, size: int = 3) -> np.ndarray:
-        """An attribute's vectors [n, size]; [0, size] without a value, and, with a message, for a value of another
-        kind."""
+        """Returns an attribute's vectors [n, size]; [0, size] without a value. A value of another kind also gives [0,
+        size], with a message."""
         value = self.value(attribute)
         if value is None:
             return np.empty((0, size))
@@ -53,7 +53,7 @@ class Stage:
         return out
 
     def to_metres(self) -> np.ndarray:
-        """4x4 from the stage's axes and unit to metres with y up."""
+        """Returns the 4x4 from the stage's axes and unit to metres with y up."""
         from pxr import UsdGeom
 
         # UsdGeom.GetStageMetersPerUnit takes doubles alone, and some exporters write a float.
@@ -66,7 +66,8 @@ class Stage:
 
 
 def open_stage(path: Path, time_s: float | None) -> Stage:
-    """Raises UsdError."""
+    """Opens a stage at a time: seconds after its start, or None for each attribute's earliest sample. Raises
+    UsdError."""
     try:
         from pxr import Tf, Usd
     except ImportError as error:
@@ -79,18 +80,18 @@ def open_stage(path: Path, time_s: float | None) -> Stage:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
         raise UsdError(f"{path}: is no USD file that can be read: {cause(error)}") from error
-    # The earliest time takes what has no samples as it is; without time, what has nothing but samples is not there.
+    # EarliestTime also reads attributes without samples. Usd.TimeCode.Default would miss those with samples only.
     if time_s is None:
         return Stage(path, stage, Usd.TimeCode.EarliestTime())
     return Stage(path, stage, Usd.TimeCode(stage.GetStartTimeCode() + time_s * stage.GetTimeCodesPerSecond()))
 
 
 def cause(error: Exception) -> str:
-    """The first thing that Pixar's errors quote; they begin with their own source lines."""
+    """Returns the first text that one of Pixar's errors quotes; they begin with their own source lines."""
     quoted = [line.split(" : '", 1)[1].rstrip("'") for line in str(error).splitlines() if " : '" in line]
     return quoted[0] if quoted else "its errors say nothing"
 
 
 def columns(matrix: Any) -> np.ndarray:
-    """4x4 that multiplies columns, of a Gf.Matrix4d, which is multiplied by rows."""
+    """Converts a Gf.Matrix4d, which multiplies row vectors, to a 4x4 that multiplies column vectors."""
     return np.array(matrix, dtype=float).T

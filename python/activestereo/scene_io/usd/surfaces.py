@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""UsdPreviewSurface as glTF's materials."""
+"""Converts UsdPreviewSurface to glTF's materials."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _UNREADABLE = (UnidentifiedImageError, Image.DecompressionBombError, OSError, Va
 
 @dataclass(frozen=True)
 class Picture:
-    """A texture that feeds an input, by one channel or all."""
+    """A texture image that feeds one input of a material, by one channel or as RGB."""
 
     data: bytes
     name: str
-    source: str  # what tells it from others: the file where it lies, or those that it is made of
+    source: str  # its identity: the file, or the files that it is made of
     channel: str  # r, g, b, a or rgb
     wrap: tuple[int, int]
     uv_name: str
 
 
 class Surfaces:
-    """The materials that a stage's shapes ask for, each added once."""
+    """Adds the materials of a stage's shapes to a glTF file, each material once."""
 
     def __init__(self, stage: Stage, writer: GltfWriter) -> None:
         self._stage, self._writer = stage, writer
@@ -40,8 +40,8 @@ class Surfaces:
         self._files: dict[str, bytes | None] = {}
 
     def of(self, prim: Any, material: Any) -> tuple[int, str]:
-        """(glTF's material, the primvar of its texture coordinates) for what `material` is bound to; an invalid one
-        gives a matt surface of the prim's displayColor."""
+        """Returns (index of glTF's material, primvar of its texture coordinates) for a material bound to a prim. A
+        material that cannot be read gives a matt surface of the prim's displayColor."""
         name = str(material.GetPath()) if material else "displayColor"
         shader = material.ComputeSurfaceSource()[0] if material else None
         read = bool(shader) and shader.GetIdAttr().Get() == "UsdPreviewSurface"
@@ -136,14 +136,14 @@ class Surfaces:
         to[key] = {"index": self._textures[identity]}
 
     def _number(self, shader: Any, key: str, fallback: float) -> float:
-        """The number of an input whose textures are not read."""
+        """Reads the number of an input whose textures are not supported."""
         value, picture = self._input(shader, key, fallback)
         if picture is not None:
             self._stage.tell(f"{shader.GetPath()}.{key}: its texture is not read; it is {fallback:g}")
         return float(value)
 
     def _value(self, shader: Any, key: str, fallback: Any = None) -> Any:
-        """The value of an input, or of the material's input that it is connected to; the fallback where a shader
+        """Returns the value of an input, or of the material's input that it is connected to; `fallback` if a shader
         computes it."""
         from pxr import UsdShade
 
@@ -154,7 +154,7 @@ class Surfaces:
         return fallback
 
     def _input(self, shader: Any, key: str, fallback: Any) -> tuple[Any, Picture | None]:
-        """(value, picture): the picture of a UsdUVTexture where one is connected, else None."""
+        """Returns (value, picture) of an input; the picture is that of a connected UsdUVTexture, else None."""
         from pxr import UsdShade
 
         entry = shader.GetInput(key)
@@ -215,8 +215,8 @@ class Surfaces:
         return Picture(data, asset.path, asset.resolvedPath, channel, (wrap[0], wrap[1]), uv_name)
 
     def _uv_name(self, source: Any, key: str, where: str, transforms: int = 0) -> str:
-        """The primvar that the input `key` reads, through at most eight transforms of it: a file may join them in a
-        ring."""
+        """Returns the primvar that the input `key` reads, through at most eight transforms, since a file may connect
+        them in a ring."""
         from pxr import UsdShade
 
         entry = source.GetInput(key)
@@ -233,7 +233,7 @@ class Surfaces:
 
 
 def _open(picture: Picture) -> Image.Image:
-    """Opens a picture with 8 bits a channel; Pillow would clip 16."""
+    """Opens a picture with 8 bits per channel; Pillow would clip 16 bits instead of scaling them."""
     image = Image.open(io.BytesIO(picture.data))
     if image.mode.startswith("I"):
         return Image.fromarray((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8))
@@ -247,8 +247,8 @@ def _png(image: Image.Image) -> bytes:
 
 
 def _joined(parts: dict[str, Picture | None]) -> Picture | None:
-    """One texture of glTF's from pictures by role: 'color' and 'opacity', which is its alpha, or 'roughness' and
-    'metallic', its green and blue. None without a picture. A colour's own alpha counts for nothing."""
+    """Joins pictures into one glTF texture; None without pictures. parts: by role, 'color' and 'opacity' (its alpha),
+    or 'roughness' and 'metallic' (its green and blue). A colour picture's own alpha is ignored."""
     used = {role: part for role, part in parts.items() if part is not None}
     if not used:
         return None
@@ -256,7 +256,7 @@ def _joined(parts: dict[str, Picture | None]) -> Picture | None:
     size = int(sizes[:, 0].max()), int(sizes[:, 1].max())
 
     def channel(role: str) -> Image.Image:
-        """One channel as grey; white without a picture."""
+        """Returns the channel for a role as grey, white without a picture."""
         if role not in used:
             return Image.new("L", size, 255)
         bands = _open(used[role]).convert("RGBA").resize(size).split()
