@@ -7,5 +7,4 @@ commands and figures.
     pattern   frames of a flat wall         -> pattern     calibrate/pattern.py
     rig       frames of a calibration board -> rig         calibrate/rig.py
 
-Every failure of the input is a ValueError of one line: the file, the number, and what to do about it.
-"""
+Every failure of the input is a ValueError of one line: the file, the number, and the remedy."""

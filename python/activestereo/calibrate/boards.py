@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration boards: reads `--board`, and finds the corners in a picture. OpenCV's detectors do the work.
+"""Reads the option `--board` and finds a calibration board's corners in a picture with OpenCV's detectors.
 
 9x6:0.03                        chessboard with 9x6 inner corners, squares of 0.03 m
 charuco:9x6:0.03:0.022          ChArUco board of 9x6 squares of 0.03 m with markers of 0.022 m
@@ -29,8 +29,8 @@ _REFINED_UNTIL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
 
 @dataclass(frozen=True)
 class Board:
-    """columns, rows: inner corners of a chessboard, squares of ChArUco, tags of AprilTag. camera_m: of a square or a
-    tag; second_m: of a marker inside a square, or between tags."""
+    """A calibration board. columns, rows: number of inner corners of a chessboard, squares of ChArUco, or tags of
+    AprilTag. camera_m: side of a square or a tag. second_m: side of a marker inside a square, or gap between tags."""
 
     kind: str
     columns: int
@@ -40,7 +40,7 @@ class Board:
 
     @classmethod
     def parse(cls, text: str) -> "Board":
-        """The board of a text of `--board`. Raises ValueError with the right forms."""
+        """Makes the board that a text of `--board` describes. Raises ValueError with the valid forms."""
         parts = text.split(":")
         kind = parts.pop(0) if parts[0] in KINDS else "chessboard"
         try:
@@ -61,7 +61,8 @@ class Board:
         return cls(kind, columns, rows, *lengths)
 
     def find(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """(board points [n][3] in metres, pixels [n][2]) of an 8-bit image's corners; None if it shows fewer than 8."""
+        """Finds the board's corners in an 8-bit image: (board points [n, 3] in metres, pixels [n, 2]); None if fewer
+        than 8 are visible."""
         if self.kind != "chessboard":
             found = self._find_markers(image)
             return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None
@@ -79,7 +80,7 @@ class Board:
         return self.chessboard_points(), corners.astype(np.float64)
 
     def chessboard_points(self) -> NDArray[np.float64]:
-        """[corner][3], row by row, metres; the board lies in z = 0."""
+        """Returns a chessboard's inner corners [n, 3], row by row, in metres; the board lies in z = 0."""
         row, column = np.divmod(np.arange(self.columns * self.rows), self.columns)
         return self.camera_m * np.column_stack([column, row, 0.0 * row]).astype(np.float64)
 
@@ -111,7 +112,7 @@ class Board:
         ) - _MARKER_SHIFT_PX
 
     def _aruco_board(self) -> tuple[Any, Any]:
-        """OpenCV's (board, dictionary of markers)."""
+        """Makes OpenCV's (board, dictionary of markers). Raises ValueError if this OpenCV lacks them."""
         if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "CharucoBoard_create"):
             raise ValueError(
                 f"this OpenCV, {cv2.__version__}, has no aruco module as in 4.6: use a chessboard, or Debian's "

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drifts of a camera that warms up, from frames of a still scene: effects of the library per kelvin.
+"""Measures how a camera drifts as it warms up, from frames of a static scene: parameters of the library's effects per
+kelvin.
 
-No scene is measured: frames with the projector off are the room's light, the rest of the others is the dots'. Each
-frame's difference from the mean is a sum of derivative images of the two, by the library's own effects and by what may
-move otherwise (mount, lamps); their sizes over temperature are lines, whose deviations know that frames in a row err
-alike.
-"""
+The scene need not be known. Frames with the projector off show the room's light; the other frames less these show the
+dots. Each frame's difference from the mean is fitted by a sum of derivative images of both lights. They stand for the
+library's own effects and for other movements (mount, lamps). The fitted sizes over temperature are lines. Their
+deviations account for correlated errors of successive frames."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from activestereo.effects.core.model import acted
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
 from activestereo.model import Quantity, SensorModel
 
-# Effects with a law per kelvin that shows without a scene. A laser's power and a filter's transmission are one change.
+# Effects whose change per kelvin shows without a known scene. Laser power and filter transmission change alike.
 _EFFECTS = ("thermal_drift.cx_px_per_k", "thermal_drift.focal_per_k", "laser_power_drift.per_k")
 _GROWTH = "pattern_scale_drift.per_k"
 _FEWEST, _LEAST_K, _NAMED = 8, 3.0, 4.0
@@ -32,7 +32,7 @@ _STEP_PX = 2  # between pixels that are looked at
 _READ_DN2, _SHOT_DN = 0.5, 0.05  # noise that weighs pixels
 _FULL = 0.95
 _RIDGE = 1e-9
-# Derivative images err by this share of a drift: drawn warm-ups.
+# Derivative images err by this share of a drift, as simulated warm-ups show.
 _COLUMNS = 0.03
 # Noise in a derivative image would make what moves too small.
 _SMOOTH_PX = 1.0
@@ -45,7 +45,8 @@ Layers = tuple[Matrix, Matrix]  # the dots' light and the room's, DN [height][wi
 
 @dataclass(frozen=True)
 class Slope:
-    """A parameter's change per kelvin, its deviation and unit. moves: whether it exceeds the frames' scatter."""
+    """A parameter's change per kelvin with its standard deviation and unit. moves: whether the change stands out from
+    the frames' scatter."""
 
     name: str
     value: float
@@ -59,7 +60,8 @@ class Slope:
 
 @dataclass(frozen=True)
 class Drift:
-    """slopes of the library's effects; celsius: lowest and highest; frames: how many; source: of all."""
+    """The measured drift. slopes: of the parameters of the library's effects. celsius: lowest and highest temperature.
+    frames: their number. source: where the values come from."""
 
     slopes: tuple[Slope, ...]
     celsius: tuple[float, float]
@@ -67,7 +69,7 @@ class Drift:
     source: str
 
     def model(self) -> SensorModel:
-        """model.json's effects: those that move."""
+        """Returns the effects that move, for model.json."""
         model = SensorModel()
         for name in dict.fromkeys(s.name.split(".")[0] for s in self.slopes if s.moves):
             own = [s for s in self.slopes if s.name.startswith(f"{name}.")]
@@ -79,7 +81,7 @@ class Drift:
         return model
 
     def summary(self) -> str:
-        """A sentence, then a line for each parameter, with 90 % intervals."""
+        """Returns a sentence and a line for each parameter, with 90 % intervals."""
         moving = [s.name for s in self.slopes if s.moves]
         low, high = self.celsius
         first = f"{', '.join(moving) or 'nothing'} moves with temperature, {low:g} to {high:g} C, {self.frames} frames"
@@ -89,8 +91,9 @@ class Drift:
 
 
 def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
-    """The Drift of a capture's frames. temperatures: CSV of seconds, celsius, between which lines are drawn; None: the
-    frames' own. Raises ValueError if frames, kelvins or frames without the projector are missing."""
+    """Measures the Drift from a capture's frames. temperatures: CSV file of seconds, celsius, interpolated linearly;
+    None: the frames' own temperatures. Raises ValueError if frames, a range of temperatures or frames without the
+    projector are missing."""
     capture = read_capture(folder)
     frames = _with_temperatures(capture, temperatures)
     lit = [f for f in frames if f.projector_power > 0.0]
@@ -137,7 +140,7 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
 
 
 def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Frame]:
-    """Frames with a temperature, in the order of time."""
+    """Returns the frames that have a temperature, in order of time. temperatures: as for calibrate_drift()."""
     frames = sorted((f for f in capture.frames if f.has_infrared), key=lambda f: f.timestamp_s)
     if temperatures is not None:
         try:
@@ -156,7 +159,8 @@ def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Fram
 
 
 def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple[list[str], Matrix, Matrix]:
-    """(names, columns [n][pixel of both cameras], weights of pixels): changes by a unit."""
+    """Returns (names, derivative images [n, pixels of both cameras], weights of pixels). A derivative image is the
+    change of the images when one parameter grows by a unit."""
     focal_px, columns, light = capture.rig.left.K[0, 0], dict[str, list[Matrix]](), list[Matrix]()
     for side in SIDES:
         (dots, room), camera = layers[side], capture.rig.camera(side)
@@ -184,7 +188,8 @@ def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple
 
 
 def _per_kelvin(capture: Capture, frame: Frame, side: str, layers: Layers, name: str) -> Matrix:
-    """An effect's change of both layers' sum when it is one kelvin warmer, by a unit of its parameter."""
+    """Computes the change of one camera's image for one kelvin more, per unit of an effect's parameter `name`. layers:
+    the dots' and the room's light."""
     effect, key = builtin()[name.split(".")[0]], name.split(".")[1]
     typical = next(p.typical for p in effect.parameters if p.name == key)
     rig, nothing = capture.rig, np.zeros_like(layers[0])
@@ -201,7 +206,7 @@ def _per_kelvin(capture: Capture, frame: Frame, side: str, layers: Layers, name:
 
 
 def _flow(image: Matrix, dx: Matrix | float, dy: Matrix | float) -> Matrix:
-    """The change of an image that moves by so many pixels."""
+    """Computes, to first order, the change of an image whose content moves by dx, dy pixels."""
     down, across = (correlate1d(image, _DERIVATIVE, axis, mode="nearest") for axis in (0, 1))
     return np.asarray(-(dx * across + dy * down))
 

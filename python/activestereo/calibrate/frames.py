@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's repeats."""
+"""Reads frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's
+repeats."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ LEAST_REPEATS = 10
 
 @dataclass(frozen=True)
 class Repeats:
-    """Exposures of one static view: counts [n][height][width], uint8 or uint16. exposure_gain: seconds x gain, None if
+    """Exposures of one static view. counts: [n, height, width], uint8 or uint16. exposure_gain: seconds x gain, None if
     unknown. view: names the scene and pose; repeats of one view at several exposures share it."""
 
     name: str
@@ -26,8 +27,8 @@ class Repeats:
 
 
 def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
-    """Every static view under `path`. Raises ValueError if there is none, if one has fewer than `least` frames, or if
-    sizes differ."""
+    """Reads every static view under `path`. Raises ValueError if there is none, if one has fewer than `least` frames,
+    or if sizes differ."""
     path = Path(path)
     if path.suffix == ".npy":
         try:
@@ -95,14 +96,14 @@ def _read_capture(path: Path) -> list[Repeats]:
 
 
 def bit_depth(views: list[Repeats]) -> int:
-    """8, or as many bits as 16-bit files use."""
+    """Returns 8, or the number of bits that the counts of 16-bit files use."""
     if all(view.counts.dtype == np.uint8 for view in views):
         return 8
     return max(8, max(int(view.counts.max()) for view in views).bit_length())
 
 
 def check_still(view: Repeats) -> None:
-    """Raises ValueError if the repeats move or their brightness drifts."""
+    """Raises ValueError if the repeats' content moves or their brightness drifts."""
     counts = view.counts.astype(np.float32)
     half = len(counts) // 2
     first, second = counts[:half].mean(axis=0), counts[half:].mean(axis=0)

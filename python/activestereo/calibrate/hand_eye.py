@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The place of a camera on a robot's gripper: OpenCV's closed form (Park and Martin 1994), then least squares over all
-board poses.
+"""Measures a camera's pose on a robot's gripper: OpenCV's closed form (Park and Martin 1994), then least squares over
+all board poses.
 
-gripper_to_base_i  camera_to_gripper  board_to_camera_i = board_to_base, for every frame i.
-"""
+gripper_to_base_i  camera_to_gripper  board_to_camera_i = board_to_base, for every frame i."""
 
 import csv
 import io
@@ -29,8 +28,9 @@ _LEVER_M = 0.5
 
 @dataclass(frozen=True)
 class HandEye:
-    """camera_to_gripper, board_to_base: 4x4. error: standard deviations of the turn (3, radians) and the translation
-    (3, metres). residual_m, residual_deg: RMS distance between the boards' places."""
+    """The camera's pose on the gripper. camera_to_gripper, board_to_base: 4x4. error: standard deviations of the
+    rotation (3, radians) and the translation (3, metres). residual_m, residual_deg: RMS disagreement of the board's
+    poses in the robot's base. poses: number of frames."""
 
     camera_to_gripper: NDArray[np.float64]
     board_to_base: NDArray[np.float64]
@@ -48,7 +48,7 @@ class HandEye:
         }  # fmt: skip
 
     def summary(self) -> str:
-        """The summary that the command prints."""
+        """Returns the text that the command prints."""
         t, e = 1e3 * self.camera_to_gripper[:3, 3], 1e3 * INTERVAL_90 * self.error[3:]
         turn = np.rad2deg(INTERVAL_90 * np.linalg.norm(self.error[:3]))
         return (
@@ -59,8 +59,8 @@ class HandEye:
 
 
 def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[NDArray[np.float64]]) -> HandEye:
-    """The HandEye of frames with both. Raises ValueError for fewer than 5, or if the robot did not turn about two
-    axes."""
+    """Computes the HandEye from the robot's and the board's 4x4 pose in each frame. Raises ValueError for fewer than 5
+    frames, or if the robot did not turn about two axes."""
     count = len(gripper_to_base)
     if count < _LEAST_POSES:
         raise ValueError(f"{count} frames have a robot's pose and a board, at least {_LEAST_POSES} are needed")
@@ -96,10 +96,9 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
 
 
 def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
-    """{frame's name: gripper_to_base} of a CSV file: name,x,y,z,qx,qy,qz,qw (metres, unit quaternion), or name and 16
-    numbers, row-major.
-
-    A first line of words is a heading. Raises ValueError with file, line and fault."""
+    """Reads {frame's name: gripper_to_base} from a CSV file. A line is name,x,y,z,qx,qy,qz,qw (metres, unit
+    quaternion), or name and 16 numbers, row-major. A first line of words is a heading. Raises ValueError with file,
+    line and fault."""
     poses = {}
     for number, row in enumerate(csv.reader(io.StringIO(read_text(path), newline="")), 1):
         cells, place = [cell.strip() for cell in row], f"{path}: line {number}"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene from measured depth alone, for captures without geometry: the surface seen from one pose, as a mesh."""
+"""Makes a scene from measured depth alone, for captures without geometry: the surface visible from one pose, as a
+mesh."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ _IR_ALBEDO = 0.5
 
 @dataclass(frozen=True)
 class HeightField:
-    """share: of the depth image's pixels that the surface covers; frames: how many repeats its median is of."""
+    """A measured surface. share: part of the depth image that it covers. frames: number of repeats whose median it
+    is."""
 
     mesh: Mesh
     share: float
@@ -35,9 +37,9 @@ class HeightField:
 
 
 def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2) -> HeightField:
-    """The heights at the pose of a frame, the first with depth by default, from all its repeats. In the world's axes.
-
-    Raises ValueError if no such frame has depth, or if hardly any of it is measured."""
+    """Makes the surface, in world axes, from all frames at the pose of a frame; None: the first frame with depth.
+    step_px: pixels between its vertices. Raises ValueError if no such frame has depth, or if hardly any of it is
+    measured."""
     with_depth = [f for f in capture.frames if f.depth_path is not None and frame_id in (None, f.id)]
     if not with_depth:
         which = "every frame" if frame_id is None else f"frames[id={frame_id}] is not there or"
@@ -78,7 +80,7 @@ def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2
 
 
 def write_height_field(path: Path, field: HeightField, capture: Capture, pose: NDArray[np.float64]) -> None:
-    """The scene with the surface, and the camera that saw it."""
+    """Writes a scene file with the surface and, at `pose`, the camera that measured it."""
     writer = GltfWriter("activestereo calibrate scene")
     gray = {"baseColorFactor": [_IR_ALBEDO] * 3 + [1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
     material = writer.add_material(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Least squares over numbers and rigid motions, and their results' standard deviations."""
+"""Helps least squares over numbers and rigid motions: conversions, and standard deviations of the results."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ INTERVAL_90 = 1.6449
 
 
 def motion(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """4x4 of a rotation vector (3, radians) and a translation (3, metres)."""
+    """Converts a rotation vector (3, radians) and a translation (3, metres), in one vector [6], to a 4x4."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = Rotation.from_rotvec(np.ravel(vector[:3])).as_matrix(), np.ravel(vector[3:])
     return pose
 
 
 def vector(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The inverse of motion()."""
+    """Inverts motion(): converts a 4x4 to a rotation vector and a translation [6]."""
     return np.concatenate([Rotation.from_matrix(pose[:3, :3]).as_rotvec(), pose[:3, 3]])
 
 
 def difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
-    """(metres, degrees) between two poses."""
+    """Returns the distance (metres) and the angle (degrees) between two 4x4 poses."""
     turn = np.linalg.norm(Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).as_rotvec())
     return float(np.linalg.norm(a[:3, 3] - b[:3, 3])), float(np.rad2deg(turn))
 
 
 def deviations(solution: OptimizeResult, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard deviations of a solution: J^T J over the variance of the residuals."""
+    """Computes the standard deviations of a solution's unknowns: from the inverse of J^T J times the residuals'
+    variance."""
     J = solution.jac.toarray() if hasattr(solution.jac, "toarray") else solution.jac
     variance = float(residuals @ residuals) / max(len(residuals) - len(solution.x), 1)
     return np.asarray(np.sqrt(variance * np.diag(inverse_normal_matrix(J.T @ J))))

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The misfit of rendered pictures under a candidate's materials to the recorded ones, and the best materials near a
+"""Compares pictures rendered with candidate materials to the recorded ones, and finds the best materials near a
 candidate.
 
-loss = colour + lambda infrared, each the square of the residual in deviations plus that of an oriented filter bank
-(derivatives of Gaussians of two sizes, four directions). Squares are products of the residuals of two halves of the
-samples: the renderer's own noise has no part in their mean, where the plain square prefers rough surfaces, which render
-with less of it.
+loss = colour + lambda infrared. Each is the square of the residual, in standard deviations, plus that of an oriented
+filter bank (derivatives of Gaussians of two sizes, four directions). Squares are products of the residuals of two
+halves of the samples, so the renderer's noise has no part in their mean. The plain square would prefer rough surfaces,
+which render with less noise.
 
-Gauss-Newton has its derivatives from designed sets of renders: the difference of two renders that stand as near as
-derivatives want them drowns in the renderer's noise. In a two-level design with its mirror image (Plackett and Burman
-1946; Box and Wilson 1951) every render tells of every parameter: sixteen renders give the derivatives by eight
-parameters, each with the noise of all sixteen, and no product of two parameters is taken for a third one's effect."""
+Gauss-Newton takes its derivatives from designed sets of renders, since renderer noise hides the difference of two
+renders close to each other. In a two-level design with its mirror image (Plackett and Burman 1946; Box and Wilson
+1951), every render informs every derivative. Sixteen renders give the derivatives by eight parameters, each with the
+noise of all sixteen. No product of two parameters is mistaken for the effect of a third one."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ _HUBER = 4.0
 
 @dataclass(frozen=True)
 class Residuals:
-    """first, second: of the two halves of the samples, in deviations times weights, in which large differences count as
-    their square root; loss: mean of their products, never below 0 on average."""
+    """Residuals of one candidate. first, second: from the two halves of the samples, in deviations times weights; large
+    differences count as their square root. loss: mean of their products, never below 0 on average."""
 
     first: NDArray[np.float64]
     second: NDArray[np.float64]
@@ -60,9 +60,10 @@ class Residuals:
 
 
 class MaterialFit:
-    """Residuals of candidates. theta: the values of `parameters` in turn, which are (material's number, name):
-    PARAMETERS of each surface, and COLORS too where no one gave it a colour (white, without a texture) and colour
-    images are there. A colour that is found once and then held would hide gloss in it."""
+    """Computes residuals of candidate materials. A candidate theta holds the values of `parameters`, pairs (material's
+    number, name). The names are PARAMETERS for each surface. COLORS are added if there are colour images and the
+    surface has no colour (white, without a texture). A colour that is found once and then held would hide gloss in
+    it."""
 
     def __init__(
         self, scene: MaterialScene, pictures: Sequence[Picture], surfaces: Sequence[int], seed: int = 0
@@ -80,7 +81,7 @@ class MaterialFit:
         self.renders = 0
 
     def start(self) -> NDArray[np.float64]:
-        """The scene's own values, from which the fit starts."""
+        """Returns the scene's own values as a candidate, from which the fit starts."""
         out = []
         for number, name in self.parameters:
             material = self._materials[number]
@@ -95,7 +96,8 @@ class MaterialFit:
     def residuals(
         self, theta: NDArray[np.float64], samples: int, weights: NDArray[np.float64] | None = None
     ) -> Residuals:
-        """samples: of each half. weights: those of another candidate, for derivatives between the two."""
+        """Renders a candidate and computes its residuals. samples: per pixel in each half. weights: those of another
+        candidate, to take derivatives between the two; None: its own."""
         self.set(theta)
         self.renders += 1
         halves: tuple[list[NDArray], list[NDArray], list[NDArray]] = ([], [], [])
@@ -121,7 +123,8 @@ class MaterialFit:
         return Residuals(weights * one, weights * two, weights)
 
     def with_colors(self, theta: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-        """theta with the colours that go best with its other values, under the lights that the surroundings tell."""
+        """Returns the candidate with the colours that fit best to its other values. Light intensities come from the
+        pixels around the object."""
         free = np.array([name in COLORS for _, name in self.parameters])
         if not free.any():
             return theta
@@ -152,8 +155,8 @@ class MaterialFit:
         return out
 
     def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
-        """Differences in deviations, and those of the filter bank. They are linear in the image, for only then do two
-        halves' noises cancel in the mean."""
+        """Returns a picture's differences in standard deviations, and those of the filter bank. They are linear in the
+        image, because only then do two halves' noises cancel in the mean."""
         rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
         parts = [rest.ravel()]
         for size in _SIZES_PX:
@@ -175,11 +178,10 @@ class MaterialFit:
 
 
 def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> NDArray[np.float64]:
-    """[channel][light] of all pictures of a band together, none below 0.
-
-    Each half is the other's instrument: with the plain square, noise in the rendered lights would take intensity from
-    them (errors in variables; Fuller, Measurement Error Models, 1987, section 1.4).
-    """
+    """Fits the intensities [channel, light] that all pictures of a band share, none below 0. pictures: (picture, its
+    lights rendered by each half of the samples). Each half is the other's instrument. With the plain square, noise in
+    the rendered lights would bias intensities low (errors in variables; Fuller, Measurement Error Models, 1987, section
+    1.4)."""
     out = []
     for channel in range(pictures[0][1].shape[2]):
         count = pictures[0][1].shape[3]
@@ -202,9 +204,9 @@ def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> N
     return np.array(out)
 
 
-# Neighbouring pixels err alike, and the model errs beside the noise: so many residuals tell as much as one.
+# Errors of neighbouring pixels are correlated, and the model has errors, too: this many residuals inform like one.
 _ALIKE = 12.0
-# What lies beside all of that, by trials on balls, boxes and cups whose paints are known: a deviation.
+# Standard deviations of all other errors, from trials on balls, boxes and cups with known paints.
 _FLOORS = {"roughness": 0.04, "metallic": 0.02, "specular": 0.06, "transmission": 0.04, "ir_albedo": 0.025}
 _COLOR_FLOOR = 0.03
 # A direction that is less determined than this counts as not determined at all.
@@ -220,7 +222,7 @@ _FARTHEST = 2.0  # they lead, in reaches
 
 @dataclass(frozen=True)
 class Refined:
-    """theta; its residuals; sigma: standard deviations of theta."""
+    """A refined candidate theta, its residuals, and the standard deviations sigma of theta."""
 
     theta: NDArray[np.float64]
     residuals: Residuals
@@ -234,8 +236,8 @@ def refine(
     samples: int,
     tell: Callable[[float], object] = lambda fraction: None,
 ) -> Refined:
-    """One design for each reach, which is how far its renders stand from its middle. samples: of each half of a
-    design's render; steps are judged with four times as many."""
+    """Improves a candidate by Gauss-Newton steps, with one design of renders for each reach: how far its renders stand
+    from its middle. samples: per pixel in each half of a design's render; steps are judged with four times as many."""
     best = fit.residuals(theta, 4 * samples)
     for number, reach in enumerate(reaches):
         part = part_of(tell, number / len(reaches), (number + 1) / len(reaches))

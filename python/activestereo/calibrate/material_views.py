@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of an object and of its surroundings, and the same rendered under any materials: each light alone, so that
-lights' intensities follow by linear least squares.
-
-Infrared images are in DN; colour images are made linear (IEC 61966-2-1) and stay 0..1."""
+"""Cuts pictures of an object out of a capture, and renders the same views under any materials. Each light is rendered
+alone, so that intensities follow by linear least squares. Infrared images are in DN; colour images are made linear (IEC
+61966-2-1) and stay 0..1."""
 
 from __future__ import annotations
 
@@ -24,16 +23,16 @@ _MARGIN = 0.35  # of the object's size, around it: the table's known material te
 _LARGEST_PX = 72  # pictures are averaged down to this
 _GROUPS = 4
 _SATURATED = 0.97
-# What a model errs in beside the noise: a share of the light, and where the object, its edges and the dots lie.
+# Model errors besides noise: a share of the light, and a shift in pixels of the object, its edges and the dots.
 _OFF_SHARE, _OFF_PX = 0.03, 0.1
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)[..., None]
 
 
 @dataclass(frozen=True)
 class Picture:
-    """seen: float32 [height][width][channel]; usable: [height][width], not saturated; sigma: noise and the model's own
-    error, in the same unit; lit: whether the projector was on; surface: [height][width], 1 + place of the object's
-    surface, 0 around it."""
+    """A recorded picture of the object and its surroundings. seen: float32 [height, width, channel]. usable: mask of
+    unsaturated pixels. sigma: standard deviation of noise and model error, as seen. lit: whether the projector was on.
+    surface: [height, width], 1 + index of the object's surface, 0 around it."""
 
     name: str
     band: Literal["infrared", "visible"]
@@ -47,7 +46,7 @@ class Picture:
 
 
 class MaterialScene:
-    """The capture's scene with its projector and lamps, whose materials may be changed."""
+    """The capture's scene with its projector and lamps. Its materials may be changed."""
 
     def __init__(self, capture: Capture, device: str | int | kuafu.Device = "auto", max_bounces: int = 6) -> None:
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
@@ -78,8 +77,8 @@ class MaterialScene:
         self._projector_id = self.scene.add_light(self._projector)
 
     def lights(self, picture: Picture, samples: int, seed: int) -> NDArray[np.float32]:
-        """[height][width][channel][light]: the projector (0 if it was off or the camera does not see it), every group
-        of lamps and the room, and a constant for the black level."""
+        """Renders a picture's view under each light alone, [height, width, channel, light]. Lights are the projector (0
+        if it was off or is not visible), each group of lamps and the room, and a constant for the black level."""
         to_projector = self._capture.rig.projector.left_to_projector
         self._projector.light_to_world = picture.pose @ np.linalg.inv(to_projector)
         self.scene.set_light(self._projector_id, self._projector)
@@ -104,11 +103,8 @@ class MaterialScene:
 
 
 def pictures(scene: MaterialScene, capture: Capture, surfaces: Sequence[int], most_poses: int = 3) -> list[Picture]:
-    """The images of the poses that see most of the object: infrared with the projector on and off, and colour, where
-    there are.
-
-    ValueError where no pose sees it.
-    """
+    """Returns pictures from the poses at which the object is largest: infrared with the projector on and off, and
+    colour, as far as recorded. Raises ValueError if no pose shows the object."""
     poses: dict[bytes, list[Frame]] = {}
     for frame in capture.frames:
         poses.setdefault(np.round(frame.camera_to_world, 7).tobytes(), []).append(frame)
@@ -155,7 +151,8 @@ def _picture(
     surfaces: Sequence[int],
     highest: float,
 ) -> list[Picture]:
-    """lit: None for a colour image."""
+    """Cuts the object out of an image and scales it down; empty if the object is out of view. lit: None for a colour
+    image. highest: the saturated value."""
     box = _box(scene, camera, pose, surfaces)
     if box is None:
         return []
@@ -191,7 +188,8 @@ def _picture(
 def _box(
     scene: MaterialScene, camera: Camera, pose: NDArray[np.float64], surfaces: Sequence[int]
 ) -> tuple[int, int, int, int] | None:
-    """(left, top, right, bottom) around the object with a margin; None if fewer than 100 pixels of it are seen."""
+    """Returns (left, top, right, bottom) around the object with a margin; None if fewer than 100 of its pixels are
+    visible."""
     whole = kuafu.Camera(camera.width, camera.height, camera.K, pose)
     v, u = np.nonzero(np.isin(scene.material_ids(whole), surfaces))
     if len(v) < 100:

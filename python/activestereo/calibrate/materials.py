@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An object's materials from a capture: a wide search by successive halving (Jamieson and Talwalkar 2016), then
-Gauss-Newton steps from three starts: the best, the best of another roughness, and the scene's own values. Parameters
-that the pictures do not determine are named, and not written."""
+"""Measures an object's materials from a capture. A wide search by successive halving (Jamieson and Talwalkar 2016)
+comes first. Then Gauss-Newton steps follow from three starts: the best candidate, the best of another roughness, and
+the scene's own values. Parameters that the pictures do not determine are named, and not written."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SAMPLES = (4, 16, 64)
 _FINE_SAMPLES = 32
 _FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
 _OTHER_ROUGHNESS = 0.2  # gloss has more than one minimum: sharp and weak looks like wide and strong
-# Half an interval wider than this says that the pictures do not determine the value.
+# If half an interval is wider than this, the pictures do not determine the value.
 _UNDETERMINED = {
     "roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25, "color": 0.25,
 }  # fmt: skip
@@ -37,9 +37,9 @@ _METAL = 0.9
 
 @dataclass(frozen=True)
 class Materials:
-    """found: {surface: {parameter: Quantity}}, those that the pictures determine; undetermined: {surface: names}; loss:
-    mean square in deviations, before and after; renders: how many candidates were rendered; colors: linear RGB of
-    surfaces without a colour in the scene."""
+    """The measured materials of an object. found: {surface: {parameter: Quantity}} of determined parameters.
+    undetermined: {surface: names}. loss: mean square of the residuals in deviations, before and after. renders: number
+    of rendered candidates. colors: linear RGB of surfaces without a colour in the scene."""
 
     object_name: str
     found: dict[str, dict[str, Quantity]]
@@ -50,11 +50,11 @@ class Materials:
     colors: dict[str, list[float]]
 
     def model(self) -> SensorModel:
-        """model.json's section."""
+        """Returns the materials for model.json."""
         return SensorModel(materials={name: fields for name, fields in self.found.items() if fields})
 
     def summary(self) -> str:
-        """The summary that the command prints."""
+        """Returns the text that the command prints."""
         lines = [f"{self.object_name}, from {', '.join(self.pictures)}"]
         for surface, fields in self.found.items():
             lines.append(f"{surface}:")
@@ -81,9 +81,9 @@ def calibrate_materials(
     model: SensorModel | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Materials:
-    """full_grid: all candidates of the wide search are rendered with the most samples. model: a known rig and pattern
-    in place of the capture's. Raises ValueError with the fault: no such object, a part without material, two of one
-    name, out of view, no infrared image."""
+    """Measures the materials of an object in the capture at `path`. full_grid: renders all candidates of the wide
+    search with the most samples. model: a known rig and pattern in place of the capture's. Raises ValueError with the
+    fault: no such object, a part without material, two surfaces of one name, out of view, no infrared image."""
     capture = read_capture(path)
     if model is not None:
         capture = calibrated(capture, model)
@@ -113,7 +113,7 @@ def calibrate_materials(
     best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.8, 1.0))
     before = fit.residuals(scenes_own, _FINE_SAMPLES).loss
     source = f"calibrate materials: {len(seen)} pictures of {capture.name}"
-    # What is found, and what these pictures do not determine.
+    # Separate the determined values from those that these pictures leave open.
     told = dict.fromkeys(names[number] for number, _ in fit.parameters)
     found: dict[str, dict[str, Quantity]] = {surface: {} for surface in told}
     open_: dict[str, list[str]] = {surface: [] for surface in told}
@@ -129,7 +129,7 @@ def calibrate_materials(
             low, high = max(float(value) - half, 0.0), min(float(value) + half, 1.0)
             found[surface][name] = Quantity(float(value), low, high, "1", source)
     for surface, fields in found.items():
-        # What is metal lets no light through, whatever its transmission.
+        # A metal lets no light through, whatever its transmission.
         if "transmission" in fields and "metallic" in fields and fields["metallic"].value > _METAL:
             del fields["transmission"]
             open_[surface].append("transmission")
@@ -145,7 +145,7 @@ def calibrate_materials(
 def _wide(
     fit: MaterialFit, nominal: NDArray[np.float64], seed: int, full_grid: bool, tell: Callable[[float], object]
 ) -> list[NDArray[np.float64]]:
-    """The best candidates, best first."""
+    """Searches the whole range of the parameters by successive halving. Returns the best candidates, best first."""
     searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
     unit = qmc.Sobol(len(searched), seed=seed).random(_CANDIDATES)
     # Few materials are between metal and not, or half clear.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The imager's temporal noise from repeats of static views: which noise model, and its parameters.
+"""Measures the imager's temporal noise from repeats of static views: chooses a noise model and fits its parameters.
 
 Repeats show changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in every
-repeat: they never show here."""
+repeat, so they never show here."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ _NOTE = (
 
 @dataclass(frozen=True)
 class TransferPoint:
-    """Repeats at one exposure: seconds x gain, mean and temporal variance of the pixels that do not clip."""
+    """Repeats at one exposure (seconds x gain): mean and temporal variance of the pixels that do not clip."""
 
     exposure_gain: float
     mean_dn: float
@@ -43,8 +43,9 @@ class TransferPoint:
 
 @dataclass(frozen=True)
 class Noise:
-    """fit: of the noise model that gives pixels it was not fitted to the higher density; margin_nats: by how much, per
-    held-out pixel, with its standard error. clipped_share: of all counts, censored. black_from: its source."""
+    """The measured noise. fit: the noise model under which held-out pixels are more probable. margin_nats: by how much,
+    per held-out pixel, with its standard error. clipped_share: share of all counts that clip. black_from: source of the
+    black level."""
 
     fit: NoiseFit
     margin_nats: tuple[float, float]
@@ -56,11 +57,12 @@ class Noise:
 
     @property
     def chosen(self) -> str:
-        """The noise model's name."""
+        """Name of the chosen noise model."""
         return self.fit.noise_model.name
 
     def model(self) -> SensorModel:
-        """model.json's `imager`, and the black level among its nuisances. Rounding's variance is part of the offset."""
+        """Returns the imager for model.json, and the black level among its nuisances. Rounding's variance is part of
+        the offset."""
         noise_model, fit = self.fit.noise_model, self.fit
         source = (
             f"calibrate noise: {self.chosen} noise model, {self.pixels} pixels, {self.repeats} repeats; static speckle "
@@ -82,7 +84,7 @@ class Noise:
         return SensorModel(imager=imager, nuisances={"black_dn": black})
 
     def summary(self) -> str:
-        """The summary that the command prints."""
+        """Returns the text that the command prints."""
         noise_model, fit = self.fit.noise_model, self.fit
         margin, error = self.margin_nats
         other = next(kind.name for kind in NOISE_MODELS if kind.name != self.chosen)
@@ -117,11 +119,9 @@ def calibrate_noise(
     frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, seed: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> Noise:  # fmt: skip
-    """The Noise of repeats; dark: repeats without any light. seed: chooses the pixels that are looked at.
-
-    ValueError with file, number and remedy: fewer than 10 repeats, repeats that move, clipped views, dark frames that
-    are not dark.
-    """
+    """Measures the Noise of repeats, which are given or read from a path. dark: repeats without any light. seed:
+    chooses the pixels that are used. Raises ValueError with file, number and remedy: fewer than 10 repeats, repeats
+    that move, clipped views, dark frames that are not dark."""
     tell = progress or (lambda fraction: None)
     views = read_repeats(frames) if isinstance(frames, (str, Path)) else frames
     darks = [] if dark is None else read_repeats(dark, least=2) if isinstance(dark, (str, Path)) else dark
@@ -175,8 +175,8 @@ def calibrate_noise(
 
 
 def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """[pixel][repeat] of each view: pixels spread evenly over the logarithm of their level. Pixels that mostly clip are
-    left out."""
+    """Picks pixels of each view, spread evenly over the logarithm of their level: counts [pixel, repeat]. Pixels that
+    mostly clip are left out."""
     wanted = int(np.clip(_COUNTS / max(len(view.counts) for view in views), _FEWEST_PIXELS, _MOST_PIXELS))
     out = []
     for view in views:
@@ -198,7 +198,8 @@ def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) 
 
 
 def _black_of_exposures(views: list[Repeats], max_dn: int) -> float | None:
-    """The mean of one view's unclipped pixels at exposure 0, by a line; None if no view was exposed differently."""
+    """Extrapolates the mean of a view's unclipped pixels to exposure 0 by a line. None if no view has several
+    exposures."""
     of: dict[str, list[Repeats]] = {}
     for view in views:
         if view.exposure_gain is not None:

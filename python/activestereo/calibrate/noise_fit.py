@@ -5,14 +5,14 @@ posteriori. s is the mean count above black, DN.
     gamma   y = black + s G + N(0, sigma), G ~ Gamma(k, 1/k)     Zhang et al. 2023: speckle's factor and a Gaussian
     shot    y = black + K Poisson(s/K) + N(0, sigma)          photons and read noise, EMVA 1288's linear model
 
-Both are rounded and clipped: a count at an end of the range is censored, its probability is all that lies beyond. The
-paper's theta is a gauge: where the clean image is only known as the frames' mean, (clean, theta) and (c clean, theta /
-c) give the same counts; here theta = 1 / k, so that s is the mean.
+Both are rounded and clipped. A count at an end of the range is censored: its probability is that of all values beyond.
+The paper's theta cannot be measured. The clean image is only known as the frames' mean, and (clean, theta) and (c
+clean, theta / c) give the same counts. Here theta = 1 / k, so that s is the mean.
 
-Each pixel's mean is integrated out, so that few repeats do not bias the noise model: its counts y_1..y_n share an
-unknown mean s above black, and p(pixel | noise model) = integral of p(y_1 | s) ... p(y_n | s) ds, over a grid as fine
-as the mean's own error. Pixels of dark frames share an offset of their own in place of s, normally distributed about
-the black level: unequal pixels (DSNU) are no noise."""
+Each pixel's mean is integrated out, so that few repeats do not bias the noise model. Its counts y_1..y_n share an
+unknown mean s above black: p(pixel | noise model) = integral of p(y_1 | s) ... p(y_n | s) ds, over a grid as fine as
+the mean's own error. Pixels of dark frames share an offset of their own in place of s, normally distributed about the
+black level, because unequal pixels (DSNU) are no noise."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -38,7 +38,8 @@ _REACH = 8.0
 
 @dataclass(frozen=True)
 class CountModel:
-    """shape: k of the gamma model, K in DN per electron of the shot noise model."""
+    """The base of both noise models. shape: k of the gamma model, or K in DN per electron of the shot noise model.
+    sigma_dn: the Gaussian's standard deviation."""
 
     shape: float
     sigma_dn: float
@@ -46,15 +47,16 @@ class CountModel:
     name: ClassVar[str] = ""
 
     def variance(self, signal: np.ndarray) -> np.ndarray:
-        """DN^2 before rounding, of a mean count above black."""
+        """Returns the variance in DN^2, before rounding, at a mean count above black."""
         raise NotImplementedError
 
     def cumulative(self, signal: np.ndarray, edge: np.ndarray) -> np.ndarray:
-        """P(y < edge) before rounding, of arrays of one shape [n]; signal > 0."""
+        """Returns P(y < edge) before rounding, for arrays [n] of signal, above 0, and edge."""
         raise NotImplementedError
 
     def log_probabilities(self, signal: np.ndarray, max_dn: int, bin_dn: int = 1) -> np.ndarray:
-        """[signal][bin] of counts 0..max_dn in bins of bin_dn; the first and the last bin hold all that lies beyond."""
+        """Returns log probabilities [signal, bin] of counts 0..max_dn in bins of bin_dn. The first and the last bin
+        include all values beyond."""
         signal = np.maximum(signal, 1e-3)
         edges = np.arange(bin_dn, max_dn + 1, bin_dn) - 0.5
         away = (edges - self.black_dn - signal[:, None]) / np.sqrt(self.variance(signal))[:, None]
@@ -64,19 +66,19 @@ class CountModel:
         return _log_shares(below)
 
     def _upper_tail(self) -> float:
-        """By how many deviations the upper tail reaches farther than a Gaussian's."""
+        """Returns by how many deviations the upper tail reaches farther than a Gaussian's."""
         return 8.0
 
 
 def _log_shares(below: np.ndarray) -> np.ndarray:
-    """[row][bin] of P(y < edge) [row][edge]."""
+    """Computes log probabilities [row, bin] from cumulative probabilities P(y < edge) [row, edge]."""
     whole = np.hstack([np.zeros((len(below), 1)), below, np.ones((len(below), 1))])
     return np.asarray(np.log(np.maximum(np.diff(whole, axis=1), _LEAST_PROBABILITY)))
 
 
 @dataclass(frozen=True)
 class GammaModel(CountModel):
-    """The paper's speckle factor and Gaussian noise."""
+    """The noise model with the paper's gamma-distributed speckle factor and Gaussian noise."""
 
     name: ClassVar[str] = "gamma"
 
@@ -114,7 +116,7 @@ class GammaModel(CountModel):
 
 @dataclass(frozen=True)
 class ShotModel(CountModel):
-    """Photons and read noise."""
+    """The noise model with the photons' Poisson noise and Gaussian read noise."""
 
     name: ClassVar[str] = "shot"
 
@@ -157,8 +159,8 @@ _OFFSETS = 4.0
 
 @dataclass(frozen=True)
 class Counts:
-    """Pixels by how often they gave each count. histograms: [pixel][bin], sparse; means: of each pixel; dark: the same
-    of dark frames, or None; dsnu_dn: standard deviation of the dark pixels' own offsets."""
+    """Histograms of each pixel's counts. histograms: sparse [pixel, bin]. means: mean count of each pixel. dark:
+    histograms of dark frames, or None. dsnu_dn: standard deviation of the dark pixels' own offsets."""
 
     histograms: csr_matrix
     means: np.ndarray
@@ -169,7 +171,7 @@ class Counts:
 
     @classmethod
     def of(cls, pixels: list[np.ndarray], dark: list[np.ndarray], max_dn: int) -> "Counts":
-        """pixels, dark: arrays [pixel][repeat] of counts, one per view."""
+        """Makes histograms of counts. pixels, dark: arrays [pixel, repeat], one for each view."""
         bin_dn = -(-(max_dn + 1) // _LARGEST_BINS)
         means = np.concatenate([counts.mean(axis=1) for counts in pixels])
         histograms = _histograms(pixels, max_dn, bin_dn)
@@ -195,13 +197,13 @@ def _histograms(pixels: list[np.ndarray], max_dn: int, bin_dn: int) -> csr_matri
 
 @dataclass(frozen=True)
 class NoiseFit:
-    """noise_model: the most probable one. error: standard deviations of log shape, log sigma and black."""
+    """The most probable noise model. error: standard deviations of log shape, log sigma and black."""
 
     noise_model: CountModel
     error: np.ndarray
 
     def interval(self, name: str) -> tuple[float, float]:
-        """The 90 % interval of shape, sigma_dn or black_dn."""
+        """Returns the 90 % interval of shape, sigma_dn or black_dn."""
         value = getattr(self.noise_model, name)
         error = INTERVAL_90 * self.error[("shape", "sigma_dn", "black_dn").index(name)]
         if name == "black_dn":
@@ -210,7 +212,7 @@ class NoiseFit:
 
 
 def log_density(counts: Counts, noise_model: CountModel) -> np.ndarray:
-    """Nats of each pixel under a noise model, its mean integrated out."""
+    """Returns each pixel's log probability (nats) under a noise model, with the pixel's mean integrated out."""
     # Means above black as finely spaced as a pixel's mean is known, and the width of each.
     repeats = counts.histograms[0].sum()
     top = 1.1 * max(float(counts.means.max()) - noise_model.black_dn, 1.0) + 6.0 * np.sqrt(
@@ -229,7 +231,7 @@ def log_density(counts: Counts, noise_model: CountModel) -> np.ndarray:
 
 
 def dark_log_density(counts: Counts, noise_model: CountModel) -> float:
-    """Nats of the dark frames; 0 without."""
+    """Returns the log probability (nats) of all dark frames' pixels; 0 without dark frames."""
     if counts.dark is None:
         return 0.0
     repeats = counts.dark[0].sum()
@@ -250,8 +252,8 @@ def fit_noise_model(
     fixed_black_dn: float | None = None,
     with_error: bool = True,
 ) -> NoiseFit:
-    """The most probable noise model of a kind. fixed_black_dn: black is known from elsewhere. with_error=False: errors
-    are 0, in half the time."""
+    """Finds the most probable noise model of a kind. start: where the search begins, None: a guess. fixed_black_dn: a
+    known black level, or None. with_error=False: leaves errors at 0, in half the time."""
     start = start or _start(kind, counts, fixed_black_dn)
     free = 2 if fixed_black_dn is not None else 3
 
@@ -286,7 +288,8 @@ def fit_noise_model(
 
 
 def _start(kind: type[CountModel], counts: Counts, black_dn: float | None) -> CountModel:
-    """From variances of pixels against their means, a quadratic: its terms are sigma, shot and gamma noise."""
+    """Guesses a noise model from pixels' variances over their means: a quadratic, whose terms are sigma, shot and gamma
+    noise."""
     values = (np.arange(counts.histograms.shape[1]) + 0.5) * counts.bin_dn - 0.5
     repeats = np.asarray(counts.histograms.sum(axis=1)).ravel()
     mean = counts.histograms @ values / repeats

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's pattern from frames of a flat wall: each dot's direction and power, and where the projector stands.
+"""Measures the projector's pattern from frames of a flat wall: each dot's direction and power, and the projector's
+position.
 
 Dots are found in the averaged images of both cameras (spots.py) and lie on the wall's plane (wall.py). Two distances
-give each dot a line; where the lines meet stands the projector. One distance leaves its place nominal. A dot's power
-follows from what it looks like: the camera sees radiance, which falls with the projector's distance and angle and with
-the camera's (power_factor in wall.py, which also finds the light between the dots).
-"""
+give each dot a line; the projector is at the point where the lines meet. With one distance its position stays nominal.
+A dot's power follows from its image. The camera sees radiance, which falls with the projector's distance and angle and
+with the camera's (power_factor in wall.py, which also finds the light between the dots)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -52,7 +52,8 @@ _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 
 @dataclass(frozen=True)
 class WallView:
-    """One distance: spots by camera, spots cut by the images' borders, their wall, and the exposure."""
+    """The wall at one distance: whole spots of each camera, spots cut by the images' borders, the wall's plane, and the
+    exposure."""
 
     name: str
     spots: dict[str, Spots]
@@ -63,11 +64,11 @@ class WallView:
 
 @dataclass(frozen=True)
 class Pattern:
-    """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the
-    nominal pattern (or 1). position_m: the projector's origin in the left camera's frame; position_error_m: its
-    standard deviations, None where it is nominal. background: light between the dots, in the powers' unit per square
-    pixel, and half of what the cameras differ by; None where it was not measured. seen_twice: dots that two distances
-    show. rig: what was believed."""
+    """The measured pattern. dots: [n, 3], u, v in pixels of an image of `size` under K, and power in pixels squared,
+    scaled to the nominal pattern's mean (or 1). position_m: the projector's origin in the left camera's frame.
+    position_error_m: its standard deviations; None if it is nominal. background: (light between the dots, in the
+    powers' unit per square pixel; half of the cameras' difference), or None if not measured. seen_twice: number of dots
+    visible at two distances. rig: the calibration that was assumed."""
 
     dots: np.ndarray
     size: tuple[int, int]
@@ -82,7 +83,7 @@ class Pattern:
     rig: CaptureRig
 
     def model(self) -> SensorModel:
-        """model.json's `pattern`, and in its `rig`, the one that was believed, the projector's place."""
+        """Returns the pattern for model.json, and the assumed rig with the projector's position."""
         source = f"calibrate pattern: {len(self.dots)} dots, walls at " + ", ".join(
             f"{view.wall.distance_m:.3f} m" for view in self.views
         )
@@ -104,7 +105,7 @@ class Pattern:
         return SensorModel(pattern=pattern, rig=nominal)
 
     def summary(self) -> str:
-        """The summary that the command prints."""
+        """Returns the text that the command prints."""
         lines = [
             f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma "
             f"{self.dot_sigma_px:.2f} px of the pattern"
@@ -144,14 +145,13 @@ class Pattern:
 def calibrate_pattern(
     path: Path, progress: Callable[[float], object] | None = None, model: SensorModel | None = None
 ) -> Pattern:
-    """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the
-    projector on.
+    """Measures the Pattern from a capture whose repeat groups show one flat, matt wall, each group from one distance,
+    with the projector on.
 
-    The rig is believed, `model`'s where it has one and else the capture's nominal one: K, the baseline, the projector's
-    K and, for one distance, its place. Dots are directions from that rig's cameras, and right beside no other one.
-    ValueError with file, number and remedy: too few or moving repeats, a saturated wall, a distorted lens, what is not
-    flat.
-    """
+    The rig is assumed to be right: `model`'s if it has one, else the capture's nominal one. This concerns K, the
+    baseline, the projector's K and, for one distance, its position. Dots are directions from that rig's cameras, so
+    they are wrong with another rig. Raises ValueError with file, number and remedy: too few or moving repeats, a
+    saturated wall, a distorted lens, a surface that is not flat."""
     tell = progress or (lambda fraction: None)
     capture, source = read_capture(path), f"{path}/capture.json"
     if model is not None and model.rig is not None:
@@ -177,7 +177,7 @@ def calibrate_pattern(
 
 
 def _check_rig(rig: CaptureRig, source: str) -> None:
-    """Raises ValueError unless the rig is of rectified images. source: the file that states it."""
+    """Raises ValueError unless the rig is that of rectified images. source: the file that states it."""
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         raise ValueError(
             f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "
@@ -200,7 +200,7 @@ def _check_rig(rig: CaptureRig, source: str) -> None:
 
 
 def _eyes(rig: CaptureRig) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
-    """(K, place in the left camera's frame, metres) of each camera."""
+    """Returns {side: (K, position in the left camera's frame, metres)} of both cameras."""
     right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
     return {"left": (rig.left.K, np.zeros(3)), "right": (rig.right.K, right_m)}
 
@@ -231,22 +231,23 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
 
 
 def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
-    """The right camera's spots under axes parallel to the left one's: a measured rig is a little turned."""
+    """Returns the right camera's spots as for axes parallel to the left one's, because a measured rig is slightly
+    rotated."""
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
     u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
     return replace(right, u=u / w, v=v / w)
 
 
 def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
-    """A straight line of each pixel's variance over its mean, divided by the number of frames: less noisy than the
-    variances."""
+    """Returns the variance of each pixel's mean over n frames counts [n, height, width]. A straight line of variance
+    over mean is less noisy than the pixels' own variances."""
     mean, variance = counts.mean(axis=0), counts.var(axis=0, ddof=1)
     slope, offset = np.polyfit(mean.ravel(), variance.ravel(), 1)
     return np.maximum(offset + slope * mean, ROUNDING_VARIANCE) / len(counts)
 
 
 def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
-    """One pattern of walls at one or several distances, nearest first."""
+    """Merges the dots seen on walls at one or several distances, nearest first, into one pattern."""
     image = rig.projector.pattern()
     (height, width), eyes, rotation = image.shape, _eyes(rig), rig.projector.left_to_projector[:3, :3]
     nominal_m = -rotation.T @ rig.projector.left_to_projector[:3, 3]
@@ -328,14 +329,14 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
 def _as_dots(
     points: np.ndarray, camera_m: np.ndarray, flux: np.ndarray, wall: Wall, projector: ProjectorView
 ) -> np.ndarray:
-    """[dot][3]: u, v in the pattern and power of spots that a camera sees on the wall."""
+    """Converts spots that a camera sees on the wall to dots [n, 3]: u, v in the pattern and power."""
     uv, beam = projector.pixels(points)
     return np.column_stack([uv, flux * power_factor(points - camera_m, wall.plane[:3], beam)])
 
 
 def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[ProjectorView, np.ndarray, np.ndarray]:
-    """(the projector at the point that the lines through equal dots meet in, the point's standard deviations, pairs
-    [n][2] of equal dots)."""
+    """Returns (the projector at the point where the lines through equal dots meet, that point's standard deviations,
+    pairs [n, 2] of equal dots)."""
     pairs = np.empty((0, 2), dtype=int)
     for reach in _SAME_DOT_PX:
         first, second = (projector.pixels(wall.points)[0] for wall in (near, far))
@@ -358,8 +359,8 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(the point nearest to the lines through a and b by least squares, its standard deviations). Leaves outliers out
-    twice."""
+    """Returns (the point nearest to the lines through a and b by least squares, its standard deviations). Drops
+    outliers twice."""
     along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     use = np.ones(len(a), dtype=bool)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right camera, and every
-board's pose; and a picture of the corners' places.
+"""Calibrates both infrared cameras from frames of a board: K, lenses, the right camera's pose, and every board's pose.
+Also draws a picture of the corners' coverage.
 
-OpenCV's calibrateCamera (Zhang 2000) gives the start, a bundle adjustment over everything the answer and its
-deviations, times 1.1 because corners' errors are not Gaussian."""
+OpenCV's calibrateCamera (Zhang 2000) gives the start. A bundle adjustment over all unknowns gives the answer and its
+deviations, which are multiplied by 1.1 because corners' errors are not Gaussian."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,7 +35,8 @@ Matrices = dict[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class BoardView:
-    """One frame pair: points [n][3] and pixels [n][2] by camera; a camera that does not see the board is absent."""
+    """A board's corners in one frame pair, {side: (board points [n, 3], pixels [n, 2])}. A camera that does not see the
+    board is absent."""
 
     name: str
     corners: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -43,9 +44,9 @@ class BoardView:
 
 @dataclass(frozen=True)
 class Calibration:
-    """K, distortion: by camera. left_to_right: 4x4. board_to_left: {view's name: 4x4}. error: standard deviations of
-    {side: fx, fy, cx, cy} and of left_to_right's translation. rms_px: of the residuals. coverage: share of the
-    picture's cells that corners reach, by camera."""
+    """The calibration of a camera pair. K, distortion: by side. left_to_right: 4x4. board_to_left: {view's name: 4x4}.
+    error: standard deviations, {side: of fx, fy, cx, cy; 'translation': of left_to_right's}. rms_px: of the residuals.
+    coverage: {side: share of the picture's cells that contain corners}."""
 
     size: tuple[int, int]
     K: Matrices
@@ -59,7 +60,7 @@ class Calibration:
     bit_depth: int
 
     def model(self) -> SensorModel:
-        """model.json's `rig`."""
+        """Returns the rig for model.json."""
         left, right = (Camera(*self.size, self.K[side], self.distortion[side]) for side in SIDES)
         errors = "; ".join(
             f"{side} f ± {INTERVAL_90 * self.error[side][0]:.2g}, c ± {INTERVAL_90 * self.error[side][2]:.2g} px"
@@ -69,7 +70,7 @@ class Calibration:
         return SensorModel(rig=Rig(left, right, self.left_to_right, bit_depth=self.bit_depth, source=source))
 
     def summary(self) -> str:
-        """The summary that the command prints."""
+        """Returns the text that the command prints."""
         lines = [f"{len(self.views)} boards, {self.rms_px:.3f} px RMS (values with 90 % intervals)"]
         for side in SIDES:
             K, half = self.K[side], INTERVAL_90 * self.error[side]
@@ -97,12 +98,11 @@ def calibrate_rig(
     path: Path, board: Board, has_lens: bool = True, known_K: NDArray[np.float64] | None = None,
     progress: Callable[[float], object] | None = None
 ) -> Calibration:  # fmt: skip
-    """The Calibration from PATH/left/*.png and PATH/right/*.png, pairs by name.
+    """Calibrates from PATH/left/*.png and PATH/right/*.png, which are paired by name.
 
-    has_lens: fit five coefficients of distortion; else the images are rectified, and both lenses ideal. known_K: 3x3 of
-    both cameras, held (a device's own). ValueError with file, number and remedy: no pairs, sizes that differ, fewer
-    than 3 boards found.
-    """
+    has_lens: fits five distortion coefficients; otherwise images must be rectified, and both lenses are ideal. known_K:
+    3x3 of both cameras, which is kept (a device's own). Raises ValueError with file, number and remedy: no pairs, sizes
+    that differ, fewer than 3 boards found."""
     tell = progress or (lambda fraction: None)
     folders = {side: Path(path) / side for side in SIDES}
     names = {side: {file.name for file in folder.glob("*.png")} for side, folder in folders.items()}
@@ -148,7 +148,7 @@ def calibrate(
     known_K: NDArray[np.float64] | None = None,
     bit_depth: int = 8,
 ) -> Calibration:
-    """The Calibration of boards' corners; false detections are left out once."""
+    """Computes the Calibration from boards' corners. False detections are dropped, and the rest is fitted again."""
     result, rms = _bundle(views, size, has_lens, known_K, bit_depth)
     limit = _OUTLIER * float(np.median(list(rms.values())))
     good = [view for view in views if rms.get(view.name, 0.0) <= limit]
@@ -160,8 +160,8 @@ def calibrate(
 def _bundle(
     views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None, bit_depth: int
 ) -> tuple[Calibration, dict[str, float]]:
-    """(the Calibration, each view's RMS, pixels). The vector of everything: each camera's fx, fy, cx, cy and lens;
-    left_to_right; a pose per board."""
+    """Adjusts all unknowns and returns (the Calibration, {view: RMS of its residuals, pixels}). The unknowns are each
+    camera's fx, fy, cx, cy and lens, left_to_right, and a pose for each board."""
     first_K, first_lens, first_right, boards = _start(views, size, has_lens, known_K)
     views = [view for view in views if view.name in boards]
     own = 0 if known_K is not None else 9 if has_lens else 4
@@ -169,7 +169,7 @@ def _bundle(
     first = np.concatenate([*cameras, vector(first_right), *(vector(boards[view.name]) for view in views)])
 
     def unpacked(x: NDArray[np.float64]) -> tuple[Matrices, Matrices, list[NDArray[np.float64]]]:
-        """(K, lenses, left_to_right and the boards' poses)."""
+        """Splits the vector of unknowns into (K, lenses, left_to_right followed by the boards' poses)."""
         K, lenses = dict(first_K), {side: np.zeros(5) for side in SIDES}
         for number, side in enumerate(SIDES if own else ()):
             fx, fy, cx, cy, *lens = x[number * own : (number + 1) * own]
@@ -221,7 +221,8 @@ def _bundle(
 def _start(
     views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None
 ) -> tuple[Matrices, Matrices, NDArray[np.float64], Matrices]:
-    """(K, lenses, left_to_right, board poses in the left camera) by OpenCV's calibration of each camera."""
+    """Returns (K, lenses, left_to_right, {view: board's pose in the left camera}) by OpenCV's calibration of each
+    camera."""
     K, lenses, poses = {}, {}, {}
     flags = 0 if has_lens else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     for side in SIDES:
@@ -248,12 +249,12 @@ def _start(
 def _drawn(
     points: NDArray[np.float64], pose: NDArray[np.float64], K: NDArray[np.float64], lens: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Pixels [n][2] of points [n][3]; pose: 4x4 to the camera."""
+    """Projects points [n, 3] to pixels [n, 2] of a camera. pose: 4x4 from the points' to the camera's frame."""
     return np.asarray(cv2.projectPoints(points, *np.split(vector(pose), 2), K, lens)[0].reshape(-1, 2))
 
 
 def write_coverage(path: Path, result: Calibration) -> None:
-    """Writes a PNG: each camera's corners, coloured by their residuals in pixels."""
+    """Writes a PNG with each camera's corners, coloured by their residuals in pixels."""
     figure = Figure(figsize=(11.0, 4.1), facecolor="white", layout="constrained")
     width, height = result.size
     shown = None

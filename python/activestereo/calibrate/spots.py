@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spots of a dot pattern in an image: all of them fitted jointly as Gaussians; the residual is then searched for merged
-ones.
+"""Finds the spots of a dot pattern in an image. All are fitted jointly as Gaussians; then the residual is searched for
+merged spots.
 
     image = background + sum of a_i exp(-|x - x_i|^2 / (2 sigma^2)) + noise
 
-One sigma for all; positions, amplitudes and sigma by Gauss-Newton on a sparse Jacobian, weighted by the noise.
-"""
+All spots share one sigma. Positions, amplitudes and sigma are fitted by Gauss-Newton on a sparse Jacobian, weighted by
+the noise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,13 +29,14 @@ _LARGEST_STEP_PX = 0.4
 _LSQR_STEPS = 40
 # A spot's middle lies at most this far outside the image, in sigmas.
 _OUTSIDE = 1.5
-# Two spots closer than this, in sigmas, are one.
+# Two spots closer than this, in sigmas, are merged.
 _ONE_SPOT = 0.9
 
 
 @dataclass(frozen=True)
 class Spots:
-    """u, v: centres, pixels. flux: the integral over a spot, DN px^2. sigma_px: with the pixel's own width."""
+    """Spots of an image. u, v: centres, pixels. flux: a spot's integral, DN px^2. sigma_px: width that includes the
+    pixel's own. background: the image without spots."""
 
     u: np.ndarray
     v: np.ndarray
@@ -48,12 +49,12 @@ class Spots:
 
     @property
     def border_px(self) -> int:
-        """Nearer to the image's border a spot is cut by it."""
+        """Distance from the image's border within which a spot is cut by it."""
         return _reach(self.sigma_px)
 
     @property
     def is_whole(self) -> np.ndarray:
-        """[spot]: the border does not cut it, so that its place and flux are as good as any."""
+        """Mask of the spots that the border does not cut, whose position and flux are therefore reliable."""
         height, width = self.background.shape
         border = self.border_px
         across = (self.u > border) & (self.u < width - 1 - border)
@@ -64,8 +65,8 @@ class Spots:
 
 
 def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], object] | None = None) -> Spots:
-    """Spots of an averaged image [height][width], DN, with those that its border cuts. variance: of its pixels, DN^2.
-    Raises ValueError for fewer than 50."""
+    """Finds the spots of an averaged image [height, width], DN, including those that its border cuts. variance: of its
+    pixels, DN^2. Raises ValueError for fewer than 50 spots."""
     tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
     # 1. The scale at which the strong spots answer most (Lindeberg 1998: a Gaussian does at its own sigma).
@@ -113,7 +114,7 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
 
 
 class _Fit:
-    """Spots and the image that they explain."""
+    """A joint fit of spots and background to an image."""
 
     def __init__(
         self, image: np.ndarray, background: np.ndarray, variance: np.ndarray, u: np.ndarray, v: np.ndarray,
@@ -131,12 +132,13 @@ class _Fit:
         self.u, self.v, self.amplitude = np.r_[self.u, u], np.r_[self.v, v], np.r_[self.amplitude, np.maximum(at, 0.3)]
 
     def _pixel(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest pixel's row and column."""
+        """Returns the row and column of the nearest pixel inside the image."""
         height, width = self.image.shape
         return np.rint(v).astype(int).clip(0, height - 1), np.rint(u).astype(int).clip(0, width - 1)
 
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(pixel numbers, offsets in u and v, Gaussian, 0 outside the image) [spot][pixel of its patch]."""
+        """Returns (pixel numbers, offsets in u, offsets in v, Gaussian, which is 0 outside the image), each [spot,
+        pixel of its patch]."""
         reach, (height, width) = _reach(self.sigma), self.image.shape
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
@@ -153,7 +155,7 @@ class _Fit:
         return self.image - self.background - model.reshape(self.image.shape)
 
     def run(self, steps: int) -> None:
-        """Gauss-Newton steps. After each, the background takes the residual's smooth part."""
+        """Makes Gauss-Newton steps. After each, the smooth part of the residual moves to the background."""
         for _ in range(steps):
             self._step()
             self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
@@ -180,7 +182,7 @@ class _Fit:
         self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
 
     def drop_weak(self) -> None:
-        """Spots far weaker than those around them or than the noise, and the weaker of two at one place."""
+        """Drops spots far weaker than their neighbours or within the noise, and merges two spots at one place."""
         tree = cKDTree(np.column_stack([self.u, self.v]))
         _, near = tree.query(tree.data, k=min(30, len(self.u)))
         keep = self.amplitude > _LEAST_AMPLITUDE * np.median(self.amplitude[near], axis=1)
@@ -199,13 +201,13 @@ class _Fit:
 
 
 def _reach(sigma: float) -> int:
-    """A spot's radius in pixels."""
+    """Returns the radius in pixels of the patch on which a spot is drawn."""
     return int(np.ceil(3.5 * sigma))
 
 
 def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
-    """Deviation of a Laplacian of Gaussian's answer to white noise: of the sampled filter's own energy, which for a
-    sigma well above a pixel is 1 / (2 pi sigma^6)."""
+    """Returns the standard deviation of a Laplacian of Gaussian's response to white noise, from the sampled filter's
+    energy. For a sigma well above a pixel the energy is 1 / (2 pi sigma^6)."""
     impulse = np.zeros((31, 31))
     impulse[15, 15] = 1.0
     energy = float(np.sum(gaussian_laplace(impulse, sigma) ** 2))
@@ -213,6 +215,6 @@ def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _peaks(response: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(rows, columns) of local maxima above `least`."""
+    """Returns (rows, columns) of local maxima above `least`."""
     rows, columns = np.nonzero((response == maximum_filter(response, 3)) & (response > least))
     return rows, columns

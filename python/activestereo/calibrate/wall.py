@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spots of both cameras on a flat wall as points in space, and the light that the projector sends between its dots.
+"""Places the spots of both cameras on a flat wall in space, and measures the projector's light between its dots.
 
-The wall is a plane in disparity, and a spot's place the best of both cameras. Between the dots a camera counts its
-black level and the room's light, which a wall at either of two distances has alike, and the projector's light, which
-falls with the distance's square:
+The wall is a plane in disparity, and a spot's position the best estimate from both cameras. Between the dots a camera
+counts its black level, the room's light and the projector's light. Only the projector's light differs between walls at
+two distances: it falls with the distance's square.
 
     counts = constant of the camera + background * (pattern pixels per camera pixel) / power_factor()
 """
@@ -26,9 +26,10 @@ _ROUNDS = 8
 
 @dataclass(frozen=True)
 class Wall:
-    """plane: [n, d] with n . X = d in the left camera's frame, metres. points [spot][3]: of the left spots.
-    points_if_off [3][spot][3]: the same with the plane one standard deviation off, along each of its three independent
-    errors. is_seen_by_both [spot]. flatness_px: RMS of the matched spots' disparity off the plane."""
+    """A flat wall with spots. plane: [n, d] with n . X = d in the left camera's frame, metres. points: [spot, 3], of
+    the left camera's spots. points_if_off: [3, spot, 3], the points if the plane were one standard deviation off, along
+    each of its three independent errors. is_seen_by_both: mask of spots. flatness_px: RMS of the matched spots'
+    disparity off the plane."""
 
     plane: np.ndarray
     points: np.ndarray
@@ -38,12 +39,13 @@ class Wall:
 
     @property
     def distance_m(self) -> float:
-        """From the left camera, along the wall's normal."""
+        """Distance from the left camera along the wall's normal."""
         return float(abs(self.plane[3]))
 
 
 def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, baseline_m: float, name: str) -> Wall:
-    """The wall of rectified spots. Raises ValueError if too few match, or if they do not lie on a plane."""
+    """Finds the wall from spots in rectified images. name: begins errors. Raises ValueError if too few spots match, or
+    if they do not lie on a plane."""
     # 1. Pairs of spots whose rows agree and whose disparity is not negative.
     near_rows = cKDTree(right.v[:, None]).query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)
     pairs = np.array([(i, j) for i, near in enumerate(near_rows) for j in near]).reshape(-1, 2)
@@ -89,8 +91,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     v[both] = 0.5 * (v[both] + (right.v[match[both]] - right_K[1, 2]) * K[1, 1] / right_K[1, 1] + K[1, 2])
 
     def placed(plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n of n . X = 1, the spots' points): disparity = fx B / Z + cx - cx', so that a plane in it is one in
-        space."""
+        """Returns (n of n . X = 1, the spots' points). Since disparity = fx B / Z + cx - cx', a plane in disparity is a
+        plane in space."""
         slope = np.array([plane[1] * K[0, 0], plane[2] * K[1, 1], plane[0] - K[0, 2] + right_K[0, 2]])
         normal, u = slope / (K[0, 0] * baseline_m), left.u.copy()
         u[both] += 0.5 * (right.u[match[both]] + column[both] @ plane - left.u[both])
@@ -111,7 +113,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
 
 
 def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """[n][3], in the left camera's frame: where rays of a camera at camera_m meet the plane [n, offset]."""
+    """Returns the points [n, 3], in the left camera's frame, where rays through the pixels u, v of a camera at camera_m
+    meet the plane [n, d]."""
     ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
     return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
 
@@ -124,8 +127,8 @@ _OUTLIER = 4.0  # in median absolute deviations
 
 @dataclass(frozen=True)
 class ProjectorView:
-    """The projector's place: its origin in the left camera's frame, the rotation into its own, its K, and the
-    pattern's width and height in pixels."""
+    """The projector's geometry: its origin in the left camera's frame, the rotation from there to its own axes, its K,
+    and the pattern's (width, height) in pixels."""
 
     position_m: NDArray[np.float64]
     rotation: NDArray[np.float64]
@@ -133,8 +136,8 @@ class ProjectorView:
     size: tuple[int, int]
 
     def pixels(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(u, v [n][2] in the pattern, the beams [n][3] in the projector's axes) of points [n][3] in the left camera's
-        frame."""
+        """Projects points [n, 3] in the left camera's frame. Returns (pattern pixels u, v [n, 2], beams [n, 3] in the
+        projector's axes)."""
         beam = (points - self.position_m) @ self.rotation.T
         u = self.K[0, 0] * beam[:, 0] / beam[:, 2] + self.K[0, 2]
         v = self.K[1, 1] * beam[:, 1] / beam[:, 2] + self.K[1, 2]
@@ -144,13 +147,12 @@ class ProjectorView:
 def power_factor(
     points: NDArray[np.float64], normal: NDArray[np.float64], beam: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The factor by which a flux in the camera is multiplied for its integral over the pattern's pixels, up to a
-    constant. points [n][3]: from the camera.
+    """Returns the factor that converts a spot's flux in the camera to its integral over the pattern's pixels, up to a
+    constant. points: [n, 3] from the camera.
 
-    A matt wall turns a beam's power, watts, into the same radiance times area whatever the beam's angle. The camera
+    A matt wall turns a beam's power, watts, into the same radiance times area, whatever the beam's angle. The camera
     integrates it over du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off
-    the wall's normal; the pattern holds power per solid angle, over du dv = f^2 dOmega / cos^3 b.
-    """
+    the wall's normal. The pattern holds power per solid angle, over du dv = f^2 dOmega / cos^3 b."""
     distance = np.linalg.norm(points, axis=1)
     off_axis, off_normal = points[:, 2] / distance, np.abs(points @ normal) / distance
     off_beam = beam[:, 2] / np.linalg.norm(beam, axis=1)
@@ -158,8 +160,8 @@ def power_factor(
 
 
 def light_between_dots(counts: NDArray[np.float64], shares: NDArray[np.float64]) -> float:
-    """The pattern's value between its dots, in the unit of their powers per square pixel, from one camera's
-    background_samples() of all walls."""
+    """Fits the pattern's value between its dots, in the unit of the dots' powers per square pixel. counts, shares: one
+    camera's background_samples() of all walls."""
     columns = np.column_stack([np.ones(len(shares)), shares])
     use = np.ones(len(shares), dtype=bool)
     for _ in range(3):
@@ -173,9 +175,10 @@ def background_samples(
     background: NDArray[np.float64], plane: NDArray[np.float64], K: NDArray[np.float64], camera_m: NDArray[np.float64],
     to_common: float, projector: ProjectorView,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """(counts, their gain per unit of background) of a wall's pixels within the pattern. background [height][width],
-    DN: the image without its dots. plane: [n, d] with n . X = d in the left camera's frame, metres. K, camera_m: the
-    camera's, and its origin there. to_common: factor from this wall's powers to the first wall's."""
+    """Returns (counts, their gain per unit of background) of a wall's pixels within the pattern. background: [height,
+    width], DN, the image without its dots. plane: [n, d] with n . X = d in the left camera's frame, metres. K,
+    camera_m: the camera's K, and its origin in that frame. to_common: factor from this wall's powers to the first
+    wall's."""
     height, width = background.shape
     rows, columns = (np.arange(_BORDER_PX, size - _BORDER_PX, _STRIDE_PX) for size in (height, width))
     v, u = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))

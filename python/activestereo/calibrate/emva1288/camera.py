@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A camera by EMVA 1288: its figures in the standard's words and in model.json's."""
+"""Combines a camera's EMVA 1288 figures, and states them in the standard's terms and in model.json's."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -25,12 +25,11 @@ _FEWEST_HOT = 5
 
 @dataclass(frozen=True)
 class Emva1288:
-    """spatial: None if no lit and dark step has three or more frames.
-
-    responsivity: R, DN per photon, anywhere in the light's field. prnu: deviation of the pixels' own sensitivities, a
-    share. black: mean of the dark without its current, DN, and without waves and defects of averaged frames.
-    dark_current: DN/s where it is told from none, without the hot pixels'. hot_pixels: the effect's parameters, empty
-    where there are none. All with 90 % intervals, None where not known."""
+    """A camera's EMVA 1288 figures; quantities have 90 % intervals and are None if unknown. spatial: None if no lit and
+    dark step has three or more frames. responsivity: R in DN per photon, for light anywhere in the image. prnu:
+    relative standard deviation of the pixels' own sensitivities. black: dark mean in DN without dark current; from
+    averaged frames also without waves and defects. dark_current: DN/s if it differs from 0, without the hot pixels'
+    part. hot_pixels: parameters of that effect; empty without hot pixels."""
 
     transfer: PhotonTransfer
     spatial: Nonuniformity | None
@@ -41,7 +40,8 @@ class Emva1288:
     hot_pixels: dict[str, Quantity]
 
     def model(self) -> SensorModel:
-        """model.json's imager, black level and effects. summary() names the effects that do not fit in."""
+        """Returns the imager, black level and effects for model.json. summary() names the effects that it cannot
+        hold."""
         noise = self.transfer.dark_noise
         offset = _map(noise, lambda sigma: sigma**2 + ROUNDING_VARIANCE, "DN^2")
         imager = Imager(offset, self.transfer.gain, Quantity(0.0, unit="1"))
@@ -52,7 +52,7 @@ class Emva1288:
         return model
 
     def summary(self) -> str:
-        """The summary that the command prints."""
+        """Returns the text that the command prints."""
         lines = [*_transfer_lines(self), *_spatial_lines(self)]
         for name, parameters in self._effects():
             if beyond := _beyond(name, parameters):
@@ -82,8 +82,9 @@ class Emva1288:
 def calibrate_emva1288(
     frames: Path, dark: Path | None = None, progress: Callable[[float], object] | None = None
 ) -> Emva1288:
-    """frames: the standard's descriptor file, which lists its dark frames, or a folder of folders, one for each step of
-    light, with `dark` frames in another. ValueError names file, number and remedy."""
+    """Measures a camera from recorded frames. frames: the standard's descriptor file, which lists dark frames, too, or
+    a folder with one subfolder for each step of light; `dark` is then a folder of dark frames. Raises ValueError with
+    file, number and remedy."""
     tell = progress or (lambda fraction: None)
     if frames.is_dir():
         if dark is None:
@@ -97,7 +98,7 @@ def calibrate_emva1288(
 
 
 def measure(recording: Recording) -> Emva1288:
-    """The figures of a recording in memory. ValueError as by calibrate_emva1288()."""
+    """Computes the figures of a recording in memory. Raises ValueError as calibrate_emva1288() does."""
     transfer, spatial = photon_transfer(recording), nonuniformity(recording)
     current = transfer.dark_current
     if current is not None and current.low is not None and current.low <= 0.0:
@@ -127,7 +128,8 @@ def measure(recording: Recording) -> Emva1288:
 
 
 def is_emva1288(frames: Path) -> bool:
-    """Whether frames are recorded as EMVA 1288 asks: a descriptor file, or folders of two to nine frames each."""
+    """Returns whether a path is an EMVA 1288 recording: a descriptor file, or a folder whose subfolders have two to
+    nine frames each."""
     if frames.is_dir() and not (frames / "capture.json").exists():
         counts = [sum(1 for _ in folder.glob("*.png")) for folder in frames.iterdir() if folder.is_dir()]
         return bool(counts) and max(counts) > 1 and min(counts) < LEAST_REPEATS
@@ -135,8 +137,8 @@ def is_emva1288(frames: Path) -> bool:
 
 
 def _hot_pixels(spatial: Nonuniformity) -> dict[str, Quantity]:
-    """The exponential tail of the hot pixels. The defects are its upper part; weaker ones hide in the other pixels'
-    spread."""
+    """Estimates the exponential distribution of the hot pixels' rates. The defects show only its upper part; weaker hot
+    pixels are hidden in the other pixels' spread."""
     excess = spatial.dark.excess[spatial.dark.excess > 0.0]
     if len(excess) < _FEWEST_HOT or spatial.exposure_s <= 0.0:
         return {}
@@ -154,7 +156,7 @@ def _hot_pixels(spatial: Nonuniformity) -> dict[str, Quantity]:
 
 
 def _beyond(name: str, parameters: dict[str, Quantity]) -> str:
-    """The first parameter beyond the effect's limit, with its value and limit; empty if all are inside."""
+    """Describes the first parameter that exceeds the effect's limit; an empty text if none does."""
     limits = {p.name: p for p in builtin()[name].parameters}
     for key, q in parameters.items():
         if not limits[key].low <= q.value <= limits[key].high:
@@ -163,13 +165,13 @@ def _beyond(name: str, parameters: dict[str, Quantity]) -> str:
 
 
 def _map(q: Quantity, function: Callable[[float], float], unit: str) -> Quantity:
-    """A rising function of a quantity and of its interval's ends."""
+    """Applies a rising function to a quantity's value and to the ends of its interval."""
     low, high = (None if end is None else function(end) for end in (q.low, q.high))
     return Quantity(function(q.value), low, high, unit, q.source)
 
 
 def _ratio(q: Quantity, divisor: Quantity, unit: str, factor: float = 1.0) -> Quantity:
-    """factor q / divisor, of independent errors."""
+    """Computes factor * q / divisor with its interval, for independent errors."""
     value = factor * q.value / divisor.value
     if q.value == 0.0 or None in (q.low, q.high, divisor.low, divisor.high):
         return Quantity(value, unit=unit, source=q.source)

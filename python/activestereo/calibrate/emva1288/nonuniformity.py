@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""DSNU and PRNU, the pattern that all frames share: the standard's figures, and its split into a model's terms.
+"""Measures DSNU and PRNU, the fixed pattern of all frames: the standard's figures, and a split into a model's terms.
 
 The standard's figures are variances of averaged frames, whole and split into columns, rows and pixels (EMVA 1288
-Release 4.0 Linear, sections 4 and 8; whole in Release 3.1, sections 4.1 and 8). The lamp's unevenness, waves and defect
-pixels are in them; the standard shows the latter as spectrograms and histograms. The split takes out, in turn,
+Release 4.0 Linear, sections 4 and 8; whole in Release 3.1, sections 4.1 and 8). They include the lamp's unevenness,
+waves and defect pixels; the standard shows waves as spectrograms and defects as histograms. The split removes, in turn,
 
     field     a polynomial of the fourth degree: lamp, lens and glow
     waves     sinusoids that stand out from the spectrum around them
     defects   pixels farther than five standard deviations from the others
 
-and states the variances of columns, rows and pixels of the rest, without temporal noise's.
-"""
+and states the variances of columns, rows and pixels of the rest, less the temporal noise's."""
 
 from dataclasses import dataclass
 
@@ -38,7 +37,7 @@ _SOURCE = "EMVA 1288 nonuniformity"
 
 @dataclass(frozen=True)
 class Wave:
-    """amplitude sin(2 pi (u x + v y) + phase); u, v: cycles per pixel."""
+    """A sinusoid in the image: amplitude sin(2 pi (u x + v y) + phase). u, v: cycles per pixel."""
 
     amplitude: Quantity
     u: float
@@ -47,8 +46,8 @@ class Wave:
 
 @dataclass(frozen=True)
 class Split:
-    """Parts of an averaged image. mean: of all pixels but defects, without the waves. pixel, column, row: standard
-    deviations. excess: of each defect over its surroundings."""
+    """The parts of an averaged image. mean: of all pixels but defects, without waves. pixel, column, row: standard
+    deviations. excess: each defect's difference from its surroundings."""
 
     mean: Quantity
     pixel: Quantity
@@ -60,9 +59,10 @@ class Split:
 
 @dataclass(frozen=True)
 class Nonuniformity:
-    """dsnu_1288_dn, prnu_1288: the standard's of [whole, columns, rows, pixels], DN and shares of the signal; NaN where
-    the variance is below temporal noise's. dark: DN; light: shares. field: lowest and highest light over its mean.
-    pixels: of a frame. photons, exposure_s: of the lit frames."""
+    """The fixed pattern's figures. dsnu_1288_dn, prnu_1288: the standard's for [whole, columns, rows, pixels], in DN
+    and as shares of the signal; NaN if the variance is below the temporal noise's. dark: split of the dark frames, DN.
+    light: split of the light, as shares. field: lowest and highest light over the mean. pixels: number in a frame.
+    photons, exposure_s: of the lit frames."""
 
     dsnu_1288_dn: Array
     prnu_1288: Array
@@ -75,8 +75,9 @@ class Nonuniformity:
 
 
 def nonuniformity(recording: Recording) -> Nonuniformity | None:
-    """The figures of a lit and a dark step of three or more frames; None without them. Of several lit steps it takes
-    the one nearest half of the range. Raises ValueError if its counts clip, or if it has no dark step."""
+    """Computes the figures from a lit and a dark step of three or more frames each; None without them. Of several lit
+    steps it takes the one nearest to half of the range. Raises ValueError if the counts clip or no dark step has its
+    exposure."""
     stacks = [step for step in recording.steps if step.average is not None]
     lit, darks = [s for s in stacks if not s.is_dark], [s for s in stacks if s.is_dark]
     if not lit or not darks:
@@ -125,7 +126,8 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
 
 
 def _spread(image: Array, noise: float) -> Array:
-    """Spatial variances [whole, columns, rows, pixels], the latter from those of column and row means."""
+    """Computes spatial variances [whole, columns, rows, pixels] of an averaged image. noise: variance that temporal
+    noise leaves in a pixel."""
     m, n = image.shape
     degrees = m * n - m - n
     whole = image.var(ddof=1) - noise
@@ -141,7 +143,8 @@ def _spread(image: Array, noise: float) -> Array:
 
 
 def split(image: Array, noise: float, unit: str) -> Split:
-    """The parts of an averaged image, in its own unit; noise: variance that temporal noise leaves in each pixel."""
+    """Splits an averaged image into its parts, in the image's unit. noise: variance that temporal noise leaves in a
+    pixel."""
     m, n = image.shape
     good, waves, drawn = np.ones(image.shape, bool), [], np.zeros(image.shape)
     for _ in range(_ROUNDS):  # each part is found better without the others
@@ -173,15 +176,15 @@ def split(image: Array, noise: float, unit: str) -> Split:
 
 
 def _deviation(variance: float, degrees: int, noise: float, unit: str) -> Quantity:
-    """sqrt(variance - noise), with the interval of a sample's variance. A variance below the noise is at least as
-    uncertain as it is too low."""
+    """Computes sqrt(variance - noise) with the 90 % interval of a sample's variance. A variance below the noise is at
+    least as uncertain as it is too low."""
     low, high = (variance * degrees / chi2.ppf(p, degrees) - noise for p in (0.95, 0.05))
     value, low, high = (float(np.sqrt(max(v, 0.0))) for v in (variance - noise, low, max(high, noise - variance)))
     return Quantity(value, low, high, unit, _SOURCE)
 
 
 def _field(image: Array, good: NDArray[np.bool_]) -> Array:
-    """The polynomial of x and y of least squares over the good pixels."""
+    """Fits a polynomial of x and y to the good pixels by least squares and returns its image."""
     down, across = (np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), _DEGREE) for size in image.shape)
     beyond = np.add.outer(np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)) > _DEGREE
     field = np.full(image.shape, image[good].mean())
@@ -193,7 +196,7 @@ def _field(image: Array, good: NDArray[np.bool_]) -> Array:
 
 
 def _without_lines(rest: Array, good: NDArray[np.bool_]) -> Array:
-    """Pixels less the means of their column and row."""
+    """Subtracts from each pixel the means of its column and row, which are taken over good pixels."""
     for axis in (0, 1):
         count = np.maximum(good.sum(axis=axis, keepdims=True), 1)
         rest = rest - np.where(good, rest, 0.0).sum(axis=axis, keepdims=True) / count
@@ -201,8 +204,8 @@ def _without_lines(rest: Array, good: NDArray[np.bool_]) -> Array:
 
 
 def _waves(image: Array, unit: str) -> list[tuple[Wave, Array]]:
-    """Sinusoids, the strongest over its surroundings first, with their images; those along an axis are rows and
-    columns."""
+    """Finds sinusoids with their images, first the one that stands out most from its surroundings in the spectrum. It
+    skips those along an axis, which count as rows and columns."""
     m, n = image.shape
     across = np.arange(n // 2 + 1) / n
     down = np.where(np.arange(m) <= m // 2, np.arange(m), np.arange(m) - m) / m
@@ -232,7 +235,7 @@ def _waves(image: Array, unit: str) -> list[tuple[Wave, Array]]:
 
 
 def _sinusoid(image: Array, u: float, v: float) -> tuple[tuple[float, float], Array]:
-    """(Frequencies near u and v, the sinusoid of least squares there)."""
+    """Returns (frequencies near u and v, image of the sinusoid that fits best there by least squares)."""
     m, n = image.shape
 
     def turns(f: Array) -> tuple[Array, Array]:

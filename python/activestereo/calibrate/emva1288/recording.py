@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A measurement by EMVA 1288, frame by frame from its descriptor file or from folders, kept as means and variances.
+"""Reads an EMVA 1288 measurement frame by frame, from its descriptor file or from folders, and keeps means and
+variances.
 
-The descriptor is that of the standard's public reference sets, paths relative to it:
+The descriptor has the format of the standard's public reference sets; its paths are relative to it:
 
     v 3.0                      the standard's release
     n BITS WIDTH HEIGHT
@@ -9,9 +10,8 @@ The descriptor is that of the standard's public reference sets, paths relative t
     d EXPOSURE_NS              dark frames follow
     i IMAGE
 
-Two frames of each step tell temporal noise, more of one lit and one dark step tell what stays (Release 3.1, 6.5 and
-8.1; Release 4.0 Linear has the same).
-"""
+Two frames of each step give the temporal noise; more frames of one lit and one dark step give the fixed pattern
+(Release 3.1, 6.5 and 8.1; Release 4.0 Linear has the same)."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -35,9 +35,9 @@ _HEADS = {"v": 1, "n": 3, "b": 2, "d": 1, "i": 1}
 
 @dataclass(frozen=True)
 class Step:
-    """Frames of one exposure to one even light. photons: per pixel, 0 in the dark, None where not known. variance_dn2:
-    temporal, the mean over all pixels. clipped: share of the counts at an end of the range. average: over the frames,
-    [height][width], None of fewer than three."""
+    """Frames of one exposure time under one even light. photons: per pixel, 0 in the dark, None if unknown.
+    variance_dn2: temporal variance, averaged over all pixels. clipped: share of the counts at an end of the range.
+    average: mean frame [height, width]; None of fewer than three frames."""
 
     place: str
     exposure_s: float
@@ -51,22 +51,22 @@ class Step:
 
     @property
     def is_dark(self) -> bool:
-        """Without any light."""
+        """Whether the frames were taken without light."""
         return self.photons == 0.0
 
     def variance_error_dn2(self) -> float:
-        """Standard deviation of the variance: of a sum of squares of Gaussians. It is rounding's or more, for
-        counts that all agree are not exact."""
+        """Returns the standard deviation of the variance, for Gaussian noise. It counts at least rounding's variance,
+        because counts that all agree are not exact."""
         return max(self.variance_dn2, ROUNDING_VARIANCE) * float(np.sqrt(2.0 / (self.pixels * (self.frames - 1))))
 
     def mean_error_dn(self) -> float:
-        """Standard deviation of the mean."""
+        """Returns the standard deviation of the mean."""
         return float(np.sqrt(max(self.variance_dn2, ROUNDING_VARIANCE) / (self.frames * self.pixels)))
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Steps in the order of the file."""
+    """An EMVA 1288 measurement; its steps are in the file's order."""
 
     name: str
     bit_depth: int
@@ -74,15 +74,15 @@ class Recording:
 
     @property
     def max_dn(self) -> int:
-        """The largest count."""
+        """The largest possible count."""
         return int(2**self.bit_depth - 1)
 
 
 def step_of(
     frames: Iterable[NDArray[np.generic]], max_dn: int, exposure_s: float, photons: float | None, place: str
 ) -> Step:
-    """A Step of its frames, counts [height][width], which are read one by one. Raises ValueError for fewer than two,
-    and if their means differ because the lamp drifts."""
+    """Makes a Step from its frames, counts [height, width], which are read one by one. Raises ValueError for fewer than
+    two, or if their means differ because the lamp drifts."""
     total = squares = np.zeros(1)
     means, clipped = [], 0.0
     for frame in frames:
@@ -111,7 +111,7 @@ def step_of(
 
 
 def read_descriptor(path: Path, progress: Callable[[float], object] | None = None) -> Recording:
-    """The measurement that a descriptor file lists. ValueError names file, line and remedy."""
+    """Reads the measurement that a descriptor file lists. Raises ValueError with file, line and remedy."""
     tell = progress or (lambda fraction: None)
     bits = size = None
     heads: list[tuple[str, float, float]] = []
@@ -152,8 +152,8 @@ def read_descriptor(path: Path, progress: Callable[[float], object] | None = Non
 
 
 def read_folders(lit: Path, dark: Path) -> Recording:
-    """Folders of frames of even light, one for each step, and of dark frames: exposures and photons are not known.
-    ValueError as by read_repeats()."""
+    """Reads a measurement from a folder with one subfolder for each step of light, and a folder of dark frames.
+    Exposures and photons stay unknown. Raises ValueError as read_repeats() does."""
     stacks = [(view, None) for view in read_repeats(lit, 2)] + [(view, 0.0) for view in read_repeats(dark, 2)]
     shapes = {view.counts.shape[1:]: view.name for view, _ in stacks}
     if len(shapes) > 1:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Photon transfer: gain, temporal noise and linearity of a camera from pairs of evenly lit and of dark frames.
+"""Measures photon transfer: gain, temporal noise and linearity of a camera from pairs of evenly lit and of dark frames.
 
 The standard's figures follow Release 4.0 Linear (Release 3.1 has them in sections 6.6, 6.7 and 7.1). Its gain K is the
-slope of variance over mean, which a response that is not straight bends. Where photons are known the response is fitted
-as well, and K is also stated at the response's origin:
+slope of variance over mean, which a nonlinear response biases. If photons are known, the response is fitted as well,
+and K is also stated at the response's origin:
 
     mean = black + f(s)                          s = R photons, f(0) = 0, f'(0) = 1
     variance = (sigma^2 + K s) f'(s)^2 + 1/12    DN^2
 
-Values of a fit scatter by their known errors, and by as much more as they show."""
+A fit takes its values' known errors, and adds scatter if the residuals show more."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,8 +28,8 @@ DEVIATIONS = float(norm.ppf(_TAIL))
 
 @dataclass(frozen=True)
 class WeightedFit:
-    """values: of the columns, with their covariance; quantile: deviations of half a 90 % interval, Student's where the
-    scatter was estimated. bic: Schwarz' criterion, lower is better."""
+    """The result of fit_weighted(). values: [k], with their covariance. quantile: half of a 90 % interval in standard
+    deviations, Student's if the scatter was estimated. bic: Schwarz' criterion, lower is better."""
 
     values: np.ndarray
     covariance: np.ndarray
@@ -37,18 +37,19 @@ class WeightedFit:
     bic: float
 
     def error(self, place: int) -> float:
-        """A value's standard deviation."""
+        """Returns the standard deviation of a value."""
         return float(np.sqrt(max(self.covariance[place, place], 0.0)))
 
     def quantity(self, place: int, unit: str, source: str) -> Quantity:
-        """A value with its 90 % interval."""
+        """Returns a value with its 90 % interval."""
         value, half = float(self.values[place]), self.quantile * self.error(place)
         return Quantity(value, value - half, value + half, unit, source)
 
 
 def fit_weighted(columns: np.ndarray, values: np.ndarray, errors: np.ndarray, scale: Any = 1.0) -> WeightedFit:
-    """columns [n][k] @ values [k]. errors: known standard deviations, [n]; scale: further scatter is proportional to
-    it. The scatter brings chi square to its expectation; it is 0 if chi square is below."""
+    """Fits values [n] by columns [n, k] times k unknowns, weighted by known standard deviations `errors` [n]. Further
+    scatter, proportional to `scale`, is added until chi square equals its expectation; it is 0 if chi square is
+    lower."""
     degrees = len(values) - columns.shape[1]
     # Columns of one size keep the normal equations well conditioned.
     size = np.linalg.norm(columns, axis=0)
@@ -89,19 +90,19 @@ _SOURCE = "EMVA 1288 photon transfer"
 
 @dataclass(frozen=True)
 class Response:
-    """Mean above black of n photons, DN: n (c_0 + c_1 x + c_2 x^2 ...), x = n / largest. s = c_0 n is the mean of a
-    straight response with this one's slope at its origin."""
+    """A polynomial response: the mean above black, in DN, of n photons is n (c_0 + c_1 x + c_2 x^2 ...), x = n /
+    largest. s = c_0 n is the mean of a linear response with the same slope at the origin."""
 
     largest: float
     coefficients: np.ndarray
 
     def slope(self, photons: np.ndarray) -> np.ndarray:
-        """f'(s)."""
+        """Returns f'(s), the response's slope over its slope at the origin, at each number of photons."""
         curve = np.polynomial.Polynomial([0.0, *self.coefficients]).deriv()
         return np.asarray(curve(photons / self.largest) / self.coefficients[0])
 
     def bend(self, photons: float) -> float:
-        """f'(s) s / f(s): a relative change of the light shows as so much of it."""
+        """Returns f'(s) s / f(s), the relative change of the mean for a relative change of the light."""
         n = np.array([photons])
         mean = photons * np.polynomial.Polynomial(self.coefficients)(photons / self.largest)
         return float(self.slope(n)[0] * (self.coefficients[0] * n)[0] / mean)
@@ -109,12 +110,11 @@ class Response:
 
 @dataclass(frozen=True)
 class PhotonTransfer:
-    """The standard's figures as numbers, and those at the response's origin as quantities with 90 % intervals.
-
-    gain_1288, gain: K. responsivity_1288: R in DN per photon, None where photons are not known, as all that follow from
-    it. dark_noise_1288_dn: with rounding's; dark_noise: without. linearity_1288: least and largest deviation from the
-    straight line. saturation_dn: mean above black. dark_current: DN/s, None of fewer than three exposures.
-    """
+    """The photon transfer's figures: the standard's (names with 1288) as numbers, those at the response's origin as
+    quantities with 90 % intervals. gain_1288, gain: K, DN per electron. responsivity_1288: R in DN per photon; it and
+    all that follow from photons are None if these are unknown. dark_noise_1288_dn includes rounding; dark_noise does
+    not. linearity_1288: least and largest relative deviation from the straight line. saturation_dn: mean above black.
+    dark_current: DN/s; None with fewer than three exposures."""
 
     gain_1288: float
     gain: Quantity
@@ -135,7 +135,8 @@ class PhotonTransfer:
 
 @dataclass(frozen=True)
 class _Levels:
-    """Steps by rising light: photons, mean above the dark, temporal variance, errors of both, exposures."""
+    """Arrays of the lit steps by rising light: photons, mean above the dark, temporal variance, errors of both,
+    exposures."""
 
     photons: np.ndarray
     signal: np.ndarray
@@ -146,8 +147,8 @@ class _Levels:
 
 
 def photon_transfer(recording: Recording) -> PhotonTransfer:
-    """The figures of a recording. Raises ValueError, with a remedy, if dark frames or steps of light are missing, are
-    saturated, or depart from the others."""
+    """Computes the figures of a recording. Raises ValueError, with a remedy, if dark frames or steps of light are
+    missing, saturated, or inconsistent."""
     # 1. Pairs of lit frames. Steps of more frames serve the nonuniformity; they tell noise only if there are no pairs.
     dark = [step for step in recording.steps if step.is_dark]
     lit = [step for step in recording.steps if not step.is_dark]
@@ -240,7 +241,8 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
 
 
 def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response, WeightedFit]:
-    """The response between 5 and 95 % of saturation, with as many terms as the evidence asks for."""
+    """Fits the response between 5 and 95 % of saturation, with as many terms as the evidence (BIC) asks for. Returns
+    (response, fit)."""
     low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
     inside = (levels.signal >= low) & (levels.signal <= high) & (np.arange(len(levels.signal)) <= top)
     if inside.sum() < _LEAST_STEPS:
@@ -276,7 +278,7 @@ def _gain(
     levels: _Levels, used: np.ndarray, dark: WeightedFit, dark_at_used: np.ndarray,
     response: tuple[Response, WeightedFit] | None,
 ) -> tuple[Quantity, Quantity]:  # fmt: skip
-    """K and the dark noise at the response's origin. Where rounding hides the noise of the dark, lit steps tell it."""
+    """Returns (K, dark noise) at the response's origin. If rounding hides the dark frames' noise, lit steps give it."""
     hidden = dark.values[0] < _LEAST_DARK_VARIANCE
     variance, error = levels.variance[used], levels.variance_error[used]
     well = variance >= _ROUNDED_WELL
