@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real camera and a room, measured from views with depth: no wall, no rig, no repeats.
+"""Measures a real camera and a room from views with depth: without wall, board or repeats.
 
-views     what was recorded, and whether it can be used     calibrate/world/views.py
-camera    focal length, centre, baseline, the pair's rows   calibrate/world/camera.py
-poses     where each view was taken from                    calibrate/world/poses.py
-pattern   the projector's place and dots                    calibrate/world/pattern.py
-light     albedo, room light, exposures, the lens's falloff calibrate/world/light.py
-mesh      all of it as a scene                              calibrate/world/mesh.py
-world     the steps one after the other                     calibrate/world/world.py
+views     reads a recording and refuses unusable views    calibrate/world/views.py
+camera    focal length, centre, baseline, the pair's rows calibrate/world/camera.py
+poses     camera pose of each view                        calibrate/world/poses.py
+pattern   the projector's position and dots               calibrate/world/pattern.py
+light     albedo, room light, exposures, lens falloff     calibrate/world/light.py
+mesh      the measured surfaces as a scene file           calibrate/world/mesh.py
+world     the steps one after the other                   calibrate/world/world.py
 """

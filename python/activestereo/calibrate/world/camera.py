@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Focal length and centre: from overlapping views, whose surfaces lie on each other under the true ones alone; else
-from a chessboard that stands in the views, dots on, of which nothing need be known."""
+"""Estimates focal length and centre. Overlapping views give them, since surfaces agree only under the true values; else
+a chessboard of any size that stands in the views, with the projector on."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from activestereo.capture.capture_json import CaptureError
 
 Vector = NDArray[np.float64]
 
-# Standard deviations that weigh the board's residuals: corners, and depth at a corner as a share of it. What is left
-# scales the intervals.
+# Standard deviations that weigh the board's residuals: corners, and depth at a corner as a share of it.
 _CORNER_PX, _DEPTH_SHARE = 0.1, 2e-3
 _LEAST_BOARDS = 4
 _MOST_MISFIT_PX = 1.0
-# Scenes of one camera agree to this, px: what depth errs in alike is in no scene's own interval.
+# Scenes of one camera agree to this, px. Common errors of depth are in no scene's own interval.
 _SCENE_PX = 0.4
-# A scene that tells the camera worse than this, px, does not tell it.
+# A scene with a larger deviation than this, px, does not determine the camera.
 _MOST_DEVIATION_PX = 6.0
 _Z90 = 1.645
 
 
 @dataclass(frozen=True)
 class CameraEstimate:
-    """mean: focal length, centre's column and row, px; covariance: [3][3]; source: where from; text: a line."""
+    """The estimated intrinsics. mean: (focal length, centre's column, centre's row), px. covariance: [3, 3]. source:
+    'overlaps', 'board' or 'nominal'. text: a line for the user."""
 
     mean: Vector
     covariance: NDArray[np.float64]
@@ -47,7 +47,8 @@ class CameraEstimate:
 
 
 def information_of(covariance: object) -> NDArray[np.float64]:
-    """The inverse [3][3] of what a capture's measured.camera.covariance_px2 holds. CaptureError: it is none."""
+    """Returns the inverse [3, 3] of the covariance in a capture's measured.camera.covariance_px2. Raises CaptureError
+    if it is no covariance."""
     matrix = np.array(covariance, dtype=np.float64)
     least = float(np.linalg.eigvalsh(matrix)[0]) if matrix.shape == (3, 3) and np.isfinite(matrix).all() else np.nan
     if not least > 0.0 or not np.allclose(matrix, matrix.T):
@@ -67,7 +68,7 @@ class _Board:
 
 
 def camera_from_boards(views: Sequence[SceneView], rig: Rig) -> CameraEstimate | None:
-    """The CameraEstimate of the boards in the views; None where fewer than four show the same one."""
+    """Estimates the camera from a chessboard in the views; None if fewer than four views show it."""
     found = [board for view in views if (board := _board(view)) is not None]
     boards = _without_outliers(found)
     if len(boards) < _LEAST_BOARDS:
@@ -82,10 +83,8 @@ def camera_from_boards(views: Sequence[SceneView], rig: Rig) -> CameraEstimate |
 
 
 def camera_from_overlaps(scenes: Sequence[tuple[Vector, NDArray[np.float64]]]) -> CameraEstimate | None:
-    """The CameraEstimate of (mean, covariance) as each scene's overlaps tell them; None where none tells them.
-
-    Scenes that differ by more than their intervals widen them (Birge 1932).
-    """
+    """Combines the (mean, covariance) that each scene's overlapping views give to one estimate; None if no scene
+    determines the camera. Scenes that differ by more than their intervals widen the result (Birge 1932)."""
     told = [(m, c) for m, c in scenes if np.sqrt(np.diag(c)).max() < _MOST_DEVIATION_PX]
     if not told:
         return None
@@ -127,7 +126,8 @@ def _grid(shape: tuple[int, int]) -> Vector:
 
 
 def _start(boards: Sequence[_Board], rig: Rig) -> Vector:
-    """f, cx, cy, square in metres, then rotation and translation of each board, in squares."""
+    """Returns the start of the fit: f, cx, cy, the square's side in metres, then each board's rotation vector and
+    translation in squares."""
     poses, squares = [], []
     for board in boards:
         _, turn, place = cv2.solvePnP(_grid(board.shape), board.corners, rig.left.K, None)
@@ -154,7 +154,7 @@ def _residuals(x: Vector, boards: Sequence[_Board]) -> Vector:
 
 
 def _without_outliers(boards: Sequence[_Board]) -> list[_Board]:
-    """Boards whose corners were counted wrongly do not lie in a plane's perspective."""
+    """Drops boards with miscounted corners, which do not fit the perspective of a plane."""
     kept = []
     for board in boards:
         homography, _ = cv2.findHomography(_grid(board.shape)[:, :2], board.corners)
@@ -165,7 +165,8 @@ def _without_outliers(boards: Sequence[_Board]) -> list[_Board]:
 
 
 def _clustered(solved: Any, boards: Sequence[_Board]) -> NDArray[np.float64]:
-    """Covariance by the sandwich over boards (Liang and Zeger 1986): what errs alike on a board counts once."""
+    """Computes the covariance by the sandwich over boards (Liang and Zeger 1986), since errors on one board are
+    correlated."""
     jacobian, residual = solved.jac, solved.fun / np.sqrt(1.0 + solved.fun**2)
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     meat, first = np.zeros_like(inverse), 0

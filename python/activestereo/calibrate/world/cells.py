@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surface cells of a measured room, and where every image sees them: what is known of a place is what all images of it
-say together, none of them first.
+"""Finds the surface cells that the images of a measured room share. What is known of a place comes from all images of
+it alike, without a reference image.
 
-Images are halved: dots and rows stay whole elsewhere, and a quarter of the pixels tells the light. A cell is a pixel
-of a view's left image with a surface behind it.
-"""
+A cell is a pixel of a view's left image with a surface behind it. Images have half the size, since a quarter of the
+pixels is enough to measure the light; other modules need whole dots and rows."""
 
 from __future__ import annotations
 
@@ -30,9 +29,10 @@ _HALF = 2
 
 @dataclass(frozen=True)
 class RoomImage:
-    """One camera's image of one frame, [height][width] at half size: dn; depth_m, 0 = none; usable; dots: the
-    projector's light at power 1 on a surface of albedo 1, up to geometry, 1/m^2; x, y: slopes of the rays. exposure:
-    relative to the first frame's. whole: the image as recorded. view: number of the frame, two images each."""
+    """One camera's image of one frame at half size; arrays are [height, width]. dn: counts. depth_m: 0 = none. usable:
+    mask. dots: the pattern's light on the surface, 0..1 less a dark level. geometry: the projector's cosine over
+    squared distance, 1/m^2. exposure: relative to the first frame's. whole: the image as recorded. view: index of the
+    frame, which has two images."""
 
     frame: Frame
     side: str
@@ -48,7 +48,7 @@ class RoomImage:
 
     @computed_once
     def rays(self) -> tuple[Image, Image]:
-        """(x, y) with z = 1 through every pixel."""
+        """Returns (x, y) of the ray with z = 1 through every pixel."""
         column, row = pixel_grid(self.dn.shape)
         return (
             ((column - self.K[0, 2]) / self.K[0, 0]).astype(np.float32),
@@ -56,30 +56,30 @@ class RoomImage:
         )
 
     def r2(self) -> Image:
-        """The squared tangent of every ray's angle to the axis."""
+        """Returns the squared tangent of every ray's angle to the optical axis."""
         x, y = self.rays()
         return np.asarray(x * x + y * y)
 
 
 @dataclass(frozen=True)
 class Places:
-    """The places of one image's pixels in another one: column, row, and whether it sees the same surface."""
+    """Positions of one image's pixels in another image: column, row, and whether the other image shows the same
+    surface."""
 
     column: Image
     row: Image
     seen: Mask
 
     def read(self, image: Image, order: int = cv2.INTER_LINEAR) -> Image:
-        """The other image at those places."""
+        """Samples the other image at these positions."""
         return np.asarray(cv2.remap(image, self.column, self.row, order, borderMode=cv2.BORDER_REPLICATE))
 
 
 class Room:
-    """The images of one scene's views with depth, and the cells that they share.
+    """The images of one scene's views with depth, and the positions of their pixels in each other.
 
-    capture: as `calibrate world` writes it. frames: ids of the views, the first four of its scene by default. judged:
-    the first so many views show the camera that is judged; further ones, the same camera when it was good.
-    """
+    capture: as `calibrate world` writes it. frames: ids of the views; None: the first four of its scene. judged: number
+    of first views that show the camera under test; later ones show the same camera when it was good."""
 
     def __init__(self, capture: Capture, frames: list[int] | None = None) -> None:
         told = capture.measured.get("poses", {}).get("frames")
@@ -138,7 +138,7 @@ class Room:
         )  # fmt: skip
 
     def _seen_right(self, left_depth: Image) -> Image:
-        """Depth of the right camera: the nearest surface wins, single gaps close."""
+        """Moves the left camera's depth to the right camera. The nearest surface wins, and single gaps are closed."""
         points = _moved(points_of(left_depth, self._camera("left").K), self.rig.left_to_right)
         z, K = points[..., 2], self._camera("right").K
         column = np.rint(K[0, 0] * points[..., 0] / np.maximum(z, 0.05) + K[0, 2]).astype(int)
@@ -152,12 +152,12 @@ class Room:
         return np.where((out == 0) & filled, cv2.dilate(out, np.ones((3, 3), np.uint8)), out)
 
     def pose(self, image: RoomImage) -> NDArray[np.float64]:
-        """camera_to_world of an image's own camera."""
+        """Returns the 4x4 camera_to_world of an image's own camera."""
         world = image.frame.camera_to_world
         return world if image.side == "left" else world @ np.linalg.inv(self.rig.left_to_right)
 
     def places(self, a: int, b: int) -> Places:
-        """The Places of image a's pixels in image b."""
+        """Returns the positions of image a's pixels in image b."""
         if (a, b) not in self._places:
             self._places[a, b] = self._find(self.images[a], self.images[b])
         return self._places[a, b]

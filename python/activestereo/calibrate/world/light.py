@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Albedo of the surfaces and the room's light off them, as images of each view, free of exposure and lens.
+"""Measures the albedo of surfaces and the room's light reflected by them, as images of each view, free of exposure and
+lens falloff.
 
-The dots' amplitude is albedo times the projector's irradiance; what is left of the image without the dots is the room's
-light off the surface. One surface in two views has one albedo and one room light: the ratios tell each view's exposure
-and the lens's falloff, cos^n of the angle, which are kept apart and put into neither.
-"""
+The dots' amplitude is albedo times the projector's irradiance. The image without the dots is the room's light off the
+surface. A surface in two views has one albedo and one room light. So the views' ratios give each view's exposure and
+the lens's falloff, cos^n of the angle, and both are divided out."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
 # The room's light is smoothed over so many pixels where it changes by no more than so many times its fine deviation:
 # noise and what dots leave go, edges stay (Tomasi and Manduchi 1998).
 _SMOOTH_PX, _SMOOTH_DEVIATIONS = 3.0, 8.0
-# What changes by more than so many times the image's fine deviation is a texture's step, and no dot.
+# A change of more than so many times the image's fine deviation is a texture's step, and no dot.
 _TEXTURE_DEVIATIONS = 6.0
 _LEAST_GEOMETRY = 0.02  # cosine over squared distance, 1/m^2, below which dots are too dim to tell albedo
 _LEAST_ROOM_DN = 2.0
@@ -43,15 +43,15 @@ _FLOOR_DN = 0.4
 # A floor that a lens, a resampling or noise has blurred: the darkest of these quantiles lie within so many DN, and so
 # many times as far from the next one. Noise alone thins out by less than a quarter more.
 _TAIL, _BLURRED_DN, _STEEP, _BLURRED_FLOOR_DN = (1e-4, 1e-3, 1e-2), 2.0, 1.5, 0.7
-# What the pattern is taken to be between dots: this quantile of it is darkness, and the rest goes to the room.
+# This quantile of the pattern's image is taken as the darkness between dots; light there counts as room light.
 _BETWEEN_DOTS = 0.02
 
 
 @dataclass(frozen=True)
 class LightView:
-    """One view's light, images [height][width]: room in DN, black level included; amplitude: DN per unit of the
-    pattern's image; geometry: cosine over squared distance from the projector, 1/m^2; r2: squared tangent of the angle
-    to the axis; known: where room and geometry are."""
+    """One view's light as images [height, width]. room: room light in DN, black level included. amplitude: dots in DN
+    per unit of the pattern's image. geometry: cosine over squared distance from the projector, 1/m^2. r2: squared
+    tangent of the angle to the optical axis. known: mask where room and geometry are known."""
 
     view: SceneView
     points: Image
@@ -64,8 +64,9 @@ class LightView:
 
 @dataclass(frozen=True)
 class LightEstimate:
-    """exposure: of each view, the first being 1, with deviations; black_dn and exponent of cos^n with theirs, exponent
-    None where no views overlap. scatter: log-deviation of the ratios without the exponent and with it."""
+    """Exposures, black level and lens falloff. exposure: of each view relative to the first, with standard deviations.
+    black_dn: (value, deviation). exponent: (n of cos^n, deviation), None without overlapping views. scatter:
+    log-deviation of the views' ratios without and with the exponent."""
 
     exposure: NDArray[np.float64]
     exposure_deviation: NDArray[np.float64]
@@ -74,15 +75,15 @@ class LightEstimate:
     scatter: tuple[float, float]
 
     def falloff(self, r2: Image) -> Image:
-        """The lens's share of the light at a squared tangent."""
+        """Returns the share of light that the lens passes at squared tangents r2 of the angle to the axis."""
         n = 0.0 if self.exponent is None else self.exponent[0]
         return np.asarray((1.0 + r2) ** (-0.5 * n), np.float32)
 
 
 def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
-    """(black level, its deviation), DN, by the darkest places: the count at which images end, the median of those that
-    do; else where their tail ends as steeply as a blurred floor does; else anything up to the darkest thousandth of the
-    views is alike."""
+    """Estimates (black level, its deviation), DN, from the darkest counts. It takes the count at which images end
+    abruptly, as the median of the images that do. Otherwise it takes the end of a steep dark tail, as a blurred floor
+    has. Otherwise all levels up to the darkest thousandth are equally likely."""
     counts = [np.bincount(np.rint(image).astype(int).ravel()) for view in views for image in (view.left, view.right)]
     floors = [floor for count in counts if (floor := _floor(count)) is not None]
     if floors:
@@ -96,7 +97,8 @@ def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
 
 
 def _floor(count: NDArray[np.int64]) -> int | None:
-    """The smallest count of an image where it ends there abruptly. count: pixels of each."""
+    """Returns the smallest count of an image if its histogram ends there abruptly, else None. count: number of pixels
+    of each count."""
     lowest = int(np.flatnonzero(count)[0])
     beside = count[lowest + 1] if len(count) > lowest + 1 else 0
     ends = count[lowest] > _LEAST_AT_FLOOR * count.sum() and count[lowest] > _LEAST_STEP_AT_FLOOR * beside
@@ -104,12 +106,12 @@ def _floor(count: NDArray[np.int64]) -> int | None:
 
 
 def darkness(pattern: PatternEstimate) -> float:
-    """Offset that makes light of the pattern's image: minus its value between dots."""
+    """Returns the offset that makes the pattern's value between dots 0."""
     return -float(np.nanquantile(pattern.image, _BETWEEN_DOTS))
 
 
 def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate) -> LightView:
-    """The LightView of a view under a K."""
+    """Separates a view's image into the dots' amplitude and the room's light. K: 3x3 of the left camera."""
     points = points_of(view.depth_m, K)
     from_projector = points - pattern.place.astype(np.float32)
     z = np.maximum(from_projector[..., 2], 1e-3)
@@ -137,7 +139,8 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
 
 
 def seen_by(first: LightView, second: LightView, a_to_b: Pose, K: NDArray[np.float64]) -> tuple[Image, Image, Mask]:
-    """(column, row) of the first's pixels in the second, and where the second sees the same place."""
+    """Returns (column, row) of the first view's pixels in the second, and a mask of those where the second sees the
+    same surface."""
     column, row, z = places_of(first.points, a_to_b, K)
     depth = cv2.remap(second.view.depth_m, column, row, cv2.INTER_LINEAR)
     known = cv2.remap(second.known.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
@@ -148,12 +151,11 @@ def solve_light(
     views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], believed: tuple[float, float],
     held: LightEstimate | None = None,
 ) -> LightEstimate:  # fmt: skip
-    """Exposures, black level and exponent from the room's light on surfaces that several views see.
+    """Estimates exposures, black level and falloff exponent from the room's light on surfaces in several views.
 
-    believed: black level and its deviation before the ratios are looked at; held: an estimate whose black level and
-    exponent are taken. A wrong black level bends the ratios where surfaces are dark, so that it is told apart. Views
-    that overlap no other have exposure 1.
-    """
+    believed: (black level, its deviation) known before. held: an estimate whose black level and exponent are kept;
+    None: they are fitted. A wrong black level bends the ratios of dark surfaces, which tells it apart. Views without
+    overlap get exposure 1."""
     n = len(views)
     pairs = [_ratios(views, poses, K, a, b) for a, b in itertools.combinations(range(n), 2)]
     rows = np.concatenate(pairs) if pairs else np.zeros((0, 6))
@@ -200,7 +202,8 @@ def solve_light(
 def _at_black(
     here: NDArray[np.float64], there: NDArray[np.float64], black_dn: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(minus the derivative by the black level, log ratio of the room's light in two views, infinite where dark)."""
+    """Returns (minus the derivative of the log ratio by the black level, log ratio of the room's light in two views).
+    The ratio is infinite where it is too dark."""
     up, down = np.maximum(there - black_dn, 0.5), np.maximum(here - black_dn, 0.5)
     usable = np.minimum(here, there) > black_dn + _LEAST_ROOM_DN
     return 1.0 / down - 1.0 / up, np.where(usable, np.log(up / down), np.inf)
@@ -209,8 +212,8 @@ def _at_black(
 def _ratios(
     views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], a: int, b: int
 ) -> NDArray[np.float64]:
-    """[n][6] of places that two views see: their numbers, the room's light in both, minus half the change of
-    log(1 + r^2), and a number of the block of the image that errs alike."""
+    """Compares places in two views. Returns [n, 6]: both views' numbers, the room's light in both, minus half the
+    change of log(1 + r^2), and the number of the image block, within which errors are correlated."""
     first, second = views[a], views[b]
     column, row, same = seen_by(first, second, np.linalg.inv(poses[b]) @ poses[a], K)
     at = np.flatnonzero(same & first.known)[::11]
@@ -228,8 +231,8 @@ def _ratios(
 def _robust(
     design: NDArray[np.float64], ratio: NDArray[np.float64], block: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask]:
-    """(solution, deviations by the sandwich over blocks, rows kept) of trimmed least squares; infinite ratios are left
-    out."""
+    """Solves trimmed least squares without infinite ratios: (solution, deviations by the sandwich over blocks, mask of
+    rows kept)."""
     keep = np.abs(ratio) < _MOST_LOG_RATIO
     usable = keep
     for _ in range(10):
@@ -245,8 +248,8 @@ def _robust(
 
 @dataclass(frozen=True)
 class Textures:
-    """Images of one view, [height][width], merged from all views that see the same surfaces: albedo and room light in
-    units of their own, and the relative deviation of the room's light, NaN where one view alone saw it."""
+    """Images of one view, [height, width], merged from all views of the same surfaces: albedo and room light in
+    arbitrary units, and the room light's relative deviation, NaN where only one view saw the surface."""
 
     albedo: Image
     room: Image
@@ -256,7 +259,7 @@ class Textures:
 def merged_textures(
     owner: int, views: Sequence[LightView], poses: Sequence[Pose], light: LightEstimate, K: NDArray[np.float64]
 ) -> Textures:
-    """The Textures of one view's image."""
+    """Merges all views' albedo and room light in the image of view number `owner`."""
     black = np.float32(light.black_dn[0])
     shape = views[owner].room.shape
     sums = np.zeros((6, *shape), np.float32)
@@ -281,7 +284,7 @@ def merged_textures(
 
 
 def _filled(total: Image, weight: Image) -> Image:
-    """Weighted means; holes take those of their surroundings."""
+    """Returns total / weight; pixels without weight take the mean of their surroundings."""
     out, known = total / np.maximum(weight, 1e-9), weight > 1e-9
     for sigma in (2.0, 8.0, 32.0, 128.0):
         around = blurred(known.astype(np.float32), sigma)

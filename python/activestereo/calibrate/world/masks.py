@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The known part of the scene in each image: surfaces that were measured there, far from edges, and that a second view,
-not held out, has seen. A surface of one view alone would be predicted by that view itself."""
+"""Masks the known part of the scene in each image: measured surfaces, far from edges, that a second view which is not
+held out has seen, too. A surface in one view alone would be predicted by that view itself."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ _SAME_SURFACE = 0.015
 def known_masks(
     views: Sequence[SceneView], poses: Sequence[Pose], is_train: Sequence[bool], rig: Rig
 ) -> dict[tuple[int, str], Mask]:
-    """{(frame id, side): bool [height][width]} of the views of one scene."""
+    """Returns {(frame id, side): mask [height, width]} of the views of one scene. is_train: whether each view is not
+    held out."""
     out: dict[tuple[int, str], Mask] = {}
     for k, view in enumerate(views):
         known = (view.depth_m > 0) & ~near_edges(view.depth_m, _EDGE_PX)
@@ -36,7 +37,7 @@ def known_masks(
 
 
 def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float64]) -> Mask:
-    """Mask of the view's pixels that lie on the other's known surface."""
+    """Returns a mask of the view's pixels whose surface is a known surface of the other view."""
     column, row, z = places_of(points_of(view.depth_m, K), to_other, K)
     depth = cv2.remap(other.depth_m, column, row, cv2.INTER_LINEAR)
     inside = cv2.remap(other.surface.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
@@ -44,7 +45,7 @@ def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float
 
 
 def _in_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
-    """The right camera's pixels that show what is known in the left one, and nothing else."""
+    """Moves a mask of the left image to the right image; pixels that also show unmasked surfaces are left out."""
     column, row = pixel_grid(known.shape)
     disparity = rig.left.K[0, 0] * rig.baseline_m / np.maximum(view.depth_m, 1e-3)
     at = np.rint(column - disparity + rig.right.K[0, 2] - rig.left.K[0, 2]).astype(int)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene as a glTF file: each view's surface as a mesh under its own albedo and room light; what an earlier view has
-is left out of the later ones."""
+"""Writes the measured scene as a glTF file. Each view's surface is a mesh with its own albedo and room light, without
+the parts that an earlier view has."""
 
 from __future__ import annotations
 
@@ -31,10 +31,8 @@ _BRIGHT = 0.998  # this quantile of a texture is its brightest value
 def write_scene(
     path: Path, views: Sequence[SceneView], poses: Sequence[Pose], textures: Sequence[Textures], camera: Camera
 ) -> int:
-    """Writes the scene of some views, whose frame the first pose leads to, as .glb. Returns the triangles.
-
-    Its emission is the room's light off each surface, which stands beside the albedo and lights nothing else.
-    """
+    """Writes a scene of several views as .glb and returns the number of triangles. The world is the frame that the
+    poses lead to. The materials' emission is the room's light reflected by each surface; it lights nothing else."""
     writer = GltfWriter("activestereo calibrate world")
     writer.set_extras(room_light="emission")
     step = int(np.ceil(np.sqrt(2.0 * len(views) * camera.width * camera.height / _MOST_TRIANGLES)))
@@ -75,7 +73,7 @@ def _brightest(images: Sequence[Image]) -> float:
 
 
 def _png(linear: Image) -> bytes:
-    """The image as an sRGB PNG, which keeps the relative error of dark values small."""
+    """Encodes a linear image 0..1 as an sRGB PNG, which keeps the relative error of dark values small."""
     value = np.clip(linear, 0.0, 1.0)
     encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * np.maximum(value, 1e-9) ** (1 / 2.4) - 0.055)
     buffer = BytesIO()
@@ -84,7 +82,7 @@ def _png(linear: Image) -> bytes:
 
 
 def closed_depth(depth_m: Image) -> Image:
-    """The depth without its finest noise, and with holes of a few pixels closed from what lies behind them."""
+    """Smooths the depth's finest noise and fills holes of a few pixels with the depth behind them."""
     smooth = cv2.medianBlur(depth_m, 5)
     smooth = np.where(np.abs(smooth - depth_m) < _JUMP * depth_m, smooth, depth_m).astype(np.float32)
     smooth = cv2.bilateralFilter(smooth, 5, 0.01, 2.0)
@@ -97,7 +95,8 @@ def closed_depth(depth_m: Image) -> Image:
 def _had(
     view: SceneView, pose: Pose, others: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Mask:
-    """Mask of pixels whose surfaces earlier views have, up to a seam before those end."""
+    """Returns a mask of the view's pixels whose surfaces earlier views have, except for a seam along the ends of those
+    views."""
     points = points_of(view.depth_m, K)
     had = np.zeros(view.depth_m.shape, bool)
     for other, own in zip(others, poses, strict=True):
@@ -110,7 +109,8 @@ def _had(
 
 
 def _mesh(view: SceneView, fresh: Mask, K: NDArray[np.float64], pose: Pose, step: int) -> Mesh | None:
-    """The view's surface where it is fresh, in the world; None where nothing is left."""
+    """Makes a mesh, in the world's frame, of the view's surface where `fresh`; None if nothing is left. step: pixels
+    between vertices."""
     depth = closed_depth(view.depth_m)
     points = points_of(depth, K)
     row, column = np.mgrid[0 : depth.shape[0] : step, 0 : depth.shape[1] : step]

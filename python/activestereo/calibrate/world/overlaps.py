@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which views show the same place: features of the images without their dots, whose depth makes them points, matched
-and fitted by a rigid motion; refined by point-to-plane ICP with projective association (Blais and Levine 1995)."""
+"""Finds which views show the same place and the motion between them.
+
+Image features without dots, whose depth makes them 3D points, are matched and fitted by a rigid motion. Point-to-plane
+ICP with projective association refines it (Blais and Levine 1995)."""
 
 from __future__ import annotations
 
@@ -15,8 +17,8 @@ from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, 
 Pose = NDArray[np.float64]
 Features = tuple[NDArray[np.float32], NDArray[np.float32]]
 
-# Dots are finer than this; they ride with the camera and would tell that it never moves. So would gaps where dots are
-# dead: where views seem not to overlap, gaps up to this size are closed.
+# Dots are finer than this. They move with the camera, so matching them would suggest that it stands still. So would
+# gaps where dots are dead: if views seem not to overlap, gaps up to this size are closed.
 _DOTS_PX, _GAP_PX = 4.0, 25
 _MOST_FEATURES = 1500
 _RATIO = 0.85
@@ -31,8 +33,9 @@ _LEAST_SEEN, _LEAST_ON = 0.12, 0.7
 
 @dataclass(frozen=True)
 class Surface:
-    """A view's geometry under a K: points and normals [height][width][3] in its camera's frame, and where they are
-    known; pick: flat indices of random points; features: of the images as they are, then with gaps closed."""
+    """A view's geometry under a K. points, normals: [height, width, 3] in the camera's frame. known: mask of valid
+    ones. pick: flat indices of randomly chosen pixels. features: of the image as it is, and of the image with gaps
+    closed."""
 
     view: SceneView
     points: Image
@@ -44,8 +47,9 @@ class Surface:
 
 @dataclass(frozen=True)
 class Overlap:
-    """a_to_b of two views by their place in the list; seen: share of a's points that b sees; on: of those, the share on
-    b's surface; distance_m: median distance from its planes."""
+    """The motion between two views that show the same place. a, b: indices of the views. a_to_b: 4x4. seen: share of
+    a's points that fall on b's known pixels. on: share of those that lie on b's surface. distance_m: median distance
+    from b's planes."""
 
     a: int
     b: int
@@ -68,7 +72,7 @@ def surface_of(view: SceneView, K: NDArray[np.float64], rng: np.random.Generator
 
 
 def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64]) -> Overlap | None:
-    """The Overlap of two surfaces, None where they show different places."""
+    """Matches two surfaces and returns their Overlap; None if they show different places."""
     for here, there in zip(first.features, second.features, strict=True):
         start = _by_features(here, there, K)
         overlap = None if start is None else _icp(a, b, first, second, start, K)
@@ -78,7 +82,7 @@ def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.
 
 
 def _features(image: Image, points: Image) -> Features:
-    """(points [n][3] in the camera's frame, SIFT's descriptors) of the image at half size without its dots."""
+    """Returns (3D points [n, 3] in the camera's frame, SIFT descriptors) of the image at half size without its dots."""
     slow = cv2.resize(blurred(image, _DOTS_PX), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     bright = np.clip(slow * (255.0 / max(float(np.percentile(slow, 99.5)), 1.0)), 0, 255).astype(np.uint8)
     keys, described = cv2.SIFT_create(_MOST_FEATURES, contrastThreshold=0.01).detectAndCompute(
@@ -115,8 +119,9 @@ def _by_features(first: Features, second: Features, K: NDArray[np.float64]) -> P
 
 @dataclass(frozen=True)
 class Contact:
-    """Samples of a surface on another one: flat pixel of each in the first, points and rays there, in the second's
-    frame; distance from its plane (m) along the normal; normal, in the second's frame; and the second's own point."""
+    """Sampled points of a first surface on a second one, in the second's frame. pixel: flat index in the first image.
+    point: the moved point. there: the second's point at that pixel. normal: the second's. distance: from the second's
+    plane along the normal, m. seen: share of the samples that fall on the second's known pixels."""
 
     pixel: NDArray[np.int64]
     point: NDArray[np.float64]
@@ -127,7 +132,8 @@ class Contact:
 
 
 def contact(first: Surface, second: Surface, a_to_b: Pose, K: NDArray[np.float64], reach_m: float) -> Contact:
-    """The Contact of the first's samples with the surface that the second sees behind the same pixel."""
+    """Moves the first surface's sampled points by a_to_b and pairs each with the second's point at the same pixel, if
+    within reach_m."""
     start = first.points.reshape(-1, 3)[first.pick].astype(np.float64)
     moved = start @ a_to_b[:3, :3].T + a_to_b[:3, 3]
     z = np.maximum(moved[:, 2], 1e-3)
@@ -148,12 +154,12 @@ def contact(first: Surface, second: Surface, a_to_b: Pose, K: NDArray[np.float64
 
 
 def robust_weight(distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cauchy's weight of a distance from a plane."""
+    """Returns Cauchy's weight of a distance from a plane."""
     return np.asarray(1.0 / (1.0 + (distance_m / _ROBUST_M) ** 2))
 
 
 def moved_by(step: NDArray[np.float64], pose: Pose) -> Pose:
-    """The pose turned and moved by a small step (rotation vector, translation) in the frame that it leads to."""
+    """Returns the pose after a small step [6] (rotation vector, translation) in the frame that the pose leads to."""
     small = np.eye(4)
     small[:3, :3], small[:3, 3] = cv2.Rodrigues(step[:3])[0], step[3:]
     return np.asarray(small @ pose)

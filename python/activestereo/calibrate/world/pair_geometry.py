@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The right camera beside the left one: where the pair shows a place, and where the measured depth says it should."""
+"""Measures the right camera relative to the left one: compares where the right image shows a place with where the
+measured depth predicts it."""
 
 from __future__ import annotations
 
@@ -23,8 +24,9 @@ _MOST_VIEWS = 6
 
 @dataclass(frozen=True)
 class PairEstimate:
-    """baseline_m; column_px, row_px: the right camera's centre less where the rig had it; deviations of the three by
-    the scatter over views; own_depth: whether depth is the device's own, which tells neither baseline nor column."""
+    """The right camera's geometry. column_px, row_px: shift of its centre from the rig's. deviation: standard
+    deviations of the three values, from the scatter over views. own_depth: whether depth is the device's own, which
+    determines neither baseline nor column."""
 
     baseline_m: float
     column_px: float
@@ -54,7 +56,7 @@ class PairEstimate:
 
 
 def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:
-    """The PairEstimate of rectified pairs at their measured depth."""
+    """Estimates baseline and centre shift from rectified pairs with measured depth."""
     each = np.array([f for view in views[:_MOST_VIEWS] if (f := _one(view, rig)) is not None])
     if not len(each):
         return PairEstimate(rig.baseline_m, 0.0, 0.0, (np.inf, np.inf, np.inf), True)
@@ -69,8 +71,8 @@ def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:
 
 
 def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
-    """(change of f b in px m, columns, rows) by which the right camera shows places beside where depth says; None where
-    too few windows correlate."""
+    """Returns the right image's offset from the place that depth predicts, for one view: (change of f b in px m,
+    columns, rows). None if too few windows correlate."""
     left = high_pass(view.left)
     shifted = {s: right_at_depth(view, rig, s) for s in ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))}
     inside = np.all([ok for _, ok in shifted.values()], axis=0).astype(np.float32)
@@ -92,12 +94,12 @@ def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
 
 
 def _correlated(a: Image, b: Image, weight: Image) -> NDArray[np.float32]:
-    """The local correlation of two high-pass images."""
+    """Computes the local correlation of two high-pass images."""
     ab, aa, bb = (blurred(x * y * weight, _BLOCK_PX) for x, y in ((a, b), (a, a), (b, b)))
     return np.asarray(ab / np.sqrt(np.maximum(aa * bb, 1e-12)))
 
 
 def _top(before: Image, middle: Image, after: Image) -> NDArray[np.float64]:
-    """The top of a parabola through three values, in steps."""
+    """Returns the offset, in steps, of the top of a parabola through three values; NaN if there is no top."""
     bend = before - 2.0 * middle + after
     return np.where(bend < -1e-6, 0.5 * (before - after) / np.where(bend < -1e-6, bend, -1.0), np.nan)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's dots and place from arbitrary scenes with depth.
+"""Measures the projector's dots and position from arbitrary scenes with depth.
 
-Each pixel's high-pass image over its local RMS is free of albedo and of distance. Projected back through depth to where
-the projector stands, all views' high-pass images are one: averaged, they are sharpest at its true place. A point source
-has no orientation that could be told from a turned pattern: the pattern's axes are the left camera's.
-"""
+A pixel's high-pass value over its local RMS does not depend on albedo or distance. Projected back through depth to the
+projector's true position, all views' high-pass images agree, so their average is sharpest there. A point source's own
+rotation cannot be told from a rotated pattern; the pattern's axes are the left camera's."""
 
 from __future__ import annotations
 
@@ -32,15 +31,15 @@ _STEPS_M = np.array([1.0e-3, 1.0e-3, 3.0e-3])
 _SOUGHT_VIEWS = 8
 _WALK = 35
 _MOST_PIXELS = 250_000
-# Below this share of explained dots the views show no common pattern. Dots are everywhere, textures are not: where fine
-# contrast covers this share of the surfaces, it is of dots.
+# Below this correlation the views show no common pattern. Dots are everywhere, textures are not: fine contrast that
+# covers this share of the surfaces comes from dots.
 _LEAST_R, _COVERED = 0.25, 0.5
 
 
 @dataclass(frozen=True)
 class DotView:
-    """Normalised high-pass image and points of one view's usable pixels: value [n], points [n][3] in the left frame,
-    and the image's amplitude rms [height][width] and mask."""
+    """The usable pixels of one view. value: [n], normalised high-pass image. points: [n, 3] in the left camera's frame.
+    used: their mask [height, width]."""
 
     value: NDArray[np.float32]
     points: NDArray[np.float32]
@@ -49,9 +48,10 @@ class DotView:
 
 @dataclass(frozen=True)
 class PatternEstimate:
-    """image: mean normalised high-pass image over the pattern's K, NaN = no view lit it; place: projector in the left
-    camera's frame, m; covariance [3][3]; r: {frame id: correlation of its dots with those that the others predict}.
-    is_common: whether the views share dots; else the image has each view's own, as well as several fit into one."""
+    """The measured pattern. image: mean normalised high-pass image under the pattern's K, NaN = no view lit it. place:
+    the projector in the left camera's frame, m. covariance: [3, 3], of place. r: {frame id: correlation of its dots
+    with those that the other views predict}. is_common: whether the views share dots; else the image merges each view's
+    own dots as well as they fit."""
 
     image: Image
     K: NDArray[np.float64]
@@ -61,12 +61,13 @@ class PatternEstimate:
     is_common: bool = True
 
     def r_median(self) -> float:
-        """The median of r over the views."""
+        """Returns the median of r over the views."""
         return float(np.median(list(self.r.values())))
 
 
 def dot_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> DotView:
-    """The DotView of a view under a K."""
+    """Computes a view's normalised high-pass values and points. K: 3x3 of the left camera. max_dn: the saturated
+    count."""
     slow = blurred(view.left, _SLOW_PX)
     fast = view.left - slow
     rms = np.sqrt(blurred(fast * fast, _RMS_PX))
@@ -76,7 +77,7 @@ def dot_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> DotView:
 
 
 class _Canvas:
-    """The pattern's image: where points fall as seen from a place."""
+    """The pixel grid of the pattern's image, onto which points are projected from a position of the projector."""
 
     def __init__(self, K: NDArray[np.float64], size: tuple[int, int]) -> None:
         self.width, self.height = (int(_SCALE * _BEYOND * side) for side in size)
@@ -89,7 +90,7 @@ class _Canvas:
         return f * x / z + np.float32(self.K[0, 2]), f * y / z + np.float32(self.K[1, 2])
 
     def sums(self, view: DotView, place: Vector) -> tuple[Image, Image]:
-        """(sum of values, count) in each of the pattern's pixels."""
+        """Returns (sum of a view's values, their number) in each of the pattern's pixels."""
         u, v = self.pixels(view.points, place)
         column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
         inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
@@ -108,12 +109,10 @@ def recover_pattern(
     views: Sequence[SceneView], K: NDArray[np.float64], start: Vector, max_dn: float, seed: int = 0,
     scenes: Sequence[int] | None = None, progress: Callable[[float], object] | None = None,
 ) -> PatternEstimate:  # fmt: skip
-    """The PatternEstimate of views under a K. start: the projector's nominal place in the left frame, m. scenes: a
-    number of each view's scene, for views of one scene err alike; None, or fewer than three: views count one by one.
-
-    Views whose dots differ keep the projector's stated place. ValueError where they have no dots in common and show
-    none of their own.
-    """
+    """Estimates the pattern and the projector's position from views. K: 3x3 of the left camera. start: the projector's
+    nominal position in the left camera's frame, m. scenes: scene number of each view, because errors within a scene are
+    correlated. None, or fewer than three: views count singly. Views whose dots differ keep the nominal position. Raises
+    ValueError if the views neither share dots nor show their own."""
     rng = np.random.default_rng(seed)
     dots = [dot_view(view, K, max_dn) for view in views]
     if not any(len(f.value) for f in dots):
@@ -164,7 +163,7 @@ def _explained(canvas: _Canvas, view: DotView, pattern: Image, place: Vector) ->
 
 
 def sampled(image: Image, u: NDArray, v: NDArray) -> NDArray[np.float32]:
-    """The image, bilinear, at positions of any shape; NaN outside and where it is NaN."""
+    """Samples an image bilinearly at positions of any shape; NaN outside and where the image is NaN."""
     flat = np.asarray(u, np.float32).reshape(1, -1), np.asarray(v, np.float32).reshape(1, -1)
     out = np.empty(flat[0].size, np.float32)
     for first in range(0, out.size, 30000):  # OpenCV's remap takes at most 32767 columns
@@ -179,12 +178,13 @@ def _sharpest(
     canvas: _Canvas, views: Sequence[DotView], scenes: Sequence[int], start: Vector,
     progress: Callable[[float], object] | None,
 ) -> tuple[Vector, NDArray[np.float64]]:  # fmt: skip
-    """(place, covariance): where the agreement between views is largest; the covariance by a jackknife over scenes."""
+    """Returns (position at which the views agree most, its covariance by a jackknife over scenes)."""
     numbers = sorted(set(scenes))
     done, most = 0, _WALK + 19
 
     def agreement(place: Vector, views: Sequence[DotView], left_out: bool) -> NDArray[np.float64]:
-        """Agreement of all views, and without each scene; what a view alone makes is taken out."""
+        """Computes the agreement of all views and, if left_out, of all without each scene. A view's agreement with
+        itself is excluded."""
         nonlocal done
         done += 1
         if progress:
@@ -231,14 +231,14 @@ def _sharpest(
 
 
 def _agreement(total: Image, count: Image, square: Image, count2: Image) -> float:
-    """Mean product of different views' high-pass images over their mean square, where two or more meet."""
+    """Computes the mean product of different views' high-pass values where at least two meet."""
     pairs = count * count - count2
     known = pairs > 0.05
     return float((total * total - square)[known].sum(dtype=np.float64) / pairs[known].sum(dtype=np.float64))
 
 
 def _peak(design: NDArray, values: Vector) -> Vector:
-    """The top of the paraboloid through values on the design, within two steps."""
+    """Fits a paraboloid to values on the design and returns its top, within two steps; zeros if it has none."""
     i, j, k = design.T.astype(float)
     columns = np.stack([np.ones_like(i), i, j, k, i * i, j * j, k * k, i * j, i * k, j * k], axis=1)
     c = np.linalg.lstsq(columns, values, rcond=None)[0]

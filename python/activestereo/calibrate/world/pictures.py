@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of what each step found, for a look before the numbers are believed."""
+"""Draws pictures of each step's result, for a look before the numbers are believed."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _SMALL = np.s_[::2, ::2]
 
 
 def poses_picture(views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Fields of the first view and of the next one from the first's place, in a checker: contours run on where poses
-    and K are right."""
+    """Draws a checkerboard of the first view and of the next one warped to it. Contours are continuous where poses and
+    K are right."""
     return _gray(_checker([view.left for view in views[:2]], views, poses, K))
 
 
 def exposure_picture(
     views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64], light: LightEstimate
 ) -> NDArray[np.uint8]:
-    """The same of the light above black without exposure and falloff: fields are equally bright where those are
-    right."""
+    """Draws the same checkerboard of the light above black, divided by exposure and falloff. Its fields are equally
+    bright where these are right."""
     images = []
     for view, exposure in zip(views[:2], light.exposure, strict=False):
         tangent = points_of(np.ones_like(view.depth_m), K)[..., :2]
@@ -37,15 +37,13 @@ def exposure_picture(
 
 
 def albedo_picture(textures: Sequence[Textures]) -> NDArray[np.uint8]:
-    """Albedo on the left and room light on the right, a row for each view."""
+    """Draws albedo on the left and room light on the right, a row for each view."""
     kinds = [np.vstack([getattr(t, name)[_SMALL] for t in textures]) for name in ("albedo", "room")]
     return np.hstack([_gray(kind) for kind in kinds])
 
 
-def known_picture(
-    views: Sequence[SceneView], masks: Mapping[tuple[int, str], NDArray[np.bool_]]
-) -> NDArray[np.uint8]:
-    """Each view's left image, dark where the scene is not known."""
+def known_picture(views: Sequence[SceneView], masks: Mapping[tuple[int, str], NDArray[np.bool_]]) -> NDArray[np.uint8]:
+    """Draws each view's left image, darkened where the scene is not known."""
     rows = [np.where(masks[v.frame.id, "left"], 1.0, 0.3) * _gray(v.left) for v in views]
     return np.vstack(rows).astype(np.uint8)[_SMALL]
 
@@ -53,7 +51,7 @@ def known_picture(
 def _checker(
     images: Sequence[Image], views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Image:
-    """Fields of the first image and of the second one as seen from the first's place."""
+    """Returns a checkerboard of the first image and of the second one warped to the first view."""
     column, row, _ = places_of(points_of(views[0].depth_m, K), np.linalg.inv(poses[1]) @ poses[0], K)
     seen = cv2.remap(images[1], column, row, cv2.INTER_LINEAR)
     v, u = np.mgrid[0 : seen.shape[0], 0 : seen.shape[1]] // _CHECKER_PX
@@ -61,5 +59,5 @@ def _checker(
 
 
 def _gray(image: Image) -> NDArray[np.uint8]:
-    """0..255, the brightest hundredth white."""
+    """Scales an image to 0..255; its brightest hundredth is white."""
     return np.clip(image * (255.0 / max(float(np.percentile(image, 99)), 1e-6)), 0, 255).astype(np.uint8)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pose of each view: all overlaps' points on each other's planes in one least squares, so that loops are
-closed; focal length and centre are free in it where views have turned enough to tell them."""
+"""Estimates the pose of each view. One least-squares fit brings all overlaps' points onto each other's planes, which
+closes loops. Focal length and centre are free in it, as far as views have turned enough to determine them."""
 
 from __future__ import annotations
 
@@ -34,11 +34,10 @@ _BLOCK_PX = 80
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """view_to_world of each view of a scene, by its place in the list of all views; the first one's frame is the world.
-
-    covariance: [6n][6n] of rotation vector and place in the world, the first's being 0; overlaps of these views;
-    distance_m: median distance of a point from another view's plane; camera: (f, cx, cy) and covariance as the overlaps
-    alone tell them."""
+    """The poses of one scene's views. views: their indices among all views. view_to_world: 4x4 each; the first view's
+    frame is the world. covariance: [6n, 6n] of rotation vector and position in the world, 0 for the first view.
+    overlaps: those of these views. distance_m: median distance of a point from another view's plane. camera: (mean,
+    covariance) of (f, cx, cy)."""
 
     views: tuple[int, ...]
     view_to_world: tuple[Pose, ...]
@@ -51,7 +50,8 @@ class PoseEstimate:
 def group_views(
     views: Sequence[SceneView], K: NDArray[np.float64], seed: int = 0, progress: Callable[[float], object] | None = None
 ) -> tuple[list[Surface], list[Overlap], list[list[int]]]:
-    """(surfaces, overlaps, views of one scene each, most views first)."""
+    """Finds the overlaps of all views and groups the views into scenes. Returns (surfaces, overlaps, lists of view
+    indices, the largest scene first)."""
     rng = np.random.default_rng(seed)
     surfaces = [surface_of(view, K, rng) for view in views]
     pairs = list(itertools.combinations(range(len(views)), 2))
@@ -74,7 +74,7 @@ def solve_poses(
     surfaces: Sequence[Surface], overlaps: Sequence[Overlap], group: Sequence[int], K: NDArray[np.float64],
     prior: NDArray[np.float64],
 ) -> PoseEstimate:  # fmt: skip
-    """The PoseEstimate of one scene's views. prior: [3][3] inverse covariance of (f, cx, cy) around K."""
+    """Estimates the poses of one scene's views `group`. prior: [3, 3], inverse covariance of (f, cx, cy) around K."""
     own = [o for o in overlaps if o.a in group and o.b in group]
     order = {view: k for k, view in enumerate(group)}
     poses = _chained(group, own)
@@ -103,7 +103,7 @@ def solve_poses(
 
 
 def _chained(group: Sequence[int], overlaps: Sequence[Overlap]) -> list[Pose]:
-    """view_to_world along the widest overlaps from the first view."""
+    """Returns view_to_world of each view by chaining the widest overlaps from the first view."""
     known: dict[int, Pose] = {group[0]: np.eye(4)}
     wide = sorted(overlaps, key=lambda o: -o.seen * o.on)
     while len(known) < len(group):
@@ -127,7 +127,8 @@ def _normal_equations(
     surfaces: Sequence[Surface], overlaps: Sequence[Overlap], order: dict[int, int], poses: Sequence[Pose],
     camera: NDArray[np.float64],
 ) -> _Sums:  # fmt: skip
-    """Sums over both directions of all overlaps: unknowns are f, cx, cy, then each view's turn and move."""
+    """Sums the normal equations over both directions of all overlaps. Unknowns are f, cx, cy, then each view's rotation
+    and translation."""
     size = 3 + 6 * len(poses)
     hessian, gradient, blocks, distances = np.zeros((size, size)), np.zeros(size), [], []
     K = np.array([[camera[0], 0, camera[1]], [0, camera[0], camera[2]], [0, 0, 1.0]])
@@ -161,12 +162,13 @@ def _normal_equations(
 
 
 def _under(surface: Surface, K: NDArray[np.float64]) -> Surface:
-    """The surface as another K places it; normals turn too little to matter."""
+    """Returns the surface with its points under another K; normals change too little to matter."""
     return replace(surface, points=points_of(surface.view.depth_m, K))
 
 
 def _by_camera(c: Contact, under: Sequence[Surface], a_to_b: Pose, camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Minus the derivative of distances by f, cx, cy: both the point and the plane that it meets move."""
+    """Returns minus the derivative of the distances by f, cx, cy [n, 3]: both the point and the plane that it meets
+    move."""
     start = (c.point - a_to_b[:3, 3]) @ a_to_b[:3, :3]
     out = np.zeros((len(c.distance), 3))
     for points, normal, sign in ((start, c.normal @ a_to_b[:3, :3], 1.0), (c.there, c.normal, -1.0)):

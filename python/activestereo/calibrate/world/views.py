@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Views of a recording with depth: read, and refused where nothing can be measured on them.
+"""Reads the views of a recording with depth, and refuses those on which nothing can be measured.
 
-Depth is compared with the pair itself: read at the disparity that depth predicts, the right camera's high-pass image
-must be the left one's. Depth of another camera, of another moment or in other units fails.
-"""
+Depth is checked against the pair itself. Read at the disparity that depth predicts, the right camera's high-pass image
+must equal the left one's. Depth from another camera or moment, or in other units, fails this check."""
 
 from __future__ import annotations
 
@@ -32,8 +31,8 @@ _LEAST_DEPTH = 0.2
 
 @dataclass(frozen=True)
 class SceneView:
-    """A frame's images [height][width]: left and right in DN; depth_m, 0 = none; surface: where depth is measured and
-    no edge is near. agreement: correlation of both cameras' high-pass images at that depth."""
+    """A frame's images [height, width]. left, right: DN. depth_m: 0 = none. surface: mask of measured depth far from
+    edges. agreement: correlation of both cameras' high-pass images at that depth."""
 
     frame: Frame
     left: Image
@@ -46,8 +45,8 @@ class SceneView:
 def read_views(
     capture: Capture, progress: Callable[[float], object] | None = None
 ) -> tuple[list[SceneView], list[str]]:
-    """(the SceneViews of a capture's frames, why others cannot be used and what to record instead, a line each).
-    ValueError, of the first reason, where fewer than two can be used."""
+    """Returns (a capture's usable views, a line for each refused frame with the reason and the remedy). Raises
+    ValueError with the first reason if fewer than two views are usable."""
     where = capture.path
     if not any(frame.depth_path for frame in capture.frames):
         raise ValueError(f"{where}: no frame has depth: record the depth stream, too, or a laser's depth of each view")
@@ -100,7 +99,7 @@ def _read(capture: Capture, frame: Frame) -> SceneView:
 
 
 def near_edges(depth_m: Image, width_px: int = EDGE_PX) -> Mask:
-    """Pixels near a step of the depth, or near the border of what has depth."""
+    """Returns a mask of the pixels near a step of the depth or near the end of measured depth."""
     around = np.ones((3, 3), np.uint8)
     step = cv2.dilate(depth_m, around) - cv2.erode(depth_m, around)
     edge = (step > _EDGE_SHARE * np.maximum(depth_m, 1e-3)).astype(np.uint8)
@@ -108,31 +107,31 @@ def near_edges(depth_m: Image, width_px: int = EDGE_PX) -> Mask:
 
 
 def high_pass(image: Image, sigma_px: float = _HIGH_PASS_PX) -> Image:
-    """The image without what varies slowly."""
+    """Returns the image without its slow variations."""
     return image - blurred(image, sigma_px)
 
 
 def blurred(image: Image, sigma_px: float) -> Image:
-    """Gaussian blur, float32."""
+    """Blurs an image with a Gaussian, float32."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), np.float32)
 
 
 def pixel_grid(shape: tuple[int, ...]) -> tuple[Image, Image]:
-    """(column, row) of every pixel, float32 [height][width]."""
+    """Returns (column, row) of every pixel, float32 [height, width]."""
     row, column = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float32)
     return column, row
 
 
 def points_of(depth_m: Image, K: NDArray[np.float64]) -> Image:
-    """Points in the camera's frame, metres [height][width][3]."""
+    """Converts a depth image to points in the camera's frame, metres [height, width, 3]."""
     column, row = pixel_grid(depth_m.shape)
     x, y = (column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1]
     return np.stack([x * depth_m, y * depth_m, depth_m], axis=-1).astype(np.float32)
 
 
 def places_of(points: Image, pose: NDArray[np.float64], K: NDArray[np.float64]) -> tuple[Image, Image, Image]:
-    """(column, row, depth) of points [height][width][3] in the camera to whose frame a pose leads; depth is at least
-    1 mm."""
+    """Projects points [height, width, 3] to another camera, whose frame `pose` leads to: (column, row, depth), depth at
+    least 1 mm."""
     moved = points @ pose[:3, :3].T.astype(np.float32) + pose[:3, 3].astype(np.float32)
     z = np.maximum(moved[..., 2], 1e-3)
     column, row = (np.asarray(K[i, i] * moved[..., i] / z + K[i, 2], np.float32) for i in (0, 1))
@@ -140,7 +139,7 @@ def places_of(points: Image, pose: NDArray[np.float64], K: NDArray[np.float64]) 
 
 
 def normals_of(points: Image) -> Image:
-    """Unit normals from each point's neighbours two pixels away; towards the camera."""
+    """Computes unit normals, towards the camera, from each point's neighbours two pixels away."""
     smooth = np.dstack([blurred(np.ascontiguousarray(points[..., k]), 1.5) for k in range(3)])
     across, down = (np.roll(smooth, -2, axis) - np.roll(smooth, 2, axis) for axis in (1, 0))
     normal = np.cross(down, across)
@@ -148,8 +147,8 @@ def normals_of(points: Image) -> Image:
 
 
 def right_at_depth(view: SceneView, rig: Rig, shift: tuple[float, float] = (0.0, 0.0)) -> tuple[Image, Mask]:
-    """(the right camera's high-pass image where depth says that each left pixel is seen, shifted by (columns, rows);
-    whether it is in the image)."""
+    """Warps the right camera's high-pass image to the left image by its depth, plus a shift (columns, rows). Returns
+    (the image, mask of pixels that are inside)."""
     column, row = pixel_grid(view.depth_m.shape)
     disparity = np.float32(rig.left.K[0, 0] * rig.baseline_m) / np.maximum(view.depth_m, 1e-3)
     at = column - disparity + np.float32(rig.right.K[0, 2] - rig.left.K[0, 2])
@@ -158,14 +157,15 @@ def right_at_depth(view: SceneView, rig: Rig, shift: tuple[float, float] = (0.0,
 
 
 def correlation(a: NDArray, b: NDArray) -> float:
-    """Pearson's r of two arrays of equal size; 0 where one of them is even."""
+    """Computes Pearson's r of two arrays of equal size; 0 if one of them is constant."""
     a, b = a - a.mean(), b - b.mean()
     scale = float(np.sqrt((a * a).sum(dtype=np.float64) * (b * b).sum(dtype=np.float64)))
     return float((a * b).sum(dtype=np.float64)) / scale if scale > 0 else 0.0
 
 
 def _agreement(view: SceneView, rig: Rig) -> float:
-    """The best correlation of the images over a few shifts: the nominal calibration may be off by a pixel or two."""
+    """Returns the best correlation of the images over a few column shifts, because the nominal calibration may be off
+    by a pixel or two."""
     left = high_pass(view.left)
     best = 0.0
     for shift in (0.0, -1.5, 1.5, -3.0, 3.0):

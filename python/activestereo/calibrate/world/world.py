@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a recording with depth to a capture that the lab can use: camera, poses, pattern, exposures and albedo, one
-after the other.
+"""Turns a recording with depth into a capture that the lab can use: measures camera, poses, pattern, exposures and
+albedo, one after the other.
 
-Each step replaces its own part of the capture and says in `measured` how well it is known; what the user knows better
-is kept by leaving its step out.
-"""
+Each step replaces its own part of the capture and states its uncertainty in `measured`. Leave a step out to keep a
+better value of your own."""
 
 from __future__ import annotations
 
@@ -64,8 +63,8 @@ Progress = Callable[[float], object] | None
 
 @dataclass
 class World:
-    """A capture on its way. lines: what each step found, for the user; surfaces, overlaps, groups: of views, where
-    steps compare their surfaces; poses, dots: as steps of this run measured them; pictures: by their names."""
+    """The capture between steps. lines: each step's findings, for the user. surfaces, overlaps, groups: of views, for
+    steps that compare their surfaces. poses, dots: as measured in this run, or None. pictures: by file name."""
 
     capture: Capture
     views: list[SceneView]
@@ -88,13 +87,13 @@ class World:
         return str(self.capture.path)
 
     def note(self, name: str, values: dict[str, Any], line: str) -> None:
-        """Keeps what a step measured."""
+        """Stores what a step measured in the capture, and the line for the user."""
         self.capture = replace(self.capture, measured={**self.capture.measured, name: values})
         self.lines.append(line)
 
     def scene_views(self) -> tuple[list[SceneView], list[NDArray[np.float64]]]:
-        """Views of one scene and their view_to_world: as measured, or as the capture states them. ValueError where it
-        states none."""
+        """Returns the views of one scene and their 4x4 view_to_world, as measured or as the capture states them. Raises
+        ValueError if it states none."""
         if self.poses is not None:
             return [self.views[i] for i in self.poses.views], list(self.poses.view_to_world)
         frames = {frame.id: frame.camera_to_world for frame in self.capture.frames}
@@ -104,7 +103,7 @@ class World:
         return views, [frames[view.frame.id] for view in views]
 
     def projected(self) -> PatternEstimate:
-        """The projector's dots: as measured, or as the capture states them."""
+        """Returns the projector's dots as measured, or as the capture states them."""
         if self.dots is not None:
             return self.dots
         projector = self.capture.rig.projector
@@ -118,13 +117,12 @@ def calibrate_world(
     recording: Path, out: Path, steps: Sequence[str] = STEPS, test: Sequence[int] = (), seed: int = 0,
     progress: Progress = None,
 ) -> list[str]:  # fmt: skip
-    """Measures a recording (a capture folder of views with depth) by some of STEPS and writes the capture `out`, with
-    pictures of each step in `out`/measured. Returns what was found, a line each.
+    """Measures a recording (a capture folder of views with depth) by some of STEPS. Writes the capture `out`, with
+    pictures of each step in `out`/measured. Returns the findings, a line each.
 
-    test: ids of frames that are held out: their pose and exposure are measured, and nothing is measured on them.
-    ValueError says in one line why a recording cannot be used, and what to record instead; what could be measured is
-    written all the same.
-    """
+    test: ids of frames to hold out; their pose and exposure are measured, but they inform nothing else. Raises
+    ValueError, one line, if a recording is unusable, with the remedy; the parts that could be measured are written all
+    the same."""
     capture = read_capture(recording)
     unknown = sorted(set(test) - {frame.id for frame in capture.frames})
     if unknown:
@@ -233,7 +231,7 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
 
 
 def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
-    """The angle, rad, by which a motion moves things at a distance."""
+    """Returns the angle, rad, by which a motion of the camera shifts things at a distance."""
     turn = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
     return float(turn + np.linalg.norm(pose[:3, 3]) / distance_m)
 
@@ -278,7 +276,7 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
 
 
 def _exposure(world: World, seed: int, folder: Path, progress: Progress) -> None:
-    """Measures each frame's exposure, the black level and the lens's falloff by places that several views see."""
+    """Measures each frame's exposure, the black level and the lens's falloff from places in several views."""
     views, poses = world.scene_views()
     train = _train(world)
     given = world.capture.rig.black_dn if "exposure" not in world.capture.measured else None
@@ -328,7 +326,7 @@ def _exposure_line(estimate: LightEstimate, times: dict[int, float], first: floa
 
 
 def _albedo(world: World, seed: int, folder: Path, progress: Progress) -> None:
-    """Makes the scene: each view's surface under its albedo and the room's light, without exposure and falloff."""
+    """Makes the scene: each view's surface with its albedo and the room's light, without exposure and falloff."""
     views, poses = world.scene_views()
     train, measured = _train(world), world.capture.measured.get("exposure", {})
     exponent = measured.get("vignetting_exponent")
@@ -361,7 +359,7 @@ def _albedo(world: World, seed: int, folder: Path, progress: Progress) -> None:
 
 
 def _train(world: World) -> list[int]:
-    """Indices of the scene's views that are not held out."""
+    """Returns the indices of the scene's views that are not held out."""
     views, _ = world.scene_views()
     split = {frame.id: frame.split for frame in world.capture.frames}
     train = [k for k, view in enumerate(views) if split[view.frame.id] == "train"]
