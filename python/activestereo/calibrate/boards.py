@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 KINDS = ("chessboard", "charuco", "apriltag")
 _DICTIONARY = {"charuco": "DICT_5X5_250", "apriltag": "DICT_APRILTAG_36h11"}
 _LEAST_CORNERS = 8
-# OpenCV 4.6's marker detectors count pixels from their corners: what they give lies half a pixel right of and below the
-# place where pixel centres are integers. (test_calibrate_rig.py measures it on rendered boards; the chessboard's
-# detector has no such shift.)
+# OpenCV 4.6's marker detectors count pixels from their corners, so their results are half a pixel too far right and
+# down for integer pixel centres. (test_calibrate_rig.py measures it on rendered boards; the chessboard's detector has
+# no such shift.)
 _MARKER_SHIFT_PX = 0.5
 _EXAMPLES = "9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01"
 

@@ -34,9 +34,9 @@ _FULL = 0.95
 _RIDGE = 1e-9
 # Derivative images err by this share of a drift, as simulated warm-ups show.
 _COLUMNS = 0.03
-# Noise in a derivative image would make what moves too small.
+# Blur in pixels; noise in a derivative image would bias movements towards 0.
 _SMOOTH_PX = 1.0
-# Of fourth order (Fornberg 1988): central differences make a dot's slope 5 % too small.
+# Fourth-order derivative (Fornberg 1988); central differences make a dot's slope 5 % too small.
 _DERIVATIVE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 
 Matrix = NDArray[np.float64]
@@ -69,7 +69,7 @@ class Drift:
     source: str
 
     def model(self) -> SensorModel:
-        """Returns the effects that move, for model.json."""
+        """Makes a SensorModel of the effects whose parameters move, for model.json."""
         model = SensorModel()
         for name in dict.fromkeys(s.name.split(".")[0] for s in self.slopes if s.moves):
             own = [s for s in self.slopes if s.name.startswith(f"{name}.")]
@@ -81,7 +81,7 @@ class Drift:
         return model
 
     def summary(self) -> str:
-        """Returns a sentence and a line for each parameter, with 90 % intervals."""
+        """Describes the drift as text: a sentence, then a line for each parameter with its 90 % interval."""
         moving = [s.name for s in self.slopes if s.moves]
         low, high = self.celsius
         first = f"{', '.join(moving) or 'nothing'} moves with temperature, {low:g} to {high:g} C, {self.frames} frames"
@@ -122,7 +122,7 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
     weighted = columns * weight
     square = weighted @ columns.T
     sizes = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), weighted @ changes.T).T
-    # The line of a parameter's size over temperature; neighbours in time err alike (AR(1): Bartlett 1935).
+    # Fit a line of each parameter over temperature; errors of successive frames correlate (AR(1): Bartlett 1935).
     slopes, x = [], celsius - celsius.mean()
     for name, size in zip(names, sizes.T, strict=True):
         if "." in name:
@@ -168,8 +168,8 @@ def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple
         row, column = np.indices((camera.height, camera.width), dtype=float)
         x, y = (column - camera.K[0, 2]) / camera.K[0, 0], (row - camera.K[1, 2]) / camera.K[1, 1]
         changes = {name: _per_kelvin(capture, frame, side, layers[side], name) for name in _EFFECTS}
-        # Pixels by which dots move when sines of the pattern's angles grow by one unit: f t (1 + t^2) of the tangent t,
-        # which on far surfaces is the camera's own; what parallax adds is a shift.
+        # Dots move by f t (1 + t^2) pixels when sines of the pattern's angles grow by one unit. On far surfaces the
+        # tangent t is the camera's own; parallax only adds a shift.
         grown = 1.0 + x * x + y * y
         changes[_GROWTH] = _flow(dots, camera.K[0, 0] * x * grown, camera.K[1, 1] * y * grown)
         for axis, unit in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):

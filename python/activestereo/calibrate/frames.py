@@ -96,7 +96,7 @@ def _read_capture(path: Path) -> list[Repeats]:
 
 
 def bit_depth(views: list[Repeats]) -> int:
-    """Returns 8, or the number of bits that the counts of 16-bit files use."""
+    """Returns the bit depth of the views' counts: 8, or as many bits as the largest count in 16-bit files needs."""
     if all(view.counts.dtype == np.uint8 for view in views):
         return 8
     return max(8, max(int(view.counts.max()) for view in views).bit_length())
@@ -107,7 +107,7 @@ def check_still(view: Repeats) -> None:
     counts = view.counts.astype(np.float32)
     half = len(counts) // 2
     first, second = counts[:half].mean(axis=0), counts[half:].mean(axis=0)
-    # From consecutive frames, so that a slow movement does not count as noise.
+    # Take the noise from consecutive frames, so that a slow movement does not count as noise.
     variance = 0.5 * np.mean((counts[1:] - counts[:-1]) ** 2, axis=0) + ROUNDING_VARIANCE
     scale = variance * (1.0 / half + 1.0 / (len(counts) - half))
     means = counts.mean(axis=(1, 2))

@@ -22,7 +22,7 @@ from activestereo.common.pose import printed_motion
 _LEAST_POSES = 5
 # The robot must turn about two axes at least this far apart, and by this much, degrees.
 _LEAST_TURN_DEG = 10.0
-# How far a rotation of 1 radian moves a board: what makes radians and metres comparable.
+# Distance by which a rotation of 1 radian moves a board; it makes radians and metres comparable.
 _LEVER_M = 0.5
 
 
@@ -48,7 +48,7 @@ class HandEye:
         }  # fmt: skip
 
     def summary(self) -> str:
-        """Returns the text that the command prints."""
+        """Describes the pose as text, which the command prints."""
         t, e = 1e3 * self.camera_to_gripper[:3, 3], 1e3 * INTERVAL_90 * self.error[3:]
         turn = np.rad2deg(INTERVAL_90 * np.linalg.norm(self.error[:3]))
         return (

@@ -33,7 +33,7 @@ _RANGES = {
     "roughness": (0.03, 1.0), "metallic": (0.0, 1.0), "specular": (0.0, 1.0), "transmission": (0.0, 1.0),
     "ir_albedo": (0.01, 0.98), "red": (0.02, 0.98), "green": (0.02, 0.98), "blue": (0.02, 0.98),
 }  # fmt: skip
-_GRAY = 0.2  # base colour beside white, to tell what in a picture goes with it
+_GRAY = 0.2  # second base colour besides white; the two renders separate the light that depends on the colour
 _PERCEPTUAL = 0.5  # weight of the filter bank beside the plain residual
 _INFRARED = 1.0  # lambda
 _SIZES_PX = (1.0, 2.0)
@@ -146,7 +146,7 @@ class MaterialFit:
             )
             rows = [k for k, (n, name) in enumerate(self.parameters) if n == number and name in COLORS]
             for channel, row in enumerate(rows):
-                # A picture is linear in a surface's colour, but for what it casts on itself.
+                # A picture is linear in a surface's colour, except for light that the surface reflects on itself.
                 share = (bright - dark)[:, channel] / (1.0 - _GRAY)
                 told = share > 0.2 * max(float(np.median(share)), 1e-6) if len(share) else []
                 if np.sum(told) >= 20:
@@ -209,15 +209,15 @@ _ALIKE = 12.0
 # Standard deviations of all other errors, from trials on balls, boxes and cups with known paints.
 _FLOORS = {"roughness": 0.04, "metallic": 0.02, "specular": 0.06, "transmission": 0.04, "ir_albedo": 0.025}
 _COLOR_FLOOR = 0.03
-# A direction that is less determined than this counts as not determined at all.
+# A direction of theta with a larger standard deviation than this counts as not determined.
 _OPEN = 0.6
 # Gloss goes with powers of roughness: below this the design's reach shrinks with it.
 _LINEAR_ROUGHNESS = 0.4
-# Residuals whose two halves of the samples ever lie this far apart, in deviations, tell of rare bright paths alone (a
-# dot by way of gloss): derivatives leave them out, whatever their sign.
+# If a residual's two halves of the samples ever differ by this many deviations, rare bright paths made it (a dot by way
+# of gloss). Derivatives leave it out, whatever its sign.
 _WILD = 6.0
 _STEPS = 3  # with the same derivatives
-_FARTHEST = 2.0  # they lead, in reaches
+_FARTHEST = 2.0  # largest step from the start, in reaches
 
 
 @dataclass(frozen=True)
@@ -276,7 +276,7 @@ def refine(
             if other.loss >= best.loss:
                 break
             theta, best = moved, other
-    # Each half of the samples alone would lead elsewhere: that is what the renderer's noise does.
+    # Each half of the samples alone would lead elsewhere; the difference shows the renderer's noise.
     elsewhere = J2.T @ best.first - J1.T @ best.second
     by_noise = 0.5 * (vectors @ ((vectors.T @ elsewhere) / values))
     floors = np.array([_FLOORS.get(name, _COLOR_FLOOR) for _, name in fit.parameters])

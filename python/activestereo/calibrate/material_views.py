@@ -19,7 +19,7 @@ from activestereo.capture.capture import Camera, Capture, Frame
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.scene_io.scene_files import load_scene_file
 
-_MARGIN = 0.35  # of the object's size, around it: the table's known material tells how bright the lights are
+_MARGIN = 0.35  # share of the object's size around it; the known material there gives the lights' brightness
 _LARGEST_PX = 72  # pictures are averaged down to this
 _GROUPS = 4
 _SATURATED = 0.97
@@ -174,8 +174,8 @@ def _picture(
     own = kuafu.Camera(width, height, K, pose)
     small = mean(crop).reshape(height, width, -1)
     floor = (1.0 if lit is not None else 0.01) / step
-    # Of a pixel's neighbours: with its own value a pixel whose noise is positive would count less than others, and all
-    # that is fitted would come out too dark.
+    # Take the light from a pixel's neighbours. With its own value a pixel with positive noise would weigh less than
+    # others, and all fitted values would be too dark.
     light = (9.0 * uniform_filter(small, (3, 3, 1)) - small) / 8.0
     edges = _OFF_PX * (maximum_filter(small, footprint=_NEIGHBOURS) - minimum_filter(small, footprint=_NEIGHBOURS))
     sigma = np.sqrt(floor**2 + (_OFF_SHARE * light) ** 2 + edges**2).astype(np.float32)

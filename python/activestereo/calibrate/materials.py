@@ -23,7 +23,7 @@ from activestereo.model import Quantity, SensorModel
 from activestereo.model.diagnosed import calibrated
 
 _CANDIDATES, _KEEP = 32, 4  # a quarter of each round goes on, with four times the samples
-_LEAST_KEPT = 4  # so that one of another roughness is among the last
+_LEAST_KEPT = 4  # so that a candidate of another roughness is among the last ones
 _SAMPLES = (4, 16, 64)
 _FINE_SAMPLES = 32
 _FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
@@ -50,11 +50,11 @@ class Materials:
     colors: dict[str, list[float]]
 
     def model(self) -> SensorModel:
-        """Returns the materials for model.json."""
+        """Makes a SensorModel of the determined parameters, for model.json."""
         return SensorModel(materials={name: fields for name, fields in self.found.items() if fields})
 
     def summary(self) -> str:
-        """Returns the text that the command prints."""
+        """Describes the materials as text, which the command prints."""
         lines = [f"{self.object_name}, from {', '.join(self.pictures)}"]
         for surface, fields in self.found.items():
             lines.append(f"{surface}:")
@@ -101,7 +101,7 @@ def calibrate_materials(
     nominal = fit.start()
     ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
     scenes_own = fit.with_colors(nominal, _FINE_SAMPLES)
-    # The best candidate with another roughness than the first one's, or the second where all are alike.
+    # The best candidate with another roughness than the first one's, or the second one if all have the same.
     rough = np.array([name == "roughness" for _, name in fit.parameters])
     apart = (theta for theta in ranked[1:] if np.abs(theta - ranked[0])[rough].max() > _OTHER_ROUGHNESS)
     starts = [ranked[0], next(apart, ranked[1]), scenes_own]

@@ -61,8 +61,8 @@ class Noise:
         return self.fit.noise_model.name
 
     def model(self) -> SensorModel:
-        """Returns the imager for model.json, and the black level among its nuisances. Rounding's variance is part of
-        the offset."""
+        """Makes a SensorModel of the imager, with the black level among its nuisances, for model.json. Rounding's
+        variance is part of the offset."""
         noise_model, fit = self.fit.noise_model, self.fit
         source = (
             f"calibrate noise: {self.chosen} noise model, {self.pixels} pixels, {self.repeats} repeats; static speckle "
@@ -84,7 +84,7 @@ class Noise:
         return SensorModel(imager=imager, nuisances={"black_dn": black})
 
     def summary(self) -> str:
-        """Returns the text that the command prints."""
+        """Describes the noise as text, which the command prints."""
         noise_model, fit = self.fit.noise_model, self.fit
         margin, error = self.margin_nats
         other = next(kind.name for kind in NOISE_MODELS if kind.name != self.chosen)

@@ -32,7 +32,7 @@ _FACTORS, _LARGE_SHAPE = 24, 60.0
 _WIDER = 1.2
 # Poisson's terms are summed below this mean; above it they are a Gaussian with the Poisson's skewness.
 _MANY_ELECTRONS = 16.0
-# Counts farther from the mean than so many deviations are impossible.
+# Counts farther from the mean than this, in deviations, are taken as impossible.
 _REACH = 8.0
 
 
@@ -90,7 +90,7 @@ class GammaModel(CountModel):
         wide = signal / np.sqrt(self.shape) > _WIDER * self.sigma_dn
         above = edge - self.black_dn
         if wide.any():  # the gamma's cumulative is smooth over sigma: few nodes of the Gaussian do
-            # By interpolation: a tenth of the time, to 1e-6.
+            # Interpolation takes a tenth of the time and is accurate to 1e-6.
             end = self.shape + 12.0 * np.sqrt(self.shape) + 40.0
             grid = end * np.linspace(0.0, 1.0, 20001)
             table = gammainc(self.shape, grid)
@@ -147,7 +147,7 @@ class ShotModel(CountModel):
         return out
 
 
-# Counts are grouped so that a table has at most so many columns.
+# Counts are grouped so that a table has at most this number of columns.
 _LARGEST_BINS = 512
 _PRIOR = {"gamma": (np.log(30.0), 2.5), "shot": (np.log(0.1), 2.5)}
 _SIGMA_PRIOR = (np.log(0.6), 1.5)

@@ -38,15 +38,15 @@ from activestereo.model.diagnosed import calibrated
 # A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
 _LARGEST_SATURATED = 0.005
 _LEAST_DISTANCE_RATIO = 1.2
-# The same dot at two distances: so far from where the projector's last place puts it, pixels of the pattern.
+# Largest distance, in pixels of the pattern, between one dot's directions from two walls; one for each round.
 _SAME_DOT_PX = (6.0, 3.0, 1.5, 1.5)
-# A spot that a border cuts is another dot than those known if it lies so far from all of them.
+# A spot cut by a border is a new dot if it is farther than this from all known dots, pixels of the pattern.
 _OTHER_DOT_PX = 3.0
 _ALIKE_POWERS = 0.3
 _INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
 _LEAST_LINES = 100
-# Of the right camera: what calibrations of rectified images err by, and more. Beside the row, in baselines: 0.25 mm of
-# a D435's move a dot by a tenth of a pixel at half a metre, and matched rows take half of that.
+# Tolerances of the right camera, above the errors of rectified calibrations. The offset from the row is in baselines:
+# 0.25 mm of a D435's move a dot by a tenth of a pixel at half a metre, and matched rows take half of that.
 _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 
 
@@ -83,7 +83,7 @@ class Pattern:
     rig: CaptureRig
 
     def model(self) -> SensorModel:
-        """Returns the pattern for model.json, and the assumed rig with the projector's position."""
+        """Makes a SensorModel of the pattern and of the assumed rig with the projector's position, for model.json."""
         source = f"calibrate pattern: {len(self.dots)} dots, walls at " + ", ".join(
             f"{view.wall.distance_m:.3f} m" for view in self.views
         )
@@ -105,7 +105,7 @@ class Pattern:
         return SensorModel(pattern=pattern, rig=nominal)
 
     def summary(self) -> str:
-        """Returns the text that the command prints."""
+        """Describes the pattern and its walls as text, which the command prints."""
         lines = [
             f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma "
             f"{self.dot_sigma_px:.2f} px of the pattern"
@@ -156,7 +156,7 @@ def calibrate_pattern(
     capture, source = read_capture(path), f"{path}/capture.json"
     if model is not None and model.rig is not None:
         nominal, own = capture.rig.projector.left_to_projector, model.rig
-        # The projector's place is what is measured here.
+        # The projector's position is measured here, so the model's is not used.
         capture = calibrated(capture, SensorModel(rig=replace(own, left_to_projector=nominal)))
         source = "the model"
     _check_rig(capture.rig, source)
@@ -258,7 +258,7 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     error, pairs, scales = None, np.empty((0, 2), dtype=int), [1.0]
     if len(walls) > 1:
         projector, error, pairs = _meeting_point(near.wall, far.wall, projector)
-    # 2. The dots of both, then those that borders cut where nothing else is.
+    # 2. The dots of both walls, then spots cut by borders where no dot is known.
     K, right_m = eyes["right"]
     all_dots = []
     for view in walls:
@@ -312,8 +312,8 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     dots[:, 2] *= unit
     if background is not None:
         background = (unit * background[0], unit * background[1])
-    # 5. A dot's width: the spot's without the pixel's square, seen from the projector at the wall's middle, and without
-    # what interpolation between the pattern's pixels widens it by when it is projected again.
+    # 5. A dot's width: the spot's less the pixel's width, seen from the projector at the wall's middle. Interpolation
+    # between the pattern's pixels will widen it when it is projected, so that part is subtracted, too.
     middle = near.wall.points[:, 2].mean()
     to_pattern = projector.K[0, 0] / rig.left.K[0, 0] * middle / (middle - projector.position_m[2])
     variance = np.maximum(near.spots["left"].sigma_px ** 2 - ROUNDING_VARIANCE, 0.05) * to_pattern**2
@@ -352,7 +352,7 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
         a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
         place, error = _nearest_to_lines(a, b)
         projector = replace(projector, position_m=place)
-    # A wall's plane errs for all of its dots at once, which the lines' own scatter does not show.
+    # An error of a wall's plane moves all of its dots at once, which the lines' own scatter does not show.
     moved = [_nearest_to_lines(off[pairs[:, 0]], b)[0] for off in near.points_if_off]
     moved += [_nearest_to_lines(a, off[pairs[:, 1]])[0] for off in far.points_if_off]
     return projector, np.sqrt(error**2 + np.sum((np.array(moved) - place) ** 2, axis=0)), pairs

@@ -25,7 +25,7 @@ from activestereo.common.palette import INK, MUTED
 from activestereo.model import Rig, SensorModel
 
 _LEAST_BOARDS, _FEW_BOARDS = 3, 10
-# A view whose corners lie so much worse than the others' is a false detection.
+# A view whose RMS exceeds the median by this factor is a false detection.
 _OUTLIER = 5.0
 _COVERAGE_CELLS = (8, 6)
 _INFLATION = 1.1
@@ -60,7 +60,7 @@ class Calibration:
     bit_depth: int
 
     def model(self) -> SensorModel:
-        """Returns the rig for model.json."""
+        """Makes a SensorModel of the rig, for model.json."""
         left, right = (Camera(*self.size, self.K[side], self.distortion[side]) for side in SIDES)
         errors = "; ".join(
             f"{side} f ± {INTERVAL_90 * self.error[side][0]:.2g}, c ± {INTERVAL_90 * self.error[side][2]:.2g} px"
@@ -70,7 +70,7 @@ class Calibration:
         return SensorModel(rig=Rig(left, right, self.left_to_right, bit_depth=self.bit_depth, source=source))
 
     def summary(self) -> str:
-        """Returns the text that the command prints."""
+        """Describes the calibration as text, which the command prints."""
         lines = [f"{len(self.views)} boards, {self.rms_px:.3f} px RMS (values with 90 % intervals)"]
         for side in SIDES:
             K, half = self.K[side], INTERVAL_90 * self.error[side]

@@ -20,7 +20,7 @@ from activestereo.common.parabola import vertex
 
 _SCALES_PX = (0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
 _LEAST_SPOTS = 50
-# A spot's response is at least this share of the strong ones' around it, and so many deviations of the noise's.
+# A spot's response is at least this share of the strong spots' around it, and this many deviations above noise.
 _LEAST_RESPONSE, _LEAST_MERGED, _SIGNIFICANT = 0.12, 0.12, 5.0
 _TILE_PX = 64
 _LEAST_AMPLITUDE = 0.15
@@ -95,7 +95,7 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     wide = np.pad(response, 1, mode="edge")  # the border's last pixel is repeated
     here = wide[v + 1, u + 1]
     across, down = vertex(wide[v + 1, u], here, wide[v + 1, u + 2]), vertex(wide[v, u + 1], here, wide[v + 2, u + 1])
-    # 3. All of them fitted; what they leave is searched for merged ones.
+    # 3. Fit all spots, then search the residual for merged ones.
     fit = _Fit(image, background, variance, u + across, v + down, sigma)
     fit.run(_FIRST_STEPS)
     tell(0.3)

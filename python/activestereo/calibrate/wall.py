@@ -119,8 +119,8 @@ def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.nd
     return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
 
 
-# Every so many pixels; so many pixels beside the image's and the pattern's borders have less background than their
-# place says, because it was found by a filter.
+# Pixels between samples, and the width of the border strips of image and pattern that are left out: a filter found the
+# background, and it is too low there.
 _STRIDE_PX, _BORDER_PX = 4, 24
 _OUTLIER = 4.0  # in median absolute deviations
 

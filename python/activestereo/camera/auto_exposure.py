@@ -28,7 +28,7 @@ class Setting:
     gain: float
 
     def applied_to(self, signal: Mapping[str, float]) -> dict[str, float]:
-        """Returns the imagers' parameters `signal`, which hold gain 1, with this exposure and gain."""
+        """Returns the imagers' parameters with this exposure and gain. signal: the parameters at gain 1."""
         return {**signal, "exposure_s": self.exposure_s, "gain": signal["gain"] * self.gain}
 
     @property
@@ -150,5 +150,5 @@ def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32
 
 
 _LINEAR = np.linspace(0.0, 1.0, 1 << 16) ** 2
-# By the root of the linear value, from 0 to 1.
+# The table's index is the square root of the linear value, from 0 to 1.
 SRGB = np.where(_LINEAR <= 0.0031308, 12.92 * _LINEAR, 1.055 * _LINEAR ** (1 / 2.4) - 0.055).astype(np.float32)

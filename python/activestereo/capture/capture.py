@@ -43,7 +43,7 @@ SPLITS = ("train", "test")
 
 
 class CaptureWarning(UserWarning):
-    """Warns that the reader ignored a part of a capture."""
+    """Issued if the reader ignores a part of a capture."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Camera:
 
 @dataclass(frozen=True)
 class Projector:
-    """A projector: a point source with an image. pattern() is its relative radiant intensity towards pixel (u, v) of K,
-    3x3."""
+    """A projector: a point source that casts an image. K: 3x3, from directions to the image's pixels. pattern(): the
+    image's relative radiant intensity."""
 
     pattern_path: Path
     K: np.ndarray
@@ -186,9 +186,9 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class Capture:
-    """A folder in the capture format; frames keep the file's order. measured: results of `calibrate world` on camera,
-    poses, pattern and light, with covariances (calibrate/README.md). binning: side in pixels of the blocks that images
-    are averaged over (binning.py). whole: the capture before binning, or None."""
+    """A recording in the capture format: rig, frames in the file's order, and scene. measured: results of `calibrate
+    world` on camera, poses, pattern and light, with covariances (calibrate/README.md). binning: side in pixels of the
+    blocks that images are averaged over (binning.py). whole: the capture before binning, or None."""
 
     path: Path
     name: str

@@ -22,7 +22,7 @@ _TRANSFORM = ((ANY,) * 3 + (LENGTH,)) * 3 + (ANY,) * 4
 
 
 class CaptureError(ValueError):
-    """Says that a capture is unusable: the file, the key and the fault."""
+    """Raised if a capture is unusable. The message names the file, the key and the fault."""
 
 
 _Read = TypeVar("_Read", bound=Callable[..., Any])

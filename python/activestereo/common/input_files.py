@@ -50,7 +50,7 @@ def checked_file(path: str | Path, most_bytes: int = MOST_BYTES) -> Path:
 def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
     """Reads a whole file. Raises OSError as open_file() does."""
     with open_file(path, most_bytes) as file:
-        # In parts: one large read allocates memory before it knows the size, and the kernel's files report none.
+        # Read in parts: one large read allocates memory before it knows the size, and the kernel's files report none.
         parts, size = [], 0
         while part := file.read(_PART_BYTES):
             parts.append(part)
@@ -105,7 +105,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         text = content.decode()
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: is no TOML file: {error}") from error
-    # tomllib's memory grows with the square of a dotted key's parts: 100 kB of them took all there was.
+    # tomllib's memory grows with the square of a dotted key's parts: 100 kB of them took all memory.
     longest = max((part.count(".") for part in re.split(r"[=,{}\[\]\n]", text)), default=0)
     if longest > _DEEPEST_TOML:
         raise ValueError(f"{path}: a key has {longest + 1} parts, at most {_DEEPEST_TOML + 1} are read")

@@ -15,7 +15,7 @@ _OVERTIME = 0.1
 _KEPT = 0.2
 # The usual pace weighs as much as this share of the whole work, done at that pace.
 _TRUST = 0.05
-# A phase that takes longer than so many times its usual time had other work, which later phases need not have.
+# A phase that exceeds its usual time by a larger factor had other work, which later phases need not have.
 _SLOWEST = 5.0
 
 

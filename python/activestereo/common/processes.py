@@ -70,7 +70,7 @@ def forked(work: Callable[[Any], object], items: Sequence[Any], workers: int) ->
         return
     number = next(_numbers)
     _jobs[number] = work, items
-    # Python 3.12 warns where other threads are; the processes use none of what those may hold.
+    # Python 3.12 warns if there are other threads; the processes use no lock that those may hold.
     pool = partial(process_pool, min(workers, len(items)), signal.signal, signal.SIGINT, signal.SIG_DFL, method="fork")
     places = [(number, i) for i in range(len(items))]
     try:

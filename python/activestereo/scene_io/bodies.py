@@ -22,7 +22,7 @@ from activestereo.scene_io.meshes import Mesh
 
 
 class BodyPoseError(ValueError):
-    """Says that a pose is not rigid or not finite. Environments with such a pose stay as they were; the others have
+    """Raised if a pose is not rigid or not finite. Environments with such a pose stay as they were; the others have
     moved. environment (None for a single scene) and body: those of the first bad pose."""
 
     def __init__(self, text: str, environment: int | None, body: str) -> None:

@@ -21,7 +21,7 @@ MAP_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 
 
 class EnvironmentMapError(ValueError):
-    """Says that an environment map is unusable: the file and the remedy."""
+    """Raised if an environment map is unusable. The message has the file and the remedy."""
 
 
 def read_environment_map(path: str | Path) -> np.ndarray:

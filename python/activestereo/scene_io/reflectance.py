@@ -29,7 +29,7 @@ from activestereo.common.input_files import read_text
 if TYPE_CHECKING:
     import kuafu
 
-VISIBLE_NM = (400.0, 700.0)  # what a table must cover; the observer sees 0.2 % beyond
+VISIBLE_NM = (400.0, 700.0)  # range that a table must cover; the observer sees 0.2 % beyond
 INFRARED_NM = 850.0  # the laser of a RealSense D400
 _XYZ_TO_SRGB = np.array(  # IEC 61966-2-1
     [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
@@ -44,7 +44,7 @@ _OBSERVER = (
 
 
 class ReflectanceError(ValueError):
-    """Says that a table is unusable: the file, the place and the remedy."""
+    """Raised if a table of reflectances is unusable. The message has the file, the place and the remedy."""
 
 
 @dataclass(frozen=True)

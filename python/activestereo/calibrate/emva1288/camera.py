@@ -40,8 +40,8 @@ class Emva1288:
     hot_pixels: dict[str, Quantity]
 
     def model(self) -> SensorModel:
-        """Returns the imager, black level and effects for model.json. summary() names the effects that it cannot
-        hold."""
+        """Makes a SensorModel of the imager, black level and effects, for model.json. summary() names the effects that
+        it cannot hold."""
         noise = self.transfer.dark_noise
         offset = _map(noise, lambda sigma: sigma**2 + ROUNDING_VARIANCE, "DN^2")
         imager = Imager(offset, self.transfer.gain, Quantity(0.0, unit="1"))
@@ -52,7 +52,7 @@ class Emva1288:
         return model
 
     def summary(self) -> str:
-        """Returns the text that the command prints."""
+        """Describes the figures as text, which the command prints."""
         lines = [*_transfer_lines(self), *_spatial_lines(self)]
         for name, parameters in self._effects():
             if beyond := _beyond(name, parameters):
@@ -118,7 +118,7 @@ def measure(recording: Recording) -> Emva1288:
     response, photons = transfer.response, spatial.photons
     bend = 1.0 if response is None or photons is None else response.bend(photons)
     prnu = _map(spatial.light.pixel, lambda share: share * (1.0 / bend), "1")
-    # The averaged dark, less what its current adds in its exposure.
+    # The averaged dark frame's mean, less the dark current's part in its exposure.
     black = spatial.dark.mean
     if current is not None and black.high is not None and current.high is not None:
         value = black.value - current.value * spatial.exposure_s

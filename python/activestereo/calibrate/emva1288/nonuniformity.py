@@ -26,9 +26,10 @@ Array = NDArray[np.float64]
 
 _DEGREE, _LEAST_SIDE = 4, 16
 _DEFECT = 5.0
-# A wave's power in a spectrum of noise is exponential; a chance of so much in all of the spectrum is no wave.
+# A peak is a wave if noise alone would show it, anywhere in the spectrum, with less than this chance. Noise power is
+# exponentially distributed.
 _CHANCE, _MOST_WAVES, _BLOCK = 1e-4, 6, 16
-# Fewer cycles across the image than these are the field's.
+# Waves with fewer cycles across the image belong to the field.
 _SLOWEST = 8
 _ROUNDS = 2
 _MEDIAN_TO_SIGMA = 1.4826

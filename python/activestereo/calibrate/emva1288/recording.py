@@ -25,7 +25,7 @@ from activestereo.capture.images import read_gray
 from activestereo.common.input_files import read_text
 from activestereo.common.rounding import ROUNDING_VARIANCE
 
-# Of the counts of a step; more would bend its mean and narrow its noise.
+# Largest share of a step's counts that may clip; more would bias its mean and narrow its noise.
 LARGEST_CLIPPED = 0.005
 _NS = 1e-9
 # Frames of one step may differ in their mean by this share, or by this many counts in the dark.

@@ -81,7 +81,7 @@ _GAIN_RANGE, _LINEAR_RANGE = 0.7, (0.05, 0.95)
 _LEAST_DARK_VARIANCE, _ROUNDED_WELL = 0.24, 0.25 + ROUNDING_VARIANCE
 
 _LEAST_STEPS = 3
-# A step may depart by this share from the response that all steps tell.
+# A step may depart by this share from the response that fits all steps.
 _LARGEST_DEPARTURE = 0.05
 # Terms of the response; each further one must raise the evidence (BIC) by as much as is called strong.
 _MOST_TERMS, _STRONG = 6, 10.0
@@ -149,7 +149,7 @@ class _Levels:
 def photon_transfer(recording: Recording) -> PhotonTransfer:
     """Computes the figures of a recording. Raises ValueError, with a remedy, if dark frames or steps of light are
     missing, saturated, or inconsistent."""
-    # 1. Pairs of lit frames. Steps of more frames serve the nonuniformity; they tell noise only if there are no pairs.
+    # 1. Pairs of lit frames. Steps of more frames serve the nonuniformity; they give noise only if there are no pairs.
     dark = [step for step in recording.steps if step.is_dark]
     lit = [step for step in recording.steps if not step.is_dark]
     lit = [step for step in lit if step.average is None] or lit
@@ -188,7 +188,7 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     lit = [lit[place] for place in order]
     figures = [(s.variance_dn2, s.variance_error_dn2(), s.mean_error_dn(), s.exposure_s) for s in lit]
     levels = _Levels(photons[order], signal[order], *np.array(figures).T)
-    # Saturation: the last step whose variance is the largest, to what its error tells (2.4).
+    # Saturation: the last step whose variance is the largest within its error (2.4).
     peak = int(np.argmax(levels.variance))
     error = np.hypot(levels.variance_error, levels.variance_error[peak])
     top = int(np.flatnonzero(levels.variance >= levels.variance[peak] - 2.0 * error)[-1])

@@ -30,8 +30,8 @@ _HALF = 2
 @dataclass(frozen=True)
 class RoomImage:
     """One camera's image of one frame at half size; arrays are [height, width]. dn: counts. depth_m: 0 = none. usable:
-    mask. dots: the pattern's light on the surface, 0..1 less a dark level. geometry: the projector's cosine over
-    squared distance, 1/m^2. exposure: relative to the first frame's. whole: the image as recorded. view: index of the
+    mask. dots: the pattern's value 0..1 on the surface, less a dark level. geometry: cosine over squared distance from
+    the projector, 1/m^2. exposure: relative to the first frame's. whole: the image as recorded. view: index of the
     frame, which has two images."""
 
     frame: Frame

@@ -21,27 +21,27 @@ from activestereo.calibrate.world.pattern import PatternEstimate, sampled
 from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, places_of, points_of
 
 _SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
-# The room's light is smoothed over so many pixels where it changes by no more than so many times its fine deviation:
-# noise and what dots leave go, edges stay (Tomasi and Manduchi 1998).
+# A bilateral filter of this width, and this many fine deviations, smooths the room's light: noise and remains of dots
+# vanish, edges stay (Tomasi and Manduchi 1998).
 _SMOOTH_PX, _SMOOTH_DEVIATIONS = 3.0, 8.0
-# A change of more than so many times the image's fine deviation is a texture's step, and no dot.
+# A change of more than this many fine deviations of the image is a texture's step, and no dot.
 _TEXTURE_DEVIATIONS = 6.0
-_LEAST_GEOMETRY = 0.02  # cosine over squared distance, 1/m^2, below which dots are too dim to tell albedo
+_LEAST_GEOMETRY = 0.02  # cosine over squared distance, 1/m^2, below which dots are too dim for measuring albedo
 _LEAST_ROOM_DN = 2.0
 _SAME_SURFACE = 0.01  # views' depths that differ by less than this share are of one place
 _BLOCK_PX = 64
 _LEAST_RATIOS, _MOST_LOG_RATIO, _ROUNDS = 500, 3.0, 12
 _DARKEST = 1e-3
-# Four pairs of one D415's views scatter by 0.15 in the exponent, more than blocks of one pair tell; in drawn rooms,
-# dots that are taken out imperfectly bend the exponent by 0.3. What is left of them on dark surfaces bends the black
-# level by 1 DN and more.
+# Four pairs of one D415's views scatter by 0.15 in the exponent, more than the blocks of one pair suggest. In simulated
+# rooms, imperfectly removed dots bias the exponent by 0.3. Their remains on dark surfaces bias the black level by 1 DN
+# and more.
 _PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 1.0
-# A camera's counts end at its black level: at least this share of an image lies at its smallest count, and so many of
-# those beside it. Light and noise alone thin out towards dark.
+# A camera's counts end at its black level. At least this share of an image has the smallest count, and at least this
+# share of the next count's pixels. With light and noise alone, counts thin out towards dark.
 _LEAST_AT_FLOOR, _LEAST_STEP_AT_FLOOR = 1e-3, 0.2
 _FLOOR_DN = 0.4
-# A floor that a lens, a resampling or noise has blurred: the darkest of these quantiles lie within so many DN, and so
-# many times as far from the next one. Noise alone thins out by less than a quarter more.
+# A floor blurred by a lens, a resampling or noise: the two darkest of these quantiles lie within this many DN, and the
+# next one lies at least _STEEP times as far away. With noise alone the factor is below 1.25.
 _TAIL, _BLURRED_DN, _STEEP, _BLURRED_FLOOR_DN = (1e-4, 1e-3, 1e-2), 2.0, 1.5, 0.7
 # This quantile of the pattern's image is taken as the darkness between dots; light there counts as room light.
 _BETWEEN_DOTS = 0.02
@@ -276,7 +276,7 @@ def merged_textures(
         sums += np.stack([w * room, w, w * room**2, (w > 0).astype(np.float32), wa * albedo, wa])
     room = _filled(sums[0], sums[1])
     smooth_albedo = _filled(blurred(sums[4], 1.0), blurred(sums[5], 1.0))
-    # The dots tell albedo at their own distance; what is finer is in the room's light.
+    # Dots give albedo at the distance between them; finer detail comes from the room's light.
     detail = np.clip(room / np.maximum(blurred(room, _AMPLITUDE_PX), 0.5), 0.4, 2.0)
     spread = np.sqrt(np.maximum(sums[2] / np.maximum(sums[1], 1e-9) - room**2, 0.0)) / np.maximum(room, 0.5)
     deviation = np.where(sums[3] > 1, spread / np.sqrt(np.maximum(sums[3] - 1, 1)), np.nan).astype(np.float32)

@@ -23,7 +23,7 @@ from activestereo.scene_io.meshes import Mesh, depth_triangles
 _MOST_TRIANGLES = 1_000_000
 _JUMP = 0.03  # neighbours farther apart than this share of their depth belong to two surfaces
 _SAME_SURFACE = 0.015
-_SEAM_PX = 5  # views go on below each other by so much, so that no light falls between them
+_SEAM_PX = 5  # views overlap by this width, so that no light falls between them
 _BRIGHTEST_ALBEDO = 0.8
 _BRIGHT = 0.998  # this quantile of a texture is its brightest value
 

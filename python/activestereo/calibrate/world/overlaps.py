@@ -27,7 +27,7 @@ _SAMPLES = 15000
 # ICP: distances beyond which a point is another surface, from the first round to the last, and the robust scale, m.
 _REACH_M = (0.15, 0.15, 0.08, 0.08, 0.05, 0.05, 0.03, 0.03, 0.03, 0.03)
 _ROBUST_M = 0.004
-# Views overlap where so many of the samples find a surface, and lie on it within the reach.
+# Views overlap if this share of the samples finds a surface, and this share of those lies on it within the reach.
 _LEAST_SEEN, _LEAST_ON = 0.12, 0.7
 
 

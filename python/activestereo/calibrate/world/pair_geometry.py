@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from activestereo.calibrate.world.views import Image, SceneView, blurred, high_pass, right_at_depth
 from activestereo.capture.capture import Rig
 
-_BLOCK_PX = 12.0  # half a block: shifts are told by windows of this Gaussian's width
+_BLOCK_PX = 12.0  # sigma of the Gaussian windows in which shifts are measured
 _STEP = 24
 _LEAST_R = 0.6
 # Depth that the device computed from this very pair agrees with it at every distance.

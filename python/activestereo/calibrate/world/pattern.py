@@ -26,7 +26,7 @@ _SLOW_PX, _RMS_PX = 4.0, 12.0
 _LEAST_RMS_DN, _RMS_FLOOR_DN = 1.0, 0.5
 # Dots are compared at this blur of the pattern's image, in its pixels.
 _BLUR = 1.0
-# The place is sought with a part of the samples, and at first of the views, in steps of so many metres.
+# The position is sought with a part of the samples, and at first of the views, in steps of these metres.
 _STEPS_M = np.array([1.0e-3, 1.0e-3, 3.0e-3])
 _SOUGHT_VIEWS = 8
 _WALK = 35
@@ -200,7 +200,7 @@ def _sharpest(
         rest = ([all_of - part for all_of, part in zip(whole, parts, strict=True)] for parts in own.values())
         return np.array([_agreement(*sums) for sums in (whole, *rest)])
 
-    # A coarse walk on some views, then one paraboloid for all of them and for each scene that is left out.
+    # A coarse search on some views comes first, then a paraboloid for all views and for each scene left out.
     some = views[:: max(1, -(-len(views) // _SOUGHT_VIEWS))]
     found = minimize(
         lambda s: -agreement(start + s * _STEPS_M, some, False)[0],

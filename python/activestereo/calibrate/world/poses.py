@@ -28,7 +28,7 @@ _ROUNDS = 12
 _REACH_M = 0.03
 _MAD = 1.4826  # a normal distribution's deviation over its median distance from the middle
 _LEAST_DISTANCE_M = 5e-5
-# Errors of depth are alike within blocks of this side: a block counts once in the intervals.
+# Errors of depth are correlated within blocks of this side; a block counts once in the intervals.
 _BLOCK_PX = 80
 
 

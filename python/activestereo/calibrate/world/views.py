@@ -18,8 +18,8 @@ from activestereo.capture.capture import Capture, Frame, Rig
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-# Depth that changes by more than this share within a pixel's neighbourhood is an edge; so many pixels around it are
-# left out, for depth and image may be registered that badly.
+# Depth that changes by more than this share within a pixel's neighbourhood is an edge. A square of EDGE_PX around it is
+# left out, because depth and image may be registered that badly.
 _EDGE_SHARE = 0.02
 EDGE_PX = 7
 _HIGH_PASS_PX = 3.0

@@ -50,12 +50,12 @@ _OF_SURFACES = ("camera", "poses")
 # Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
 _HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
 _LEAST_ON = 0.85
-# The camera has turned where the picture moves by this share of its width: else the lens's falloff stays untold.
+# The camera has turned if the picture moves by this share of its width; else the lens's falloff stays unknown.
 _LEAST_TURN = 0.02
 _Z90 = 1.645
-# Overlaps tell exposures no better than this, relative.
+# Relative exposures from overlaps are no more accurate than this.
 _LEAST_EXPOSURE = 0.005
-# The pattern's image is dark, or was never lit, where nothing shines within so many of its pixels.
+# The pattern's image is unknown where nothing shines within a square of this side, in its pixels.
 _LIT_PX = 41
 
 Progress = Callable[[float], object] | None
@@ -207,7 +207,7 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
             "degrees between views, or move it"
         )
     camera, covariance = world.capture.measured.get("camera", {}).get("covariance_px2"), estimate.covariance
-    if camera is not None:  # poses err by what the camera's own leaves open, too
+    if camera is not None:  # the camera's uncertainty adds to that of the poses
         covariance = solve_poses(world.surfaces, world.overlaps, group, world.K, information_of(camera)).covariance
     world.poses = estimate
     world.pictures["poses"] = poses_picture(*world.scene_views(), world.K)

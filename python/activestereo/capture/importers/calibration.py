@@ -82,7 +82,7 @@ def read_calibration_files(
         device = read_device_text(paths[0])
     is_told = INFRARED in device.extrinsics or INFRARED[::-1] in device.extrinsics
     if not is_told and baseline_m is None:
-        return device  # whoever asks for the extrinsic is told that it is missing
+        return device  # extrinsic() raises later if it is asked for
     told = device.extrinsic(*INFRARED) if is_told else np.eye(4)
     motion = with_baseline(str(device.path), told, baseline_m)
     return replace(device, extrinsics=device.extrinsics | {INFRARED: motion})

@@ -15,13 +15,13 @@ from activestereo.scene_io.meshes import Mesh
 from activestereo.scene_io.staging import LUMENS_PER_WATT, infrared_share
 from activestereo.scene_io.usd.stage import Stage, UsdError
 
-_LEAST_RADIUS = 1e-4  # in stage units: what shines has an extent
+_LEAST_RADIUS = 1e-4  # in stage units; a lamp has an extent
 _SHARE = "activestereo:ir_share"  # a light's attribute: a kind of lamp, or a number
 
 
 def radiance(stage: Stage, api: Any) -> np.ndarray:
     """Returns a light's linear RGB radiance [3], W/(sr m^2), before `normalize` is applied. Raises UsdError if it is
-    not finite or negative."""
+    negative or not finite."""
     from pxr import UsdLux
 
     color = np.array(stage.value(api.GetColorAttr(), (1, 1, 1)), dtype=float)

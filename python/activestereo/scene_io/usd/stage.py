@@ -14,7 +14,7 @@ _LOG = logging.getLogger("activestereo.scene_io.usd")
 
 
 class UsdError(ValueError):
-    """Says that a USD file cannot be shown: the file and the remedy."""
+    """Raised if a USD file cannot be shown. The message has the file and the remedy."""
 
 
 @dataclass

@@ -115,7 +115,7 @@ class Surfaces:
             fields["emissiveFactor"] = [c / strength for c in fields["emissiveFactor"]]
             extensions["KHR_materials_emissive_strength"] = {"emissiveStrength": strength}
         fields["extensions"] = extensions
-        # Say what is not read.
+        # Report the inputs that are not read.
         if int(self._value(shader, "useSpecularWorkflow", 0)):
             self._stage.tell(f"{name}: specularColor is not read; its metallic stands")
         for key in ("displacement", "occlusion"):
