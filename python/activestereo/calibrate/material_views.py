@@ -77,8 +77,9 @@ class MaterialScene:
         self._projector_id = self.scene.add_light(self._projector)
 
     def lights(self, picture: Picture, samples: int, seed: int) -> NDArray[np.float32]:
-        """Renders a picture's view under each light alone, [height, width, channel, light]. Lights are the projector (0
-        if it was off or is not visible), each group of lamps and the room, and a constant for the black level."""
+        """Renders a picture's view under each light alone, [height, width, channel, light]. The first light is the
+        projector, 0 if it was off or is not visible. Then come each group of lamps and the room, and a constant for the
+        black level."""
         to_projector = self._capture.rig.projector.left_to_projector
         self._projector.light_to_world = picture.pose @ np.linalg.inv(to_projector)
         self.scene.set_light(self._projector_id, self._projector)

@@ -4,8 +4,9 @@ position.
 
 Dots are found in the averaged images of both cameras (spots.py) and lie on the wall's plane (wall.py). Two distances
 give each dot a line; the projector is at the point where the lines meet. With one distance its position stays nominal.
-A dot's power follows from its image. The camera sees radiance, which falls with the projector's distance and angle and
-with the camera's (power_factor in wall.py, which also finds the light between the dots)."""
+
+A dot's power follows from its image. The camera sees radiance, which falls with distance and angle to projector and
+camera: power_factor() in wall.py corrects that. wall.py also finds the light between the dots."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -64,8 +65,8 @@ class WallView:
 
 @dataclass(frozen=True)
 class Pattern:
-    """The measured pattern. dots: [n, 3], u, v in pixels of an image of `size` under K, and power in pixels squared,
-    scaled to the nominal pattern's mean (or 1). position_m: the projector's origin in the left camera's frame.
+    """The measured pattern. dots: [n, 3], u, v in pixels of an image of `size` under K, and power in pixels squared;
+    their mean is the nominal pattern's (or 1). position_m: the projector's origin in the left camera's frame.
     position_error_m: its standard deviations; None if it is nominal. background: (light between the dots, in the
     powers' unit per square pixel; half of the cameras' difference), or None if not measured. seen_twice: number of dots
     visible at two distances. rig: the calibration that was assumed."""

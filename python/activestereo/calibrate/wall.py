@@ -113,8 +113,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
 
 
 def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Returns the points [n, 3], in the left camera's frame, where rays through the pixels u, v of a camera at camera_m
-    meet the plane [n, d]."""
+    """Intersects rays through the pixels u, v of a camera at camera_m with the plane [n, d]. Returns points [n, 3] in
+    the left camera's frame."""
     ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
     return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
 
@@ -151,8 +151,8 @@ def power_factor(
     constant. points: [n, 3] from the camera.
 
     A matt wall turns a beam's power, watts, into the same radiance times area, whatever the beam's angle. The camera
-    integrates it over du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off
-    the wall's normal. The pattern holds power per solid angle, over du dv = f^2 dOmega / cos^3 b."""
+    integrates it over du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2. Here a is its angle off the axis and
+    c off the wall's normal. The pattern holds power per solid angle, over du dv = f^2 dOmega / cos^3 b."""
     distance = np.linalg.norm(points, axis=1)
     off_axis, off_normal = points[:, 2] / distance, np.abs(points @ normal) / distance
     off_beam = beam[:, 2] / np.linalg.norm(beam, axis=1)

@@ -95,8 +95,8 @@ def has_lamps(scene: kuafu.Scene) -> bool:
 
 
 def overall_view(summary: kuafu.SceneSummary, least_m: float = 0.0) -> NDArray[np.float64]:
-    """Returns camera_to_world [4, 4] of a camera in front of and above the scene (y up, as in glTF), as near as it sees
-    the whole bounding box. least_m: the shortest distance that the camera measures."""
+    """Returns camera_to_world [4, 4] of a camera in front of and above the scene (y up, as in glTF). It stands as near
+    as it can and still see the whole bounding box. least_m: the shortest distance that the camera measures."""
     low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
     centre, direction = 0.5 * (low + high), np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
     axes = look_at(direction, np.zeros(3), (0.0, 1.0, 0.0))[:3, :3]

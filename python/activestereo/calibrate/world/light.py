@@ -154,8 +154,8 @@ def solve_light(
     """Estimates exposures, black level and falloff exponent from the room's light on surfaces in several views.
 
     believed: (black level, its deviation) known before. held: an estimate whose black level and exponent are kept;
-    None: they are fitted. A wrong black level bends the ratios of dark surfaces, which tells it apart. Views without
-    overlap get exposure 1."""
+    None: they are fitted. Exposures scale all ratios, but a wrong black level bends those of dark surfaces most, so
+    both can be fitted. Views without overlap get exposure 1."""
     n = len(views)
     pairs = [_ratios(views, poses, K, a, b) for a, b in itertools.combinations(range(n), 2)]
     rows = np.concatenate(pairs) if pairs else np.zeros((0, 6))
@@ -212,8 +212,8 @@ def _at_black(
 def _ratios(
     views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], a: int, b: int
 ) -> NDArray[np.float64]:
-    """Compares places in two views. Returns [n, 6]: both views' numbers, the room's light in both, minus half the
-    change of log(1 + r^2), and the number of the image block, within which errors are correlated."""
+    """Compares places in two views, [n, 6]. Columns: both views' numbers; the room's light in both; minus half the
+    change of log(1 + r^2); the number of the image block, within which errors are correlated."""
     first, second = views[a], views[b]
     column, row, same = seen_by(first, second, np.linalg.inv(poses[b]) @ poses[a], K)
     at = np.flatnonzero(same & first.known)[::11]

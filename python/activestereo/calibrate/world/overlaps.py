@@ -34,8 +34,7 @@ _LEAST_SEEN, _LEAST_ON = 0.12, 0.7
 @dataclass(frozen=True)
 class Surface:
     """A view's geometry under a K. points, normals: [height, width, 3] in the camera's frame. known: mask of valid
-    ones. pick: flat indices of randomly chosen pixels. features: of the image as it is, and of the image with gaps
-    closed."""
+    ones. pick: flat indices of randomly chosen pixels. features: of the image, and of the image with gaps closed."""
 
     view: SceneView
     points: Image

@@ -2,8 +2,8 @@
 """Measures the projector's dots and position from arbitrary scenes with depth.
 
 A pixel's high-pass value over its local RMS does not depend on albedo or distance. Projected back through depth to the
-projector's true position, all views' high-pass images agree, so their average is sharpest there. A point source's own
-rotation cannot be told from a rotated pattern; the pattern's axes are the left camera's."""
+projector's true position, all views' high-pass images agree, so their average is sharpest there. A rotated point source
+looks like a rotated pattern, so the pattern's axes are set to the left camera's."""
 
 from __future__ import annotations
 

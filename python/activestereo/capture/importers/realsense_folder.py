@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Imports a folder of PNG files as a capture: infrared pairs, 16-bit depth if there is any, and colour.
 
-File names tell the stream by a word, anywhere in the name: "Infrared 1" or left, "Infrared 2" or right, Depth, Color.
-Their last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
-left/000001.png beside right/000001.png. Without such numbers, names of a frame differ only in the stream's word:
-left/desk.png beside right/desk.png, desk_left.png beside desk_right.png."""
+A word anywhere in a file's name gives its stream: "Infrared 1" or left, "Infrared 2" or right, Depth, Color. The last
+number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and left/000001.png
+beside right/000001.png. Without such numbers, names of a frame differ only in the stream's word: left/desk.png beside
+right/desk.png, desk_left.png beside desk_right.png."""
 
 import re
 from collections.abc import Callable
