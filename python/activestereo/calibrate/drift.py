@@ -28,7 +28,7 @@ from activestereo.model import Quantity, SensorModel
 _EFFECTS = ("thermal_drift.cx_px_per_k", "thermal_drift.focal_per_k", "laser_power_drift.per_k")
 _GROWTH = "pattern_scale_drift.per_k"
 _FEWEST, _LEAST_K, _NAMED = 8, 3.0, 4.0
-_STEP_PX = 2  # between pixels that are looked at
+_STEP_PX = 2  # between pixels that are used
 _READ_DN2, _SHOT_DN = 0.5, 0.05  # noise that weighs pixels
 _FULL = 0.95
 _RIDGE = 1e-9

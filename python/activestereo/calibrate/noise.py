@@ -22,7 +22,7 @@ from activestereo.calibrate.noise_fit import (
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Imager, Quantity, SensorModel
 
-# Counts that are looked at: enough for half a percent of k; more repeats then mean fewer pixels.
+# Number of counts to use, enough for half a percent of k; with more repeats, fewer pixels are used.
 _COUNTS, _FEWEST_PIXELS, _MOST_PIXELS = 150_000, 1500, 4000
 _LARGEST_DARK = 200_000
 _LARGEST_CLIPPED = 0.5

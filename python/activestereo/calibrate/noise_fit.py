@@ -28,7 +28,7 @@ _LEAST_PROBABILITY = 1e-12
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(21)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 _FACTORS, _LARGE_SHAPE = 24, 60.0
-# The wider of the two noises is integrated exactly, the narrower by its nodes.
+# The wider of the two noises is integrated exactly, the narrower by quadrature nodes.
 _WIDER = 1.2
 # Poisson's terms are summed below this mean; above it they are a Gaussian with the Poisson's skewness.
 _MANY_ELECTRONS = 16.0
@@ -98,7 +98,7 @@ class GammaModel(CountModel):
             out[wide] = sum(
                 weight * np.interp(x - node * y, grid, table) for node, weight in zip(_NODES, _WEIGHTS, strict=True)
             )
-        if not wide.all():  # the other way round
+        if not wide.all():  # the Gaussian is wider: use its cumulative, and nodes of the gamma
             # A Gauss quadrature over the factor: Laguerre's, or Hermite's of Wilson and Hilferty's cube root.
             if self.shape < _LARGE_SHAPE:
                 nodes, weights = roots_genlaguerre(_FACTORS, self.shape - 1.0)
@@ -153,7 +153,7 @@ _PRIOR = {"gamma": (np.log(30.0), 2.5), "shot": (np.log(0.1), 2.5)}
 _SIGMA_PRIOR = (np.log(0.6), 1.5)
 _BLACK_PRIOR_DN = 30.0
 _STEPS = np.array([0.02, 0.04, 0.02])
-# Deviations of the dark pixels' offsets that are looked at.
+# Offsets of dark pixels are integrated up to this many standard deviations.
 _OFFSETS = 4.0
 
 

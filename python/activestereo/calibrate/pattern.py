@@ -263,7 +263,7 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     K, right_m = eyes["right"]
     all_dots = []
     for view in walls:
-        # The left camera's spots in their order, then those of the right camera that lie out of the left one's sight.
+        # The left camera's spots in their order, then the right camera's spots outside the left image.
         left, right = view.spots["left"], view.spots["right"]
         points = wall_points(view.wall.plane, K, right_m, right.u, right.v)
         pixel = points[:, :2] / points[:, 2:] * np.diag(rig.left.K)[:2] + rig.left.K[:2, 2]
@@ -275,14 +275,14 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     for other in others:
         scales.append(float(np.median(dots[pairs[:, 0], 2] / other[pairs[:, 1], 2])))
         other[:, 2] *= scales[-1]
-        # Equal dots are averaged, the others of each wall are kept. Where powers differ, the far wall shows merged dots
-        # that it splits wrongly: the near wall's stay.
+        # Average dots that both walls show, and keep the others. If a dot's powers differ, the far wall's is merged
+        # dots that were split wrongly, so the near wall's stays.
         one, two = dots[pairs[:, 0]], other[pairs[:, 1]]
         alike = np.abs(two[:, 2] - one[:, 2]) < _ALIKE_POWERS * one[:, 2]
         dots = dots.copy()
         dots[pairs[alike, 0]] = 0.5 * (one + two)[alike]
         alone = np.setdiff1d(np.arange(len(other)), pairs[:, 1])
-        if len(alone):  # a dot close by is one dot on the near wall and two merged ones here, or the other way round
+        if len(alone):  # a close pair may be one dot on one wall and two merged ones on the other: leave it out
             alone = alone[cKDTree(dots[:, :2]).query(other[alone, :2])[0] > _SAME_DOT_PX[0]]
         dots = np.vstack([dots, other[alone]])
     for view, scale in zip(walls, scales, strict=True):
@@ -304,8 +304,8 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
             counts, shares = (np.concatenate(part) for part in zip(*samples, strict=True))
             lights.append(light_between_dots(counts, shares))
         background = max(float(np.mean(lights)), 0.0), float(0.5 * np.ptp(lights))
-    # 4. The unit: where dots are seen, the light of the nominal pattern, dots and background together; without one a
-    # dot's mean is 1.
+    # 4. Scale dots and background to the nominal pattern's light in the region with dots. Without a nominal pattern the
+    # light is scaled to 1 a dot.
     first, top = np.rint(dots[:, :2].min(axis=0)).astype(int)
     last, bottom = np.rint(dots[:, :2].max(axis=0)).astype(int) + 1
     light = dots[:, 2].sum() + (0.0 if background is None else background[0] * (last - first) * (bottom - top))

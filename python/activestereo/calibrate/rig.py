@@ -188,7 +188,7 @@ def _bundle(
             ]
         )
 
-    # A residual depends on its camera, its board, and of the right camera on left_to_right.
+    # A residual depends on its camera and its board; in the right camera it also depends on left_to_right.
     rows = [2 * sum(len(pixels) for _, pixels in view.corners.values()) for view in views]
     sparsity, row = lil_matrix((sum(rows), len(first)), dtype=int), 0
     for number, view in enumerate(views):

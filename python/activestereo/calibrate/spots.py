@@ -69,7 +69,7 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     pixels, DN^2. Raises ValueError for fewer than 50 spots."""
     tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
-    # 1. The scale at which the strong spots answer most (Lindeberg 1998: a Gaussian does at its own sigma).
+    # 1. Find the scale of the strong spots' largest response (Lindeberg 1998: a Gaussian's is at its own sigma).
     first = -gaussian_laplace(image, 1.25)
     v, u = _peaks(first, np.full(image.shape, 0.0))
     order = np.argsort(-first[v, u])[: max(len(u) // 4, 1)]
@@ -186,7 +186,7 @@ class _Fit:
         tree = cKDTree(np.column_stack([self.u, self.v]))
         _, near = tree.query(tree.data, k=min(30, len(self.u)))
         keep = self.amplitude > _LEAST_AMPLITUDE * np.median(self.amplitude[near], axis=1)
-        # By noise alone; a Gaussian's square sums to pi sigma^2 over the pixels.
+        # The amplitude's error from noise alone; a Gaussian's square sums to pi sigma^2 over the pixels.
         error = self.deviation[self._pixel(self.u, self.v)] / (np.sqrt(np.pi) * self.sigma)
         keep &= self.amplitude > _SIGNIFICANT * error
         for a, b in tree.query_pairs(_ONE_SPOT * self.sigma):

@@ -58,7 +58,7 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     i, j = pairs.T
     disparity = left.u[i] - right.u[j]
     column = np.column_stack([np.ones(len(left.u)), left.u - K[0, 2], left.v - K[1, 2]])
-    # 2. The plane, from the most frequent disparity on; a tilted wall's are spread over a few pixels.
+    # 2. Fit the plane, starting at the most frequent disparity; a tilted wall's disparities spread over a few pixels.
     bins = np.arange(0.0, max(disparity.max(), 4.0) + 2.0, 0.5)
     tally = np.histogram(disparity, bins)[0].astype(float)
     chance = np.convolve(np.pad(tally, 40, mode="edge"), np.ones(81) / 81.0, mode="valid")
@@ -86,7 +86,7 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
             "without objects, check K and the baseline, and that left and right are not swapped"
         )
     flatness = float(np.sqrt(np.mean((left.u[both] - right.u[match[both]] - column[both] @ coefficients) ** 2)))
-    # The left ray, with the right camera's opinion of its column: half of the disparity's deviation belongs to each.
+    # Correct the left ray by half of the disparity's deviation from the plane; the other half is the right camera's.
     v = left.v.copy()
     v[both] = 0.5 * (v[both] + (right.v[match[both]] - right_K[1, 2]) * K[1, 1] / right_K[1, 1] + K[1, 2])
 

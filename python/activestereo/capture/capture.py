@@ -368,7 +368,7 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
 
 def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
     path = entry.file(key)
-    if path is None or 0 in expected:  # told already
+    if path is None or 0 in expected:  # this fault has been reported already
         return
     try:
         size = image_size(path, entry.key(key))

@@ -178,7 +178,7 @@ def split(image: Array, noise: float, unit: str) -> Split:
 
 def _deviation(variance: float, degrees: int, noise: float, unit: str) -> Quantity:
     """Computes sqrt(variance - noise) with the 90 % interval of a sample's variance. If the variance is below the
-    noise, the upper end is at least the size of that deficit."""
+    noise, the interval reaches at least the square root of that deficit."""
     low, high = (variance * degrees / chi2.ppf(p, degrees) - noise for p in (0.95, 0.05))
     value, low, high = (float(np.sqrt(max(v, 0.0))) for v in (variance - noise, low, max(high, noise - variance)))
     return Quantity(value, low, high, unit, _SOURCE)

@@ -218,7 +218,7 @@ def read_calibration_yaml(
             f"{right.name}: projection_matrix: P[3] of the cameras is {left.P[0, 3]:g} and {right.P[0, 3]:g}, expected "
             "0 of the left and -fx x baseline of the right one: calibrate both as a stereo pair"
         )
-    length_m = told_m or baseline_m or 0.0  # without any the reader of the calibration says so
+    length_m = told_m or baseline_m or 0.0  # the caller raises for 0
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -length_m
     lenses = [left.raw, right.raw]

@@ -121,7 +121,7 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
             raise ValueError(
                 f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams"
             )
-    # Numbers of their own in all names join files by equal numbers or near times.
+    # If every name has a number of its own, files are joined by equal numbers or near times.
     numbers = [[number for number, _ in files] for files in by_stream.values()]
     if any(None in own or len(set(own)) < len(own) for own in numbers):
         return _by_name(folder, by_stream, streams)
