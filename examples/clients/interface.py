@@ -386,7 +386,7 @@ class kuafu_render_desc(c.Structure):
         ("progress_user", c.c_void_p), ("light_sampling", c.c_uint32), ("denoise", c.c_uint32),
         ("projector", c.c_uint32), ("temporal_weight", c.c_float), ("accumulate", c.c_uint32),
         ("glass_shadows", c.c_uint32), ("max_seconds", c.c_double), ("relative_error", c.c_double),
-        ("wait", c.c_void_p)
+        ("wait", c.c_void_p), ("pixel_blur_px", c.c_float), ("reserved", c.c_uint32)
     ]
 
 
@@ -412,7 +412,7 @@ class kuafu_gbuffer_desc(c.Structure):
         ("header", ks_header), ("left_view", c.c_void_p), ("right_view", c.c_void_p), ("left", c.c_void_p),
         ("right", c.c_void_p), ("projector_depth", c.c_void_p), ("laser_power", c.c_void_p),
         ("ambient_radiance", c.c_void_p), ("outputs", c.c_void_p), ("output_count", c.c_uint32),
-        ("environment_count", c.c_uint32), ("depth_kind", c.c_uint32), ("reserved", c.c_uint32)
+        ("environment_count", c.c_uint32), ("depth_kind", c.c_uint32), ("pixel_blur_px", c.c_float)
     ]
 
 

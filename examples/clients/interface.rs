@@ -337,6 +337,8 @@ pub struct kuafu_render_desc {
     pub max_seconds: f64,
     pub relative_error: f64,
     pub wait: *const c_void,
+    pub pixel_blur_px: f32,
+    pub reserved: u32,
 }
 
 #[repr(C)]
@@ -374,7 +376,7 @@ pub struct kuafu_gbuffer_desc {
     pub output_count: u32,
     pub environment_count: u32,
     pub depth_kind: u32,
-    pub reserved: u32,
+    pub pixel_blur_px: f32,
 }
 
 #[repr(C)]

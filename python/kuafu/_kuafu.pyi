@@ -738,6 +738,7 @@ class Renderer:
         glass_shadows: Literal["straight", "bent"] = "straight",
         max_seconds: float = 0.0,
         relative_error: float = 0.0,
+        pixel_blur_px: float = 0.0,
     ) -> dict[str, NDArray[Any]]:
         """Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the
         buffers, nothing is copied. Same seed, same bits.
@@ -801,6 +802,9 @@ class Renderer:
           the square root of the mean variance over the mean radiance, over all views and channels. Its upper confidence
           limit (84 %, from the scatter of the pixels' variances) is compared, so that images with few pixels or rare
           bright samples take more samples. With a noise budget alone the result is deterministic.
+        pixel_blur_px: Side of a square that blurs the square over which a pixel takes light: 0 is a photosite's own, 1
+          makes a tent over 2 x 2 pixels, as bilinear scaling does. Detail finer than pixels then folds over less.
+          Images without samples, such as depth, show pixels' middles.
         """
     def submit(
         self,
@@ -830,6 +834,7 @@ class Renderer:
         glass_shadows: Literal["straight", "bent"] = "straight",
         max_seconds: float = 0.0,
         relative_error: float = 0.0,
+        pixel_blur_px: float = 0.0,
     ) -> Submission:
         """Starts a render on a thread of the library's and returns a Submission at once; arguments as render's, but
         progress. At most two are under way, a third waits for the first. Until they have ended, the scene cannot be
@@ -848,6 +853,7 @@ class Renderer:
         ambient_radiance: ArrayLike | None = None,
         optics: Optics | Mapping[str, Any] | Sequence[Optics | Mapping[str, Any]] | None = None,
         environment_count: int = 1,
+        pixel_blur_px: float = 0.0,
     ) -> dict[str, NDArray[Any]]:
         """Infrared pairs of surfaces that another renderer saw, {name: array [2 * environment_count, height, width, 1]},
         all left views first; ValueError names environment, pixel and value of what cannot be. kuafu/gbuffer.h has the rest.

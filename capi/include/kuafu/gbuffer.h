@@ -74,8 +74,8 @@ typedef struct kuafu_gbuffer_desc {
   uint32_t environment_count;
   /* What depths are. [planar by default] */
   uint32_t depth_kind;
-  /* Must be 0. */
-  uint32_t reserved;
+  /* Blurs the projector's pattern as kuafu_render_desc's does; edges of things stay sharp. [0..1 px] */
+  float pixel_blur_px;
 } kuafu_gbuffer_desc;
 static inline kuafu_gbuffer_desc kuafu_gbuffer_desc_init(void) {
   kuafu_gbuffer_desc s;

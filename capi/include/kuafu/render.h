@@ -183,6 +183,12 @@ typedef struct kuafu_render_desc {
   /* What must have happened before a buffer is read or written: KS_SYNC_TIMELINE_FD (the caller closes it, at any time)
    * or KS_SYNC_SEMAPHORE. NULL and KS_SYNC_HOST wait for nothing. */
   const ks_sync* wait;
+  /* Side of a square that blurs the square over which a pixel takes light: 0 is a photosite's own, 1 makes a tent over
+   * 2 x 2 pixels, as bilinear scaling does. Detail finer than pixels then folds over less. Images without samples, such
+   * as depth, show pixels' middles. [0..1 px] */
+  float pixel_blur_px;
+  /* Must be 0. */
+  uint32_t reserved;
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc s;

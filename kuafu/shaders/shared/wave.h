@@ -144,7 +144,8 @@ struct GeneratePush {
   UintArray pixels;  // with generate_listed: how many there are, then their indices in the images; the range is of this list
   WaveRange range;
   uint channels, groups;
-  uint flags;  // generate_*
+  uint flags;     // generate_*
+  float blur_px;  // side of the square that blurs a pixel's own, 0..1
 };
 
 // Of the launch.
@@ -261,7 +262,7 @@ static_assert(walk_limit <= path_walk_mask && (path_environment_mask & path_walk
 static_assert(((path_environment_mask | path_walk_mask << path_walk_shift) & (path_inside | path_after_first | path_all_delta)) == 0);
 static_assert(sizeof(ViewRecord) == 64);
 static_assert(sizeof(OutputRecord) == 32);
-static_assert(sizeof(GeneratePush) == 104);
+static_assert(sizeof(GeneratePush) == 112);
 static_assert(sizeof(ShadePush) == 112);
 static_assert(sizeof(ResolvePush) == 72);
 static_assert(sizeof(TransmitPush) == 80);

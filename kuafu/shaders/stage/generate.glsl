@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter), the lens and the exposure.
+// Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter, blurred or not), the lens and the exposure.
 
 uint path_count() {
   uint pixels = push.range.pixel_count;
@@ -22,10 +22,18 @@ uint pixel_word(Pixel pixel) { return pixel.row * push.range.width + pixel.colum
 bool through_centres() { return (push.flags & generate_pixel_centre) != 0u; }
 bool in_replicates() { return (push.flags & generate_replicates) != 0u; }
 
+/// A uniform value of -0.5..0.5 becomes one by the density of a pixel's width that is blurred by a box: the inverse of its integral.
+float blurred(float uniform_value) {
+  float w = push.blur_px, v = abs(uniform_value);
+  float far = v <= 0.5f * (1.0f - w) ? v : 0.5f * (1.0f + w) - sqrt(max(w * (1.0f - 2.0f * v), 0.0f));
+  return uniform_value < 0.0f ? -far : far;
+}
+
 /// The path's ray from the camera.
 void start_ray(uint slot, Pixel pixel, uint key, uint index, vec2 offset) {
   IN(ViewRecord) view = push.views.at[pixel.view];
   bool centre = through_centres();
+  if (push.blur_px > 0.0f) offset = vec2(blurred(offset.x), blurred(offset.y));
   vec2 image_point = vec2(float(pixel.column), float(pixel.row)) + offset;
   float time_s = 0.0f;
   vec3 origin = view.origin, ray = view.axis_0 + image_point.x * view.axis_u + image_point.y * view.axis_v;

@@ -91,6 +91,7 @@ GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, 
   as_render.output_count = d.output_count;
   GbufferLaunch out;
   out.launch = read_pair(as_render, d.environment_count, *device);
+  out.launch.pixel_blur_px = d.pixel_blur_px;
   const Launch& launch = out.launch;
   if (!launch.band.infrared) ks::fail(KS_ERROR_INVALID_ARGUMENT, "left_view is visible: G-buffers are lit in the infrared");
   const View &left = launch.views[0], &right = launch.views[d.environment_count];

@@ -137,6 +137,7 @@ Launch read_launch(const kuafu_render_desc* desc, const std::shared_ptr<ks::Devi
   launch.relative_error = d.relative_error;
   launch.glass_surfaces = d.glass_surfaces;
   launch.straight_through_glass = d.glass_shadows == KUAFU_GLASS_SHADOWS_STRAIGHT;
+  launch.pixel_blur_px = d.pixel_blur_px;
   launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
   launch.denoise = static_cast<DenoiseKind>(d.denoise);
   launch.temporal_weight = d.temporal_weight;

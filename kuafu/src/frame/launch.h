@@ -69,6 +69,7 @@ struct Launch {
   double max_seconds = 0.0;             // 0: no limit
   double relative_error = 0.0;          // 0: no limit
   uint64_t seed = 0;
+  float pixel_blur_px = 0.0f;  // side of the square that blurs a pixel's own
   LightSampling light_sampling = LightSampling::mis;
   DenoiseKind denoise = DenoiseKind::none;
   float temporal_weight = 0.0f;  // share of the last launches' light, where the denoiser accumulates

@@ -103,8 +103,10 @@ void GbufferLight::prepare_pattern(const Scene& scene, const GbufferLaunch& gbuf
   const bool blurs = light.radius_m > 0 && light.focus_m > 0;
   const double diameter = blurs ? 2 * projector_focal.x * light.radius_m * std::abs(1 / least_depth_m - 1 / light.focus_m) : 0;
   const Texture& image = pattern_of(scene, light);
-  const PatternKey key{scene.identity(), light.texture, image.revision, light.raster, projector_focal / glm::dvec2(k[0][0], k[1][1]),
-                       diameter};
+  // A blur adds its variance to the pixel's: the means are of a wider pixel.
+  const double side_px = std::hypot(1.0, double(gbuffers.launch.pixel_blur_px));
+  const PatternKey key{
+      scene.identity(), light.texture, image.revision, light.raster, side_px * projector_focal / glm::dvec2(k[0][0], k[1][1]), diameter};
   if (key == pattern_key_) return;
   const PatternStack stack = pattern_stack(image, key.pixel_px, diameter, memory_.device->workers());
   means_ = ks::Buffer::create_array(memory_.device, stack.means.size() * 4);

@@ -153,7 +153,8 @@ void Wave::generate(uint32_t flags, uint64_t pixels) {
                              .channels = buffers_.size().channels,
                              .groups = plan_.groups,
                              .flags = flags | flag(plan_.environments, generate_environments) | flag(plan_.camera, generate_camera) |
-                                      flag(plan_.motion, generate_motion)},
+                                      flag(plan_.motion, generate_motion),
+                             .blur_px = launch_.pixel_blur_px},
                             buffers_);
 }
 

@@ -331,7 +331,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def scaled(self, factor: float) -> StereoDepthSensorConfig:
         """Returns a copy whose images and disparity range are `factor` times as large. Fields of view, readout times,
         projector and depth range stay. The matcher's block shrinks with the images, but not below 7 pixels, and never
-        grows."""
+        grows. Below half the size a square of half a pixel blurs pixels: dots of a fifth of a pixel would fold over,
+        and a scaler averages."""
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = self._rescaled(factor)
@@ -365,6 +366,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         """Returns a copy whose matcher and speckle suit images with `factor` times the focal length in pixels."""
         self.check()
         out = deepcopy(self)
+        if factor < 0.5:  # to half the size imagers bin pixels, which do not overlap
+            out.pixel_blur_px = 0.5  # with less dots fold over, with more they drown
         out.max_disparity = max(32, round(self.max_disparity * factor))
         out.block_width, out.block_height = (
             min(side, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side * factor) + 1))

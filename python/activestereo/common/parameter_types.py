@@ -60,3 +60,4 @@ class RenderFields:
     glass_shadows: Literal["straight", "bent"]
     max_seconds: float
     relative_error: float
+    pixel_blur_px: float

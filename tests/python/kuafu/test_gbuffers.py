@@ -113,6 +113,30 @@ def test_a_matt_wall_shines_as_lambert_and_the_square_of_the_distance_say():
     np.testing.assert_allclose(alone, 0.5 * 0.2, rtol=1e-2)  # no part of a wall hides the room
 
 
+@pytest.mark.parametrize("blur_px", [0.0, 0.5, 1.0])
+def test_blurred_dots_have_the_contrast_of_traced_ones(blur_px):
+    """Dots of a quarter of a pixel on a wall; without the blur theirs would be 1.2 and 1.5 times the traced ones'."""
+    given, device = wall(1.0, shape=(32, 48)), kuafu.Device("cpu")
+    scene = kuafu.Scene(device)
+    matt = scene.add_material(kuafu.Material(**MATT))
+    corners = np.array([[-3, -3, 1], [3, -3, 1], [3, 3, 1], [-3, 3, 1]], np.float32)
+    scene.add_instance(scene.add_mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)), [matt])
+    dots = scene.add_texture((255 * (np.random.default_rng(0).random((256, 256)) < 0.08)).astype(np.uint8))
+    k = np.array([[4 * FOCAL_PX, 0, 127.5], [0, 4 * FOCAL_PX, 127.5], [0, 0, 1]])
+    scene.add_light(
+        kuafu.Light(kind="projector", texture=dots, k=k, ir_intensity=3.0, light_to_world=pose(PROJECTOR_M))
+    )
+    k = [[FOCAL_PX, 0, 23.5], [0, FOCAL_PX, 15.5], [0, 0, 1]]
+    cameras = [kuafu.Camera(48, 32, k, camera_to_world=pose(x)) for x in (0.0, BASELINE_M)]
+    renderer, name = kuafu.Renderer(device), "projector_direct"
+    images = (
+        renderer.render(scene, cameras, [name], band="infrared", spp=512, max_bounces=0, pixel_blur_px=blur_px),
+        renderer.light_gbuffers(scene, cameras, [name], left=buffers(device, given), pixel_blur_px=blur_px),
+    )
+    traced, found = (np.array(image[name])[0, 4:-4, 8:-8] for image in images)
+    assert found.std() == pytest.approx(traced.std(), rel=0.12)
+
+
 def test_the_projectors_light_is_the_sum_of_its_parts_through_the_optics():
     given = wall(0.6)
     given["depth"][..., 40:60] = 0.4

@@ -75,3 +75,17 @@ def test_one_optics_for_each_camera_or_for_all(render, device):
         renderer.render(scene, camera, optics={"sigma": 1})
     with pytest.raises(kuafu.ArgumentError, match="psf_sigma_px is -1"):
         renderer.render(scene, camera, optics=kuafu.Optics(psf_sigma_px=-1))
+
+
+@pytest.mark.parametrize("blur_px", [0.0, 0.5, 1.0])
+def test_a_blurred_pixel_sees_beyond_its_square(device, blur_px):
+    """An edge between two pixels: the integral of the blurred square from half a pixel on is an eighth of its blur."""
+    scene = kuafu.Scene(device)
+    wall = scene.add_material(kuafu.Material(base_color=(0, 0, 0, 1), specular=0.0, emission=(1, 1, 1)))
+    corners = np.array([[0.5, -90, 9], [90, -90, 9], [90, 90, 9], [0.5, 90, 9]], np.float32)
+    scene.add_instance(scene.add_mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)), [wall])
+    camera = kuafu.Camera(9, 9, [[9, 0, 4], [0, 9, 4], [0, 0, 1]])
+    options = {"band": "visible", "spp": 1024, "max_bounces": 0, "pixel_blur_px": blur_px}
+    row = kuafu.Renderer(device).render(scene, camera, ["radiance"], **options)["radiance"][0, 4, :, 0]
+    beside = blur_px / 8
+    np.testing.assert_allclose(row, [0, 0, 0, 0, beside, 1 - beside, 1, 1, 1], atol=0.02)

@@ -188,6 +188,7 @@ class GBufferStereo:
             return self._renderer.light_gbuffers(
                 self._scene, self._rig.ir_cameras(np.eye(4)[None]), targets, left=own, right=other,
                 projector_depth=hiding, depth_kind=depth_kind, optics=optics, environment_count=self._count,
+                pixel_blur_px=self._config.pixel_blur_px,
                 **{name: light * values for name, values in numbers.items()},
             )  # fmt: skip
 
