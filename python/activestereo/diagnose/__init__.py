@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which physical effect does the model of a capture lack?
+"""Diagnoses a capture: which physical effect does its sensor model lack?
 
-evidence   what is looked at: images beside their rendered light, noise, tiles
-search     scores of all effects, fits of the few that matter, the verdict
-channels   what effects are judged on beside expected images
-refine     fits of parameters and nuisances
-score      what fits are worth, and what they leave
-answer     what a diagnosis says, as data
-diagnosis.py: the way through them; numbers.py: every number that decides
+evidence   measured images beside their rendered light, with noise and tiles
+search     scores all effects, fits the few that matter, gives the verdict
+channels   judges effects that expected images do not show: random fields, noise, the device's depth
+refine     fits effect parameters and nuisances
+score      turns fits into gains of log-likelihood, intervals and remaining structure
+answer     writes the diagnosis as data
+diagnosis.py runs these in order; numbers.py holds every number that decides.
 """
 
 from activestereo.diagnose.diagnosis import Diagnosis, Settings, diagnose, examine

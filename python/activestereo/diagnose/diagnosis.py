@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Searches a capture's train frames for the effects that its model lacks, and says what the data allow to say.
+"""Searches a capture's train frames for the effects that its model lacks, and reports what the data allow to say.
 
-Test frames are touched once, for the held-out figures of the given and the found model. They name nothing, but where
-they do not confirm a verdict it is `unknown`.
+Test frames give the held-out errors of the given and the found model. They never choose an effect, but if they do not
+confirm a verdict it becomes `unknown`.
 """
 
 from __future__ import annotations
@@ -77,12 +77,12 @@ _BASE_SHARE = 0.4  # of the last phase
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """result: what diagnose.json holds.
+    """The answer of diagnose(). result: the contents of diagnose.json.
 
-    model: the given model with what was added. stub: Python text of an effect, or None. sensor_model: what
-    model.json holds; None where the capture's images could not be judged. before, after: the images that the given
-    model and model.json expect, with their errors; None where those were not asked for. made: what they were
-    rendered with. kept_as: the key of all that decides it, None where a part is a user's own.
+    model: the given model with the effects that were found. stub: Python text of an effect, or None. sensor_model: the
+    contents of model.json; None if the capture's images could not be judged. before, after: the images that the given
+    model and model.json expect, with their errors; None if those were not asked for. made: the renderer and settings of
+    these images. kept_as: the cache key of the diagnosis; None if a part of it is a user's own.
     """
 
     result: dict[str, Any]
@@ -95,41 +95,46 @@ class Diagnosis:
     kept_as: str | None = None
 
     def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, side): DN [height][width]} that model.json expects; empty where no images were judged."""
+        """Returns {(frame id, side): DN [height][width]} as model.json expects them; empty if no images were judged."""
         return {} if self.after is None else self.after.predictions
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, side): measured minus expected DN [height][width]} under model.json."""
+        """Returns {(frame id, side): measured minus expected DN [height][width]} under model.json; empty if none were
+        judged."""
         return {} if self.after is None else self.after.residuals()
 
     def predict(self, frame: int, side: str = "left") -> NDArray[np.float32]:
-        """DN [height][width] that model.json expects of a frame. KeyError: no such image was judged."""
+        """Returns the image [height][width] in DN that model.json expects of a frame. KeyError: no such image was
+        judged."""
         return self.predictions()[frame, side]
 
     def residual(self, frame: int, side: str = "left") -> NDArray[np.float32]:
-        """Measured minus expected DN [height][width] of a frame under model.json. KeyError: as of predict()."""
+        """Returns the measured minus the expected image [height][width] in DN under model.json. KeyError: as in
+        predict()."""
         return self.residuals()[frame, side]
 
     def sets(self) -> list[list[str]]:
-        """For each name, the effects that this recording cannot tell apart, likeliest first."""
+        """Returns, for each effect that was named, the ids that this recording cannot tell from it, likeliest first."""
         return [list(s["effects"]) for s in self.result["sets"]]
 
     def explain(self, effect_id: str) -> str:
-        """Why an effect was named, or not: a sentence."""
+        """Returns a sentence on why an effect was named, or why not."""
         return explained(self.result, effect_id)
 
     def plot(self) -> Figure:
-        """The gain of each effect of the ranking, as bars."""
+        """Returns a bar chart of the gain of each effect in the ranking."""
         return ranking_figure(self.result)
 
     @computed_once
     def comparison(self) -> Comparison | None:
-        """The Comparison of the model that the diagnosis started from; None where no images were judged. It renders
-        nothing, but matches the model's pairs."""
+        """Returns the Comparison of the model that the diagnosis started from; None if no images were judged.
+
+        It renders nothing, but runs the stereo matcher on the model's pairs.
+        """
         return None if self.before is None or self.made is None else comparison_of(self.before, self.made)
 
     def _repr_html_(self) -> str:
-        """The verdict and the first rows of the ranking, for a notebook."""
+        """Returns the verdict and the first rows of the ranking as HTML, for a notebook."""
         return html_of(self.result)
 
 
@@ -151,16 +156,16 @@ def diagnose(
     says: Callable[[str], object] = lambda text: None,
     reference: Sequence[str | Path] = (),
 ) -> Diagnosis:
-    """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
+    """Diagnoses a capture folder and returns the Diagnosis. CaptureError: the capture cannot be used.
 
-    model: to start from; the search takes a SensorModel's effects alone. effects: {id: Effect} to choose from, None for
-    the built-in ones. samples_per_pixel: of the held-out figures' images, as compare() has them; the search looks at
-    half as many of its own images. progress: called with the fraction done; Phases that begin with PHASES are told of
-    each. rendering: makes a capture's engine, to whose images effects of light transport are fitted
-    (diagnose/search/rendered.py). engines: as of compare(), for the same held-out figures. binning: the search looks at
-    images averaged over so many pixels along rows and columns, None for usual_binning(); what is told of the model's
-    images is of whole ones. says: as of Settings. reference: captures of the same unit when it was good, of
-    rooms that `calibrate world` measured.
+    model: the model to start from; the search uses only the effects of a SensorModel. effects: {id: Effect} to choose
+    from, None for the built-in ones. samples_per_pixel: of the images for the held-out errors, as compare() has them;
+    the search renders its own with half as many. progress: called with the fraction done; a Phases that begins with
+    PHASES is told of each. rendering: makes a capture's render engine, to which effects of light transport are fitted
+    (diagnose/search/rendered.py). engines: as in compare(), for the same held-out errors. binning: the search averages
+    images over so many pixels along rows and columns, None for usual_binning(); held-out errors are of full-size
+    images. says: as in Settings. reference: captures of the same unit from when it was good; they serve only rooms that
+    `calibrate world` measured (else ValueError).
     """
     effects = library() if effects is None else effects
     reason = no_infrared(capture_path)
@@ -218,7 +223,7 @@ def diagnose(
     try:
         diagnosis = examine(evidence, model, list(effects.values()), settings)
     finally:
-        memory.save()  # what was done before a cancellation need not be done again
+        memory.save()  # keeps finished fits when a run is cancelled
     if key is not None and diagnosis.sensor_model is not None:
         keep(kept, key, Found(diagnosis.result, diagnosis.sensor_model, diagnosis.stub))
     return replace(diagnosis, made=made, kept_as=key)
@@ -227,7 +232,7 @@ def diagnose(
 def _told_again(
     found: Found, errors: ErrorsOfModels, phases: Phases, made: RenderedWith, says: Callable[[str], object]
 ) -> Diagnosis:
-    """The Diagnosis of what was found before, with the images that kept renders give."""
+    """Returns the Diagnosis of a search kept on disk, with images made from kept renders."""
     result, complete = found.result, found.model
     says(_verdict_words(result["verdict"], result["added"]))
     phases.begin(BOTH)
@@ -237,14 +242,14 @@ def _told_again(
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
-    """Why infrared images cannot be judged, or None.
+    """Returns the reason why a capture without infrared images cannot be judged; None if it has some.
 
     Depth alone cannot tell one effect from another: nearly all fit it.
     """
     folder = Path(capture_path)
     file = folder if folder.name == "capture.json" else folder / "capture.json"
     if not file.is_file():
-        return None  # read_capture says what is wrong
+        return None  # read_capture reports the error
     try:
         frames = read_json(file)["frames"]
         missing = frames and all(frame.get("left") is None and frame.get("right") is None for frame in frames)
@@ -284,7 +289,8 @@ def examine(
     candidates: Sequence[Effect],
     settings: Settings | None = None,
 ) -> Diagnosis:
-    """diagnose() on gathered evidence."""
+    """Runs diagnose() on evidence that is gathered already. given: the model to start from. candidates: effects to
+    choose from."""
     settings = settings or Settings()
     phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
     model = _effects_of(given, evidence.capture.scene_path)
@@ -303,7 +309,8 @@ def examine(
 
 
 def _rests_on(outcome: Outcome, numbers: Numbers) -> dict[str, Any]:
-    """The probabilities, the ranking and the numbers of the verdict."""
+    """Returns the entries of diagnose.json that the verdict rests on: probabilities, ranking and the numbers it
+    compares."""
     verdict, name_of = _verdict(outcome, numbers), surface_text(outcome.evidence.capture.scene_path)
     return {
         "probabilities": None if verdict == UNDETERMINED else probabilities_of(outcome, numbers),
@@ -317,8 +324,10 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
 
 
 def _on_test_frames(outcome: Outcome, figures: Mapping[str, Any]) -> Remainder:
-    """The remainder with what the held-out figures say. Draws of one frame are not those of another, and the floor
-    does not know noise that was named: figures then say nothing."""
+    """Returns the remainder with the errors on test frames added; unchanged if they tell nothing.
+
+    They tell nothing of random draws, which differ from frame to frame, nor of a named noise, which the floor lacks.
+    """
     after, floor = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"]
     has_test = figures["curve"] and figures["curve"][-1]["heldout_ir_rmse"] is not None
     if not has_test or not floor or any(n.field is not None or n.id in outcome.noise for n in outcome.names):
@@ -335,7 +344,8 @@ def _told(
     out_of_reach: Sequence[tuple[Effect, str]],
     settings: Settings,
 ) -> Diagnosis:
-    """The Diagnosis that an outcome is."""
+    """Turns the outcome of a search into a Diagnosis. chosen: the effects that the search judged. out_of_reach: the
+    others, each with the reason."""
     phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
     evidence, names, name_of = outcome.evidence, outcome.names, surface_text(outcome.evidence.capture.scene_path)
     model = _effects_of(given, evidence.capture.scene_path)
@@ -412,7 +422,7 @@ def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> M
 
 
 def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[list[Effect], list[tuple[Effect, str]]]:
-    """(effects that this evidence can judge, the others and why not)."""
+    """Splits candidates into the effects that this evidence can judge and the others, each with the reason why not."""
     size = evidence.capture.binning
     pixels = f"it acts on single pixels, and the images were averaged over {size}x{size}: judge it with --bin 1"
     room = "it is of single surfaces, and the room was measured as its views' pictures"
@@ -431,7 +441,7 @@ def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[lis
 
 
 def _open_set(outcome: Outcome) -> tuple[dict[str, Solution | None], float]:
-    """({effect: its fit} of the first set of more than one, the residuals' design effect)."""
+    """Returns ({effect: its fit or None} of the first set with more than one member, the residuals' design effect)."""
     name = next((name for name in outcome.names if name.seen is not None and len(name.members) > 1), None)
     design = design_effect(outcome.solution.sums.tile_chi2, outcome.fitter.tile_pixels())
     if name is None or name.seen is None:
@@ -441,7 +451,7 @@ def _open_set(outcome: Outcome) -> tuple[dict[str, Solution | None], float]:
 
 
 def _why(effect: Effect, result: dict[str, Any], given: Model) -> str:
-    """Why a user's own effect stands where it does."""
+    """Returns a clause on why a user's own effect was named, skipped or not named."""
     if effect.id in {e.id for e, _ in given.effects}:
         return "it is part of the model that the diagnosis started from"
     skipped = {entry["effect"]: entry["reason"] for entry in result["not_ranked"]}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diagnoses kept on disk beside renders and fits: a capture is not searched again by the same code and options."""
+"""Keeps diagnoses on disk beside renders and fits, so that the same code and options never search a capture twice."""
 
 import json
 from collections.abc import Mapping
@@ -21,7 +21,8 @@ from activestereo.model.write import model_json
 
 @dataclass(frozen=True)
 class Found:
-    """A diagnosis but for its images: the contents of diagnose.json and model.json, and an effect's stub."""
+    """A diagnosis without its images: the contents of diagnose.json and model.json, and the stub (Python text) of an
+    effect."""
 
     result: dict[str, Any]
     model: SensorModel
@@ -29,7 +30,7 @@ class Found:
 
 
 def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) -> str | None:
-    """The key of a diagnosis that starts without effects; None where an effect is a user's own."""
+    """Returns the cache key of a diagnosis that starts without effects; None if an effect is a user's own."""
     contents = [effect_content(effect) for effect in effects.values()]
     if None in contents:
         return None
@@ -37,13 +38,16 @@ def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) ->
 
 
 def keep(cache: LayerCache, key: str, found: Found) -> None:
-    """Writes a diagnosis."""
+    """Writes a diagnosis to the cache."""
     record = found.result, model_json(found.model, "pattern.png"), found.stub
     cache.put_arrays(key, {"diagnosis/found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
 
 
 def kept(cache: LayerCache, key: str, capture: Capture) -> Found | None:
-    """The diagnosis that was kept, or None. capture: may stand elsewhere now; its pattern is the model's."""
+    """Reads a diagnosis from the cache; None if it holds none.
+
+    The capture's folder may have moved since: the model gets the pattern file of the capture's present place.
+    """
     stored = cache.get_arrays(key)
     if stored is None:
         return None

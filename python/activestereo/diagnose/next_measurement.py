@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The next measurement: exposures of the known views that would separate explanations that fit alike.
+"""Suggests the next measurement: settings of the known views that would separate explanations that fit alike.
 
-Its value is the expected difference of log-likelihood, 1/2 |mu_i - mu_j|^2 / variance, between two explanations after
-one is refitted to the other's predictions for the new frames, while the recorded frames constrain its parameters and
-nuisances (T-optimal design: Atkinson and Fedorov 1975), divided by the residuals' design effect. A measurement is
-judged by its worst pair.
+The value of a measurement is the expected difference of log-likelihood, 1/2 |mu_i - mu_j|^2 / variance, between two
+explanations. One of them is first refitted to the other's predictions for the new frames, while the recorded frames
+constrain its parameters and nuisances (T-optimal design: Atkinson and Fedorov 1975). The value is divided by the
+residuals' design effect. The pair of explanations that a measurement separates least decides its rank.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,14 +24,14 @@ from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
 
 _MEMBERS = 3
 _SUGGESTIONS = 3
-# A proposed measurement makes a difference of so many nats at least, and of so many times what the same frames make
-# again: twice the light doubles the nats of what the views tell already.
+# A proposed measurement separates by at least so many nats, and by so many times the nats of the same frames
+# repeated: twice the light alone doubles the nats.
 _WORTH_NATS, _LEVER = 2.0, 2.0
 
 Change = dict[str, Any]
 Advice = dict[str, object]
 
-# What changes in frames of the known views: factors, values, kelvins more or less, a velocity [v, w], repeats more.
+# Text of a measurement: its changes to frames of the known views, as _changed() takes them.
 _MENU: dict[str, Change] = {
     "the same views with the projector off": {"power_factor": 0.0},
     "the same views at a quarter of the exposure": {"exposure_factor": 0.25},
@@ -39,8 +39,7 @@ _MENU: dict[str, Change] = {
     "the same views at half the projector power": {"power_factor": 0.5},
     "the same views 20 K warmer": {"warming_k": 20.0},
     "the same views 20 K warmer with the projector off": {"warming_k": 20.0, "power_factor": 0.0},
-    # Effects that agree at a higher temperature differ at a lower one: a laser brightens, a filter passes less either
-    # way.
+    # Effects that agree when warmer differ when cooler: a laser then brightens, but a filter passes less either way.
     "the same views 10 K cooler": {"warming_k": -10.0},
     "the same views with the rig moving sideways at 0.5 m/s": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
     "the same views with the rig turning about its vertical axis at 1 rad/s": {
@@ -48,7 +47,7 @@ _MENU: dict[str, Change] = {
     },
     "two more repeats of each view": {"repeats": 2},
 }
-# The advice where no exposure of the known views helps: other views cannot be predicted without rendering them.
+# The advice where no setting of the known views helps: other views cannot be predicted without rendering them.
 _OTHER_VIEWS = "six other views: another distance (at least twice as far) and other materials", {"views": 6}
 
 
@@ -60,7 +59,8 @@ def _changed(
     velocity: list[float] | None = None,
     repeats: int = 0,
 ) -> Frame:
-    """A frame of a known view under other settings."""
+    """Returns a frame of the same view under other settings: factors on power and exposure, kelvins added to the
+    temperature, and a velocity [v, w] in m/s and rad/s (None keeps it). repeats is ignored."""
     temperature_c = frame.temperature_c
     if warming_k:
         temperature_c = (REFERENCE_TEMPERATURE_C if temperature_c is None else temperature_c) + warming_k
@@ -74,11 +74,11 @@ def _changed(
 
 
 def next_measurements(evidence: Evidence, members: Mapping[str, Solution | None], design: float) -> list[Advice]:
-    """[{text, nats, separates, change}] best first; empty where nothing is open.
+    """Returns suggestions [{text, nats, separates, change}], best first; empty if no explanations compete.
 
-    members: {effect: its fit} of what the recording cannot tell apart, likeliest first; None: of draws, which cannot be
-    predicted. design: the residuals' design effect. change: of the menu's frames, views: so many more poses; None for
-    other advice.
+    members: {effect: its fit} for the effects that the recording cannot tell apart, likeliest first. A fit is None for
+    an effect of random draws, which cannot be predicted. design: the residuals' design effect. change: the settings to
+    change, {"views": number of further poses}, or None for other advice.
     """
     if not evidence.has_floor:
         text = "repeat every static view at least twice: without repeats the noise floor is unknown"
@@ -99,9 +99,9 @@ def next_measurements(evidence: Evidence, members: Mapping[str, Solution | None]
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
         for nats, pair, text in useful
     ]
-    # A measurement that brings little more than the same frames again is not worth it: errors of the scene measurement,
-    # which more light does not reduce, hide the difference in these views. Of draws, gains stay on the pixels from pose
-    # to pose, grains do not.
+    # A measurement that separates little more than the same frames repeated is not worth it: errors of the scene
+    # measurement hide the difference in these views, and more light does not reduce them. Other views also separate
+    # random effects: gains stay on their pixels from pose to pose, speckle grains do not.
     if not useful or useful[0][0] < _LEVER * told({})[0]:
         text, change = _OTHER_VIEWS
         advice = [{"text": text, "nats": None, "separates": names, "change": change}, *advice]
@@ -111,10 +111,10 @@ def next_measurements(evidence: Evidence, members: Mapping[str, Solution | None]
 def _worst_pair(
     evidence: Evidence, members: Mapping[str, Solution], observations: Sequence[Observation], change: Change
 ) -> tuple[float, tuple[str, ...]]:
-    """(the least nats that frames under a change tell between two of the members, these two)."""
+    """Returns the least nats by which frames with a change separate two of the members, and the names of these two."""
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
-    # As many pixels as the train frames have: each view is recorded again.
+    # Each view is recorded again, so that there are as many pixels as in the train frames.
     copies = evidence.pixels / sum(o.pixels for o in observations)
     worst: tuple[float, tuple[str, ...]] = (np.inf, ())
     for (first, truth), (second, rival) in combinations(members.items(), 2):
@@ -125,8 +125,11 @@ def _worst_pair(
 def left_between(
     evidence: Evidence, changed: Sequence[Observation], truth: Solution, rival: Solution, copies: float
 ) -> float:
-    """Half the squared distance, in deviations, between the prediction of `truth` and the nearest prediction of
-    `rival`, by one Gauss-Newton step that is penalised by what it worsens the recorded frames.
+    """Returns half the squared distance, in noise deviations, from the prediction of `truth` to the nearest one of
+    `rival`.
+
+    The rival moves by one Gauss-Newton step, penalised by how much worse it then fits the recorded frames. changed: the
+    observations under the new settings. copies: how often each of them counts.
     """
     predicted = []
     for o in changed:

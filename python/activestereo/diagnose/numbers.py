@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers that decide a diagnosis, in one table; all other numbers cost time alone.
+"""The numbers that decide a diagnosis, in one table. All other numbers of the package change its running time alone.
 
-Noise variances: mean squares of residuals over those of the noise (a reduced chi-square).
+The unit "noise variances" is a mean squared residual divided by the mean noise variance (a reduced chi-square).
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,10 @@ def _number(value: float, unit: str, decides: str) -> Any:
 
 @dataclass(frozen=True)
 class Numbers:
-    """See the head of this file. Shares are of the squared error above the noise."""
+    """The thresholds of a diagnosis; each field's metadata holds its unit and what it decides.
+
+    A share is a part of the squared error that exceeds the noise.
+    """
 
     # fmt: off
     # May it be named?

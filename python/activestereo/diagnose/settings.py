@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How evidence is examined, and the phases that a progress is told of."""
+"""The settings of a diagnosis, and the phases that its progress reports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.effects import Model
 
-# The phases, each with seconds and seconds per megapixel of infrared images on two cores: a guess for a first run.
+# The phases. Their times are guesses for a first run on two cores: seconds, and seconds per megapixel of infrared
+# images.
 RENDERING, FITTING, DEPTH, BOTH = (
     "rendering the views",
     "scoring and fitting effects",
@@ -33,11 +34,15 @@ PHASES = {
 
 @dataclass(frozen=True)
 class Settings:
-    """How evidence is examined. phases: told of each of PHASES but the first. rendering: the engine of the evidence.
-    memory: where fits are kept, or None. errors: None leaves out the held-out figures of test frames. located: the
-    evidence, and its engine, from where the capture stands under a model; None leaves it where it is. with_test: the
-    evidence of an outcome with test frames, under a model; None leaves them out. says:
-    called with words: the likeliest effects once all are scored, and the verdict before test frames confirm it."""
+    """Settings of examine().
+
+    phases: is told when each of PHASES but the first begins. rendering: the render engine of the evidence, or None.
+    memory: the cache that keeps fits, or None. errors: gives the errors of held-out test frames; None leaves them out.
+    located(model, evidence): returns the evidence, and its render engine, with the poses that fit under a model; None
+    keeps the poses. with_test(evidence, fitter, solution, model): returns the evidence with its test frames added; None
+    leaves them out. says: is called with two texts: the likeliest effects once all are scored, and the verdict before
+    test frames confirm it.
+    """
 
     workers: int = 2
     phases: Phases | None = None

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data beside expected images that effects are judged on: draws that stay, temporal noise, the device's depth."""
+"""Judges effects by data that expected images lack: lasting random fields, temporal noise, the device's depth."""

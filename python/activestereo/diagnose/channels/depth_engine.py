@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The channel of the device's own depth engine: its faults are invisible in the infrared images, so its disparity
-alone is judged.
+"""Judges the device's own depth engine by its disparity: its faults do not show in the infrared images.
 
-A device's matcher is not ours, but both are given the same images. What counts is the device's error against the true
-geometry less the error that our engine makes on the model's own pair; errors beyond a pixel are mismatches and count
-as one pixel. A filter shows in what neighbours have in common instead: the variance of their differences.
+The device's matcher is not ours, but both get the same images. Judged is the device's disparity error against the true
+geometry, less the error of our engine on the model's own pair. Errors beyond a pixel are mismatches and count as one
+pixel. A filter is recognised by the variance of differences between neighbours instead.
 
 Differences that depend on the matcher alone (EngineFault.is_matcher_choice) are removed first as long as they explain
 most of the error; faults are judged on the rest.
@@ -28,8 +27,8 @@ from activestereo.effects import Effect, Model, Stage, View
 from activestereo.effects.core.judging import Channel
 
 _LARGEST_ERROR_PX = 1.0
-# Multiples of a parameter's typical value where fits start; how many frames a fit looks at, and how often at most. It
-# ends where it moves by less than a share of the typical value and gains less than a share of its cost.
+# Fits start at these multiples of a parameter's typical value, use so many frames and at most so many evaluations.
+# They end when a step is below a share of the typical value and its gain below a share of the cost.
 _STARTS = (-1.0, 0.3, 1.0, 3.0)
 _FIT_FRAMES, _EVALUATIONS = 3, 60
 _STEP_ENDS, _GAIN_ENDS = 0.02, 1e-5
@@ -47,9 +46,9 @@ _MOST_FRAMES = 0.5
 
 @dataclass(frozen=True)
 class DepthEvidence:
-    """nats: gain of log-likelihood. share: of the squared error of disparity that the effect explains. consistency:
-    share of the frames that get better. pose_error_nats: what errors of the measured poses may explain of the gain.
-    """
+    """How well an effect explains the device's disparity. nats: gain of log-likelihood. share: of the squared error of
+    disparity that the effect explains. consistency: share of the frames that get better. pose_error_nats: the part of
+    the gain that errors of the measured poses may explain."""
 
     nats: float
     share: float
@@ -57,14 +56,14 @@ class DepthEvidence:
     pose_error_nats: float = 0.0
 
     def is_clear(self, tried: int, numbers: Numbers) -> bool:
-        """Whether it is no chance among so many effects, and no error of the poses."""
+        """Returns whether the gain exceeds chance among `tried` effects and errors of the poses, in most frames."""
         chance = np.log(max(tried, 1) / numbers.alpha)
         return bool(self.nats > chance + self.pose_error_nats and self.consistency > _MOST_FRAMES)
 
 
 @dataclass(frozen=True)
 class DepthFinding:
-    """An effect on disparity or depth as fitted. is_named: whether the device shows it."""
+    """An effect on disparity or depth with its fitted parameters. is_named: whether the device has it."""
 
     effect: Effect
     parameters: dict[str, Interval]
@@ -74,19 +73,19 @@ class DepthFinding:
 
 @dataclass(frozen=True)
 class Depth:
-    """The judgement of a depth engine. findings: those that the device shows first, each part by its gain; none where
-    there is no depth. images_agree: whether the infrared images lack nothing: errors of the images are explained first,
-    for the engine matched those."""
+    """The judgement of a depth engine. findings: named effects first, then by gain; empty if there is no depth.
+    images_agree: whether the infrared images lack nothing; if they do, no effect is named, because the engine matched
+    these images."""
 
     findings: tuple[DepthFinding, ...]
     images_agree: bool
 
     def faults(self) -> list[DepthFinding]:
-        """Findings that do not depend on the choice of the matcher."""
+        """Returns the named findings that do not depend on the choice of the matcher."""
         return [f for f in self.findings if f.is_named and not f.effect.engine_fault.is_matcher_choice]
 
     def choices(self) -> list[DepthFinding]:
-        """Findings that depend on the matcher alone."""
+        """Returns the named findings that depend on the matcher alone."""
         return [f for f in self.findings if f.is_named and f.effect.engine_fault.is_matcher_choice]
 
 
@@ -99,7 +98,7 @@ def judged_depth(
     workers: int,
     memory: FitCache | None = None,
 ) -> Depth:
-    """Judges effects on disparity and depth on the train frames. rows: the train images under a model."""
+    """Judges effects on disparity and depth by the train frames. rows: the train images under the model."""
     pixels = sum(row.observation.pixels for row in rows)
     left = sum(float((row.observation.weight * row.residual**2).sum()) for row in rows) / pixels - 1.0
     known, agree = {e.id for e, _ in model.effects}, left < numbers.structure
@@ -119,7 +118,7 @@ def judged_depth(
 def _fits(
     judge: "_Judge", effects: Sequence[Effect], numbers: Numbers, workers: int, memory: FitCache | None
 ) -> dict[str, "_DepthFit"]:
-    """Forward selection: as long as an effect that depends on the matcher alone gains most, it is removed."""
+    """Fits every effect by forward selection: while an effect of the matcher alone gains most, it is removed first."""
     fits: dict[str, _DepthFit] = {}
     waiting = list(effects)
     while waiting:
@@ -138,9 +137,9 @@ def _fits(
 
 @dataclass(frozen=True)
 class _DepthFit:
-    """values: of the parameters, in order.
+    """The fit of one effect. values: its parameters in order.
 
-    limits: {parameter: (value, low, high)}. is_filter: it was recognised by neighbours' differences.
+    limits: {parameter: (value, low, high)}. is_filter: whether differences of neighbours showed it.
     """
 
     own: DepthEvidence
@@ -149,14 +148,14 @@ class _DepthFit:
     is_filter: bool = False
 
     def as_arrays(self) -> dict[str, np.ndarray]:
-        """By name, as a FitCache keeps them."""
+        """Returns the fit as named arrays, for a FitCache."""
         limits = np.array(list(self.limits.values()))
         own = np.array(astuple(self.own))
         return {"own": own, "values": self.values, "limits": limits, "is_filter": np.array(self.is_filter)}
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray], effect: Effect) -> "_DepthFit":
-        """The fit of an effect that as_arrays() gave."""
+        """Makes the fit of an effect from the arrays of as_arrays()."""
         rows = zip(effect.parameters, arrays["limits"].tolist(), strict=True)
         limits: dict[str, Limits] = {p.name: (value, low, high) for p, (value, low, high) in rows}
         return cls(DepthEvidence(*arrays["own"].tolist()), arrays["values"], limits, bool(arrays["is_filter"]))
@@ -166,8 +165,9 @@ class _DepthFit:
 class _DepthFrame:
     """One frame with device depth; images [height][width] in pixels of disparity.
 
-    truth: of the geometry, 0 = none. device: its error. engine: errors of our engine on two exposures of the model.
-    valid: where all are known. inside: where all are within a pixel.
+    truth: disparity of the geometry, 0 = none. device: the device's error. engine: our engine's errors on two simulated
+    exposures of the model. valid: where all are known. inside: where all errors are below a pixel. focal_baseline:
+    focal length times baseline, px m.
     """
 
     view: View
@@ -179,7 +179,8 @@ class _DepthFrame:
     focal_baseline: float
 
     def shift(self, effect: Effect, values: np.ndarray, noise_px: float) -> np.ndarray:
-        """By how much an effect moves disparities that are off the truth by noise_px."""
+        """Returns the change that an effect makes to disparities that are off the truth by noise_px, px
+        [height][width]."""
         truth = np.where(self.truth > 0, np.maximum(self.truth + noise_px, 1e-3), 0.0)
         moved = self.applied(effect, values, truth)
         return (
@@ -189,7 +190,7 @@ class _DepthFrame:
         )
 
     def applied(self, effect: Effect, values: np.ndarray, disparity: np.ndarray) -> np.ndarray:
-        """An effect on disparity, or on the depth of that disparity."""
+        """Returns a disparity image after an effect on disparity, or after an effect on the depth of that disparity."""
         named = {p.name: float(v) for p, v in zip(effect.parameters, values, strict=True)}
         if effect.stage is Stage.DISPARITY:
             return effect.apply(disparity, self.view, **named)
@@ -199,7 +200,7 @@ class _DepthFrame:
         return np.where(image > 0, self.focal_baseline / np.maximum(image, 1e-9), 0.0)
 
     def filtered(self, effect: Effect, values: np.ndarray) -> np.ndarray:
-        """Our engine's errors after an effect."""
+        """Returns our engine's errors after an effect, px [height][width]."""
         moved = self.applied(effect, values, np.where(self.valid, self.truth + self.engine[0], 0.0))
         known = self.valid if effect.stage is Stage.DISPARITY else self.valid & (moved > 0)
         return np.where(known, moved - self.truth, 0.0)
@@ -228,7 +229,7 @@ def _frames(evidence: Evidence, model: Model, rows: Sequence[ImageResidual]) -> 
 
 
 class _Judge:
-    """Fits effects to the disparity errors of frames. memory: where fits are kept, or None."""
+    """Fits effects to the disparity errors of frames. memory: the cache that keeps fits, or None."""
 
     def __init__(self, frames: Sequence[_DepthFrame], numbers: Numbers, memory: FitCache | None = None) -> None:
         self._frames, self._numbers, self._memory = frames, numbers, memory
@@ -238,7 +239,7 @@ class _Judge:
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
 
     def without(self, effect: Effect, fit: _DepthFit) -> "_Judge":
-        """A judge of what an effect leaves; a filter cannot be undone and stays."""
+        """Returns a judge of the errors that remain without an effect; itself for a filter, which cannot be undone."""
         if fit.is_filter:
             return self
         shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
@@ -262,14 +263,14 @@ class _Judge:
         return smooth if smooth is not None and smooth.own.nats > bias.own.nats else bias
 
     def _shift(self, effect: Effect, values: np.ndarray, frame: _DepthFrame) -> np.ndarray:
-        """By how much the effect moves the true disparities, px: its mean over the engine's noise, which it acts on."""
+        """Returns how an effect moves the true disparities, px: the mean over the engine's noise, on which it acts too."""
         shifts = [weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES]
         return np.sum(shifts, axis=0)
 
     def _squares(
         self, effect: Effect, values: np.ndarray, frames: Sequence[_DepthFrame] | None = None
     ) -> list[np.ndarray]:
-        """Capped squared errors of each frame's valid pixels, of all frames by default."""
+        """Returns the capped squared errors of each frame's valid pixels, px^2 [height][width]. frames: None = all."""
         out = []
         for frame in self._frames if frames is None else frames:
             rest = frame.device - 0.5 * (frame.engine[0] + frame.engine[1]) - self._shift(effect, values, frame)
@@ -328,9 +329,8 @@ class _Judge:
         )
 
     def _fit_smoothness(self, effect: Effect) -> _DepthFit | None:
-        """For effects with one leading amplitude: the engine's errors under the effect, their differences against
-        the device's.
-        """
+        """Fits the amplitude of a smoothing filter (the first parameter): our engine's filtered errors become as rough
+        as the device's. Returns None if the effect does not smooth, or the device is not smoother."""
         first, differ = effect.parameters[0], self._numbers.engines_differ
         wanted = self._roughness([frame.device for frame in self._frames])
         ladder = [0.0, *_LADDER * first.typical]
@@ -350,7 +350,8 @@ class _Judge:
         return _DepthFit(own, _leading(effect, at(wanted)), limits, is_filter=True)
 
     def _roughness(self, errors: Sequence[np.ndarray]) -> float:
-        """Mean square difference of neighbours along rows and columns, well-matched pixels only."""
+        """Returns the mean squared difference of neighbours along rows and columns, px^2, over pixels below a pixel of
+        error."""
         total = count = 0.0
         for error, frame in zip(errors, self._frames, strict=True):
             for axis in (0, 1):
@@ -361,20 +362,19 @@ class _Judge:
 
 
 def _leading(effect: Effect, value: float) -> np.ndarray:
-    """Neutral parameters but for the first one."""
+    """Returns neutral parameters except for the first one, which gets the value."""
     return np.array([value, *(p.neutral for p in effect.parameters[1:])])
 
 
 def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) -> float:
-    """The gain of log-likelihood, quadratic in the displacement, that errors of the poses may explain. Their
-    displacements are normal with the deviation pose_error_px.
-    """
+    """Returns the part of a gain of log-likelihood that errors of the poses may explain. The gain is quadratic in the
+    displacement; displacements by the poses are normal with the deviation pose_error_px."""
     gained = 2.0 * max(nats, 0.0) * pose_error_px**2
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
 
 
 def _by_tile(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """(sum of squares, count of valid pixels) of every tile that has any."""
+    """Returns (sum of squares, count of valid pixels) of every tile with a valid pixel."""
     squares_of, pixels_of = [], []
     for s, ok in zip(squares, valid, strict=True):
         rows, columns = np.arange(s.shape[0]) // TILE_PX, np.arange(s.shape[1]) // TILE_PX

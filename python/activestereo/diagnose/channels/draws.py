@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A random term's descriptor in images: the factor of each draw, and the pixels that share one."""
+"""Maps a random effect to images: the factor on each random draw, and which pixels share one draw.
+
+A draw is one random number of a field, such as the gain of one pixel, one row or one dot.
+"""
 
 from collections.abc import Callable, Hashable, Sequence
 
@@ -11,22 +14,23 @@ from activestereo.diagnose.refine import ImageResidual
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 
-# Cells of the pattern, in pattern pixels, that share a dot's gain: as large as a dot.
+# Side of the pattern's cells that share one gain, in pattern pixels: as large as a dot.
 DOT_CELL_PX = 3
-# Of the pattern: dots are this far apart at least, and no dimmer than this share of the brightest.
+# Dots of the pattern are at least so many pattern pixels apart, and no dimmer than this share of the brightest.
 _DOT_PX, _DIMMEST = 5, 0.1
 _SPREAD, _SEED = 0.1, 13
-# An estimate that sees less of it tells nothing, and is not blown up further.
+# Least share of the true variance by which an estimate is divided: less would only amplify noise.
 _LEAST = 0.1
 
 
 def pose_key(o: Observation) -> tuple[bytes, bool]:
-    """The key that images share which stand still together."""
+    """Returns a key that is equal for images of one pose, and apart for moving and resting frames."""
     return o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
 def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray:
-    """DN per draw of deviation 1 and parameter 1, [height][width]."""
+    """Returns the factor on a random draw in an image: DN per draw of deviation 1 at parameter value 1,
+    [height][width]."""
     if lever is Lever.SIGNAL:
         return row.expected - black_dn
     if lever is Lever.PROJECTOR:
@@ -39,8 +43,8 @@ def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray
 
 
 def frames_that_share(term: RandomTerm, o: Observation) -> Hashable:
-    """The key of the group of frames that an observation belongs to. A group's draws are predicted from the other
-    groups only, because frames of one pose share other errors, such as misplaced edges.
+    """Returns the key of the group of frames that an observation belongs to. A group's draws are predicted from the
+    other groups only, because frames of one pose share other errors, such as misplaced edges.
 
     Draws that last only while the rig stands still are predicted from other frames of that view.
     """
@@ -55,7 +59,7 @@ class DrawIndex:
         self._dots: dict[Hashable, np.ndarray] = {}
 
     def __call__(self, term: RandomTerm, o: Observation) -> np.ndarray:
-        """The draw's number at every pixel, [height][width]."""
+        """Returns the number of the draw at every pixel, [height][width]."""
         height, width = o.measured.shape
         right = o.side == "right"
         if term.shared_by is SharedBy.COLUMN:
@@ -81,7 +85,7 @@ class DrawIndex:
 
 
 def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int]:
-    """(the shape in which draws lie, how many steps lie between independent draws)."""
+    """Returns (the shape of the grid on which draws lie, how many steps apart draws are independent)."""
     if shared_by is SharedBy.COLUMN:
         return o.measured.shape[1:], 3
     if shared_by is SharedBy.ROW:
@@ -92,10 +96,10 @@ def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int
 
 
 def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.ndarray]], float]) -> float:
-    """Estimated over true variance of gains that are drawn for every dot by itself: an estimate by cells of the
-    pattern recovers less than all, for neighbouring dots share pixels and cells.
+    """Returns estimated over true variance of gains that are drawn for every dot by itself.
 
-    variance_of: the estimate from residuals of the train images (the method of simulated moments: McFadden 1989).
+    The estimate by cells of the pattern is too small, because neighbouring dots share pixels and cells. variance_of:
+    estimates the variance from residuals of the train images (method of simulated moments: McFadden 1989).
     """
     drawn = None
     residuals = []
@@ -111,7 +115,7 @@ def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.nda
 
 
 def _gains(pattern: np.ndarray, seed: int) -> np.ndarray:
-    """1 and a deviation of _SPREAD, one draw for the cell of every dot."""
+    """Draws a gain for every dot, mean 1 and deviation _SPREAD; each pattern pixel gets that of its nearest dot."""
     peaks = (pattern == maximum_filter(pattern, _DOT_PX)) & (pattern > _DIMMEST * pattern.max())
     draws = np.zeros(pattern.shape)
     draws[peaks] = np.random.Generator(np.random.PCG64([_SEED, seed])).normal(1.0, _SPREAD, int(peaks.sum()))

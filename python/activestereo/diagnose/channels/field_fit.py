@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits static random fields (gains and offsets of pixels, dots, speckle), which one frame predicts for another.
 
-Each is a random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group
-of frames from the other groups alone (best linear unbiased prediction, Robinson 1991), so that the fall of the
-squared error is honest.
+Each is a random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group of
+frames from the other groups alone (best linear unbiased prediction, Robinson 1991). The fall of the squared error is
+therefore not overfitted.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -22,19 +22,19 @@ from activestereo.effects import Effect
 from activestereo.effects.core.judging import RandomTerm, SharedBy
 
 _JACKKNIFE = 16
-# Levels of the expected value by which a curve that all pixels share is told from their own draws.
+# Levels of the expected value; their mean residual separates a curve that all pixels share from random draws.
 _LEVELS = 24
-# Deviations of a draw that a pixel's values keep from the ends of the range: clipped draws look smaller.
+# Pixels count if they are so many deviations of a draw from both ends of the range: clipped draws look smaller.
 _CLEAR_OF_ENDS = 2.0
 
 
 @dataclass(frozen=True)
 class FieldFit:
-    """Fields of random draws, fitted.
+    """The fit of an effect's random fields.
 
-    residuals: of the train images after each was predicted from others. sigma, error: {parameter: deviation of a draw,
-    its standard error}; share: of the places that have a sparse draw. unforeseen: what the draws leave beyond what
-    other images tell of them, noise variances per pixel.
+    residuals: of the train images, DN [height][width], less the draws that other images predict. sigma, error:
+    {parameter: deviation of a draw, its standard error}. share: of the places that have a sparse draw. unforeseen:
+    squared error of the predicted draws, noise variances per pixel.
     """
 
     residuals: tuple[np.ndarray, ...]
@@ -45,12 +45,13 @@ class FieldFit:
 
 
 def has_extended_draws(effect: Effect) -> bool:
-    """Whether pixels that lie together share a draw, which is structure (score/structure.py) until it is predicted."""
+    """Returns whether neighbouring pixels share a draw of the effect: such draws are structure until they are
+    predicted."""
     return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
 
 
 def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
-    """The parameters of an effect's fields, as fitted."""
+    """Returns the fitted parameters of a random effect with their intervals."""
     shares = {term.sparse_share for term in effect.random_terms}
     found = {}
     for p in effect.parameters:
@@ -62,11 +63,10 @@ def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
 def fit_fields(
     effect: Effect, train: Sequence[ImageResidual], curves: Sequence[np.ndarray], black_dn: float, numbers: Numbers
 ) -> FieldFit | None:
-    """The fields of a random effect, each fitted to the residual of those before it; None where the residual does not
-    repeat or is not random.
+    """Fits the random fields of an effect one after another, each to the residual of those before it.
 
-    curves: level_means() of train. What depends on the expected value alone, such as an error of the tone curve, is no
-    random field.
+    Returns None if there are fewer than two groups of frames, or the residual neither repeats nor is random. curves:
+    level_means() of train, subtracted first: a function of the expected value (an error of the tone curve) is no field.
     """
     train = _with_residuals(train, [row.residual - curve for row, curve in zip(train, curves, strict=True)])
     index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False
@@ -101,7 +101,7 @@ def fit_fields(
 
 
 def level_means(row: ImageResidual) -> np.ndarray:
-    """The mean residual of the pixels of about the same expected value, [height][width]."""
+    """Returns each pixel's mean residual over all pixels of about the same expected value, [height][width]."""
     between = np.quantile(row.expected, np.arange(1, _LEVELS) / _LEVELS)
     level = np.searchsorted(between, row.expected.ravel())
     total = np.bincount(level, row.residual.ravel(), minlength=_LEVELS)
@@ -113,7 +113,7 @@ def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarra
 
 
 def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
-    """(share of the places with a draw, the draws' mean or None) of a sparse field."""
+    """Returns (share of the places that have a draw, the mean of these draws or None) of a sparse field."""
     a, b = totals
     strong = _stands_out(totals, hot_sigma)
     share = float(strong.sum() / max((a > 0).sum(), 1))
@@ -121,14 +121,14 @@ def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
 
 
 def _stands_out(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
-    """Whether the draws of a sparse field are beyond hot_sigma deviations of the noise, per pixel."""
+    """Returns where the draws of a sparse field exceed hot_sigma noise deviations, bool [draw]."""
     a, b = totals
     return b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
 
 
 @dataclass(frozen=True)
 class _Row:
-    """One image as normal equations of b: a = w z^2, b = w z r at each pixel's draw."""
+    """One image as normal equations of its draws b: a = w z^2 and b = w z r, summed over the pixels of each draw."""
 
     group: Hashable
     index: np.ndarray
@@ -143,7 +143,8 @@ class _Row:
 
 
 def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex) -> _Row:
-    """Draws that last only while the rig stands still share that with misplaced edges, which therefore do not count."""
+    """Makes the _Row of an image. For draws that last only while the rig stands still, pixels at edges get weight 0:
+    misplaced edges last as long."""
     o = row.observation
     weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
     lever = lever_image(term.lever, row, black_dn)
@@ -161,9 +162,8 @@ def _is_random(
     steps: int,
     largest_correlation: float,
 ) -> bool:
-    """Whether draws `steps` apart on their grid are independent: what neighbours share in expectation, over the
-    variance.
-    """
+    """Returns whether draws `steps` apart on their grid are independent: their covariance is a small part of the
+    variance."""
     count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
     a, b = (total[:count].reshape(-1, *shape) for total in totals)
     for axis in range(1, a.ndim):
@@ -175,7 +175,7 @@ def _is_random(
 
 
 def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float) -> list[_Row]:
-    """The rows without pixels that a draw of this variance may bring to an end of the range."""
+    """Returns the rows with weight 0 for pixels that a draw of this variance may bring to an end of the range."""
     out = []
     for row, (o, image, *_) in zip(rows, train, strict=True):
         reach = _CLEAR_OF_ENDS * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
@@ -192,10 +192,10 @@ def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, np.ndarray]:
 
 
 def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
-    """(sigma^2, standard error of sigma).
+    """Returns (variance of the draws, standard error of its square root).
 
-    The variance comes from products of different groups alone, unbiased under any noise that groups do not share; its
-    error from a jackknife over interleaved subsets of the draws.
+    Only products of different groups count, which are unbiased under any noise that groups do not share. The error
+    comes from a jackknife over interleaved subsets of the draws.
     """
     groups = _group_sums(rows).values()
     a, b = (np.array([sums[i] for sums in groups]) for i in range(2))
@@ -214,7 +214,8 @@ def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
 def _corrected(
     row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
 ) -> np.ndarray:
-    """The residual less the best predictions by the other groups; of a sparse field, of draws that stand out alone."""
+    """Returns the residual less the draws that the other groups predict; in a sparse field, only less draws that stand
+    out."""
     others = _of_others(row, rows, totals)
     a, b = others
     if hot_sigma is None:
@@ -225,11 +226,11 @@ def _corrected(
 
 
 def _of_others(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
-    """The sums of all groups but a row's own."""
+    """Returns the sums of all groups but the row's own."""
     return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
 
 
 def _unforeseen(o: Observation, row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float) -> float:
-    """Sum over an image's pixels of the squares, in noise variances, that draws leave beside their predictions."""
+    """Returns the expected squared error of an image's predicted draws, in noise variances, summed over its pixels."""
     left = variance / (1.0 + variance * _of_others(row, rows, totals)[0])
     return float((o.weight * row.z**2 * left[row.index]).sum())

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The channel of temporal noise: noise that pixels share (rows), coarse digital steps, and photon transfer.
+"""Judges effects of temporal noise: noise that rows share, coarse digital steps, and photon transfer.
 
-The level of independent noise is a nuisance: such terms are reported with their values, but count as missing only
-where the model states its noise, that is where it has a term of that kind already.
+The level of independent noise is a nuisance. Such terms are reported with their values. They count as missing only if
+the model states its noise, that is if it has a term of that kind already.
 """
 
 from collections.abc import Sequence
@@ -23,16 +23,15 @@ _LIKELIHOOD_DROP = 1.353
 # Steps of digital numbers that are tried, and their phases.
 _STEPS_DN = np.arange(1.5, 32.01, 0.02)
 _PHASES = np.arange(8) / 8
-# Steps within this share of the widest that fits are the same.
+# Fitting steps wider than this share of the widest are the same step.
 _SAME_STEP = 0.97
-# Share of the pixels that lie on the steps of coarse digital numbers.
+# Digital numbers are a comb if more than this share of the pixels lies on it.
 _COMB_SHARE = 0.995
 # Fewer used levels than this, or more than this share of all, are no comb.
 _LEAST_LEVELS, _MOST_USED = 6, 0.7
 # Deviations of a row's offset that are tried, in DN.
 _ROW_SIGMAS_DN = np.geomspace(1e-3, 20.0, 400)
-# How the variance of independent pixels grows, by the levers of EMVA 1288's photon transfer and a quadratic term for
-# speckle.
+# How the variance of independent pixels grows: EMVA 1288's photon transfer, and a quadratic term for speckle.
 _TRANSFER = {
     Lever.ONE: lambda gain, signal, square: np.ones_like(signal),
     Lever.PHOTONS: lambda gain, signal, square: gain * signal,
@@ -43,10 +42,9 @@ _NO_REPEATS = "the capture has no repeated frames of a static view"
 
 @dataclass(frozen=True)
 class NoiseTerm:
-    """An effect's term of the noise. nats: gain of log-likelihood. share: of the noise floor that it explains.
-    repeats_reduced_chi2: what it leaves in every frame of a view alike (rounding to coarse steps), which is no other
-    effect's.
-    """
+    """An effect of temporal noise as fitted. nats: gain of log-likelihood. share: of the noise floor that it explains.
+    repeats_reduced_chi2: its part that all frames of a view share (rounding to coarse steps), noise variances; no other
+    effect is charged with it."""
 
     effect: Effect
     parameters: dict[str, Interval]
@@ -57,9 +55,8 @@ class NoiseTerm:
 
 @dataclass(frozen=True)
 class _NoiseFit:
-    """nats: gain of log-likelihood; variance: what it explains per pixel, DN^2; values: {parameter: (value, low,
-    high)}; repeats: frames of one view share it, so that their floor does not hold it.
-    """
+    """A fitted noise term. nats: gain of log-likelihood. variance: explained per pixel, DN^2. values: {parameter:
+    (value, low, high)}. repeats: whether all frames of a view share it, so that their noise floor lacks it."""
 
     nats: float
     variance: float
@@ -70,8 +67,11 @@ class _NoiseFit:
 def noise_terms(
     evidence: Evidence, given: Model, effects: Sequence[Effect], numbers: Numbers
 ) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
-    """({effect: its term}, {effect: why there is none}). Terms of the noise are judged on repeats, coarse steps on the
-    histogram of digital numbers. given: the model, which may state its noise."""
+    """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}).
+
+    Noise is judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may
+    state its noise.
+    """
     floor, weight = evidence.floor_variance(evidence.train), float(np.mean([o.weight.mean() for o in evidence.train]))
     terms, unjudged = {}, {}
     for effect in effects:
@@ -85,7 +85,7 @@ def noise_terms(
 
 
 def _fit(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> _NoiseFit | str:
-    """The fit, or why there is none."""
+    """Returns the fit of an effect, or the reason why it was not judged."""
     steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
     if steps is not None:
         return _comb(evidence, steps.parameter)
@@ -102,7 +102,7 @@ def _fit(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> 
 
 
 def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
-    """Digital numbers that come in steps: the widest comb that holds nearly all pixels."""
+    """Fits digital numbers that come in steps: the widest comb of values that holds nearly all pixels."""
     none = _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
     levels = int(evidence.capture.rig.max_dn) + 1
     seen = [np.bincount(np.rint(o.measured).astype(int).ravel(), minlength=levels) for o in evidence.train]
@@ -128,7 +128,8 @@ def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
 
 
 def _rows(observations: Sequence[Observation], parameter: str, largest_correlation: float) -> _NoiseFit | str:
-    """Rows of a frame that share an offset: marginal likelihood of the differences of repeats."""
+    """Fits an offset that each row of a frame shares, by the marginal likelihood of differences of repeats. Returns a
+    reason instead of a fit if neighbouring rows vary together."""
     weight, moment, beside, both = [], [], 0.0, 0.0
     for first, second in _pairs(observations):
         w = 0.5 * (first.weight + second.weight)
@@ -159,9 +160,8 @@ def _pairs(observations: Sequence[Observation]) -> list[tuple[Observation, Obser
 
 
 def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit | str:
-    """Photon transfer of the repeats with a term and without it, all others refitted; nats are 0 where the model
-    states no noise.
-    """
+    """Fits photon transfer to the repeats with and without a term, the other terms refitted. The nats are 0 if the
+    model states no noise."""
     capture = evidence.capture
     rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
     if not rows:
@@ -184,7 +184,7 @@ def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit |
 def _column(
     lever: Lever, gain: float | np.ndarray, mean: np.ndarray, square: np.ndarray, black_dn: float
 ) -> np.ndarray:
-    """By what a term's variance grows, from mean and mean square of DN."""
+    """Returns how a term's variance grows at given means [n] and mean squares [n] of DN, per unit coefficient."""
     signal = np.maximum(mean - black_dn, 0.0)
     return _TRANSFER[lever](gain, signal, np.maximum(square - 2 * black_dn * mean + black_dn**2, 0.0))
 
@@ -192,7 +192,7 @@ def _column(
 def _fit_levers(
     rows: Sequence[tuple[float, ...]], levers: Sequence[Lever], black_dn: float
 ) -> tuple[float, float, float]:
-    """(chi2, first lever's coefficient, its standard error)."""
+    """Returns (chi2 of the fit by all levers, the first lever's coefficient, its standard error)."""
     gain, mean, square, variance, weight = np.array(rows).T
     target = variance - ROUNDING_VARIANCE
     if not levers:
