@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The evidence of a diagnosis: measured images beside their rendered light, expected variances and tiles."""
+"""Gathers the evidence of a diagnosis: measured images beside their rendered light, expected variances and tiles."""
 
 from activestereo.diagnose.evidence.gather import gather
 from activestereo.diagnose.evidence.geometry import Geometry

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observations as a blurred camera makes them, on some of the pixels: where things are farther off than a dot is wide,
-only the blurred images have slopes that lead there.
-"""
+"""Blurs observations and thins out their pixels. Where an object is off by more than a dot's width, only blurred images
+have slopes that lead to its place."""
 
 from dataclasses import replace
 
@@ -11,13 +10,13 @@ from activestereo.compare.layers import Layers
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.effects.core.resample import blur
 
-# Of a blurred pixel, that is known.
+# Least known share of a blurred pixel, against division by zero.
 _LEAST = 1e-6
 
 
 def coarse(o: Observation, sigma_px: float) -> Observation:
-    """The observation under a Gaussian blur: measured image, lights and slopes alike; of the pixels every sigma_px-th
-    of every sigma_px-th row counts."""
+    """Returns the observation under a Gaussian blur of measured image, lights and slopes. Of the pixels, only every
+    sigma_px-th of every sigma_px-th row counts."""
     known = o.view.known
     share: np.ndarray | float = 1.0 if known is None else np.maximum(blur(known.astype(np.float32), sigma_px), _LEAST)
 

@@ -41,9 +41,10 @@ NoiseVariances = dict[tuple[int, str], float]
 
 
 def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Geometry | None = None) -> Evidence:
-    """The Evidence of a capture and its rendered layers {frame id: {side: Layers}}; frames without layers are left out.
+    """Makes the Evidence of a capture from its rendered layers {frame id: {side: Layers}}. Frames without layers are
+    left out.
 
-    seed: rules every random choice. geometry: corrections that the capture has already; None = it is as stated.
+    seed: sets every random choice. geometry: the corrections that the capture already contains; None = none.
     """
     geometry = geometry or Geometry.as_stated(capture)
     measured_images = _measured_images(capture, layers, seed)
@@ -79,7 +80,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
 
 
 def held_out(evidence: Evidence, capture: Capture, layers: LayersOfFrames) -> tuple[Observation, ...]:
-    """Observations of a capture's frames that have layers, with the noise and the materials of the evidence's train
+    """Makes observations of the frames that have layers, with the noise and the materials of the evidence's train
     frames."""
     images, noise = _measured_images(capture, layers, evidence.seed), evidence.noise_model
     variances = {s.key: max(noise.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in images}
@@ -112,8 +113,8 @@ def _observed(
     material_of: np.ndarray,
     materials: Sequence[int],
 ) -> tuple[Observation, ...]:
-    """Images with their weights, slopes and materials. tiles: each pixel's tile of train images; edge_discrepancy_m,
-    material_of, materials: of the train images."""
+    """Makes observations of images: adds weights, slopes and materials. tiles: each pixel's tile, of train images only.
+    edge_discrepancy_m, material_of, materials: as found on the train images."""
     nuisances, noise_model, places = evidence.nuisances, evidence.noise_model, evidence.geometry.places()
     expected = _expected(images, evidence.noise_variances, nuisances)
     growing, moving = focal_slopes(images, nuisances), geometry_slopes(images, nuisances)
@@ -141,7 +142,8 @@ def _observed(
 def _noise(
     capture: Capture, measured_images: Sequence[MeasuredImage], nuisances: Nuisances
 ) -> tuple[NoiseVariances, NoiseModel, bool]:
-    """(each image's noise variance, noise model, whether repeats gave them, or each frame's two cameras)."""
+    """Returns ({image key: noise variance, DN^2}, noise model, has floor). The last is False if the noise is assumed:
+    neither repeats nor the two cameras of each frame showed it."""
     no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in measured_images})
     noise_variances, noise_model = frame_noise_variances(capture, nuisances.black_dn, no_noise)
     if noise_model is not None:
@@ -164,9 +166,8 @@ def noise_at_other_gains(
     train: Sequence[MeasuredImage],
     predicted: Mapping[tuple[int, str], np.ndarray],
 ) -> tuple[NoiseModel, NoiseVariances]:
-    """The noise model and the noise variances with the noise that frames at gains without repeats show. predicted:
-    expected DN of the train images.
-    """
+    """Returns the noise model and variances after including frames whose gain has no repeats. predicted: expected DN of
+    the train images."""
     shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
     noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
     others = [s for s in measured_images if s.frame.gain not in shown]
@@ -178,12 +179,11 @@ def noise_at_other_gains(
 def _expected(
     measured_images: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances
 ) -> dict[tuple[int, str], np.ndarray]:
-    """Expected values for the weights: the model's prediction, mixed with the measurement (the mean of repeats) by as
-    much as the prediction fails.
+    """Returns the expected values for the weights, DN: the model's prediction, mixed with the mean of repeated images.
+    The mean's share grows with the error of the prediction, up to half.
 
     A weight that depends on its own pixel's noise biases fits downwards, since bright grains weigh too little. A
-    prediction that is as good as the noise allows is therefore used alone; a worse one is mixed with the measurement,
-    at most half and half.
+    prediction that is as good as the noise allows is therefore used alone.
     """
     groups: dict[Hashable, list[MeasuredImage]] = {}
     for s in measured_images:
@@ -201,7 +201,7 @@ def _expected(
 
 
 def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.ndarray], int]:
-    """({key: each pixel's tile} of each image, number of tiles)."""
+    """Numbers the tiles of all train images; returns ({image key: each pixel's tile}, number of tiles)."""
     first, out = 0, {}
     for s in train:
         height, width = s.measured.shape
@@ -213,20 +213,22 @@ def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.nda
 
 
 def _material_of(capture: Capture) -> np.ndarray:
-    """The material of every surface, by number: an albedo error is one of all objects of a material."""
+    """Returns the material of every surface, by the surface's number. All objects of one material share an albedo
+    error."""
     return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
 
 
 def _materials(measured_image: MeasuredImage, material_of: np.ndarray) -> np.ndarray:
-    """The material [height][width] of each pixel's surface; what is no surface of the file keeps its number."""
+    """Returns the material of each pixel's surface, [height][width]. A number that is no surface of the scene file
+    stays."""
     surface = np.asarray(measured_image.layers.material).astype(np.int64)
     known = surface < len(material_of)
     return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
 
 
 def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -> list[int]:
-    """Materials that cover enough of what is known in the train frames, but for the largest one: its albedo is part of
-    the scales."""
+    """Returns the materials that cover enough of the train frames, largest first, without the largest one: its albedo
+    is part of the scales."""
     images = [(_materials(s, material_of), s.view.known) for s in train]
     seen = [material.ravel() if known is None else material[known] for material, known in images]
     ids, counts = np.unique(np.concatenate(seen), return_counts=True)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The geometry that a capture states and may have wrong: the pose of every view and the projector's place.
+"""The geometry that a capture states and may have wrong: the pose of every view, the projector's pose, focal lengths.
 
-Twists are [v, w]: six numbers, metres and radians, in the axes of what they move: the left camera of a view, the
-projector. The change of an image by a twist comes from the rendered light, depth and normals of its pixels: surfaces
-move in the image with what they scatter, and dots slide over them, because the pattern rides with the rig.
+A twist is [v, w]: six numbers in metres and radians, in the axes of what it moves (the left camera of a view, or the
+projector). The derivative of an image by a twist comes from the rendered light, depth and normals of its pixels.
+Surfaces move in the image with the light that they scatter. Dots slide over them, because the projector moves with the
+rig.
 """
 
 from collections.abc import Sequence
@@ -21,21 +22,21 @@ from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.view import View
 
 TWIST = 6
-# Half of the step of the pattern's slope, in its pixels; of the focal length's, relative: a fifth of a pixel at the
-# border of a small image.
+# Half steps of differences: of the pattern, in its pixels; of the focal length, relative (a fifth of a pixel at the
+# border of a small image).
 _STEP_PX, _FOCAL_STEP = 0.25, 2e-3
-# Rays that graze a surface by less than this cosine tell nothing of where it stands.
+# Rays that graze a surface by less than this cosine tell nothing of its place.
 _GRAZING = 0.05
 Twist = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Corrections that carry a capture from where it is stated to where it stands.
+    """Corrections of a capture's stated geometry.
 
-    focal: relative, of the left and the right camera. projector: its twist. poses: [n][6], of the left camera, one for
-    each pose that the capture states. deviations: standard errors of focal and twists() together. misfit: how many
-    times as many pixels the likelihood counts as the images' tiles bear out; 1 where what is found may be believed.
+    focal: relative changes of the left and the right camera's focal length. projector: its twist. poses: twists of the
+    left camera [n][6], one for each stated pose. deviations: standard errors of focal and twists() together. misfit:
+    the likelihood counts this many times too many pixels, by the scatter of the images' tiles; 1 if it counts right.
     """
 
     stated: Capture
@@ -60,11 +61,12 @@ class Geometry:
         return not (self.focal.any() or self.twists().any())
 
     def twists(self) -> NDArray[np.float64]:
-        """The projector's twist, then every pose's, as one vector."""
+        """Returns the projector's twist, then every pose's, as one vector."""
         return np.concatenate([self.projector, self.poses.ravel()])
 
     def moved(self, focal: NDArray[np.float64], twists: NDArray[np.float64]) -> "Geometry":
-        """Further corrections on top, of the focal lengths and as twists() has them."""
+        """Returns the geometry with further corrections on top: relative focal changes, and twists in the order of
+        twists()."""
         projector, *poses = twists.reshape(-1, TWIST)
         return replace(
             self,
@@ -74,34 +76,34 @@ class Geometry:
         )
 
     def beyond_stated(self) -> NDArray[np.float64]:
-        """By how much the train views at rest are farther off than is stated, [2]: the root mean square of their moves
-        and of their turns in the stated deviations; at least 1, which they are where the capture is as stated."""
+        """Returns the root mean square of the resting train views' moves and turns, in stated deviations, [2]. The
+        values are at least 1."""
         known, counts = self.stated.uncertainty, ~(self.moving() | self.held_out())
         at_rest = self.poses[counts].reshape(-1, 2, TWIST // 2) / np.array([[known.pose_m], [known.pose_rad]])
         return np.maximum(np.sqrt((at_rest**2).mean(axis=(0, 2))), 1.0) if at_rest.size else np.ones(2)
 
     def moving(self) -> NDArray[np.bool_]:
-        """Which poses are of moving frames, [n]."""
+        """Returns which poses belong to moving frames, [n]."""
         moving = {f.id for f in self.stated.frames if f.is_moving}
         return np.array([not moving.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
 
     def held_out(self) -> NDArray[np.bool_]:
-        """Which poses are of test frames alone, [n]."""
+        """Returns which poses belong to test frames alone, [n]."""
         train = {f.id for f in self.stated.split("train")}
         return np.array([train.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
 
     def places(self) -> dict[int, NDArray[np.intp]]:
-        """{frame id: where the numbers that its images depend on stand in twists()}."""
+        """Returns {frame id: indices into twists() of the twelve numbers on which its images depend}."""
         of_projector, own = np.arange(TWIST), TWIST + np.arange(TWIST)
         numbers = _numbers_of_poses(self.stated)
         return {id: np.concatenate([of_projector, own + TWIST * row]) for id, row in numbers.items()}
 
     def frames_of(self, row: int) -> list[int]:
-        """Ids of the frames at one of the poses."""
+        """Returns the ids of the frames at one pose."""
         return [id for id, number in _numbers_of_poses(self.stated).items() if number == row]
 
     def capture(self) -> Capture:
-        """The capture as it stands."""
+        """Returns the capture with the corrections applied."""
         if self.is_as_stated():
             return self.stated
         rig, projector, row = self.stated.rig, self.stated.rig.projector, _numbers_of_poses(self.stated)
@@ -116,7 +118,7 @@ class Geometry:
 
 
 def _numbers_of_poses(capture: Capture) -> dict[int, int]:
-    """{frame id: the number of its pose, in the order in which the capture states them}."""
+    """Returns {frame id: the number of its pose}, in the order in which the capture states the poses."""
     keys = {f.id: f.camera_to_world.tobytes() for f in capture.frames}
     number = {key: i for i, key in enumerate(dict.fromkeys(keys.values()))}
     return {frame_id: number[key] for frame_id, key in keys.items()}
@@ -129,28 +131,29 @@ def _with_focal(camera: Camera, factor: float) -> Camera:
 
 
 def matrix_of(twist: Twist) -> NDArray[np.float64]:
-    """The 4x4 motion exp([v, w])."""
+    """Returns the 4x4 rigid motion exp([v, w])."""
     v, w = twist[:3], twist[3:]
     generator = np.array([[0, -w[2], w[1], v[0]], [w[2], 0, -w[0], v[1]], [-w[1], w[0], 0, v[2]], [0, 0, 0, 0]])
     return expm(generator)
 
 
 def _composed(first: Twist, second: Twist) -> Twist:
-    """The twist of one motion after another."""
+    """Returns the twist of the motion matrix_of(first) @ matrix_of(second)."""
     generator = logm(matrix_of(first) @ matrix_of(second)).real
     return np.array([*generator[:3, 3], generator[2, 1], generator[0, 2], generator[1, 0]])
 
 
 def geometry_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, NDArray[np.float32]]:
-    """DN per metre and radian of the projector's twist, then of the view's pose, [12][height][width] of each image."""
+    """Returns each image's derivatives by the projector's twist, then by the view's pose: DN per metre and radian,
+    [12][height][width]."""
     return derivatives_in_dn(images, nuisances, _radiance_slopes)
 
 
 def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
-    """Derivatives of the projector's light and of the ambient light, [2][12][height][width].
+    """Returns the derivatives of the projector's light and of the ambient light by both twists, [2][12][height][width].
 
-    Both are linear in how a pixel's surface point moves, so each light has a gradient by that motion, [..., 3], from
-    which all twists' derivatives follow as forces and moments do: v . g + (w x p) . g = v . g + w . (p x g).
+    Both lights are linear in the motion of a pixel's surface point, so each has a gradient by that motion, [..., 3].
+    The derivatives by a twist follow as forces and moments do: v . g + (w x p) . g = v . g + w . (p x g).
     """
     view, layers, dots = image.view, image.layers, DotView.of(image.view)
     points, normal, there = view.points(), view.normal, view.projector_points()
@@ -166,11 +169,11 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
     lit = dots.lit[..., None]
     of_dots = flat * _by_motion(view.projector_K, there, np.where(dots.lit, dots.z, np.inf), _pattern_slope(dots, view))
 
-    # The projector: the surfaces stay, the light that falls on them changes.
+    # The projector moves: the surfaces stay, the light that falls on them changes.
     by_place = np.where(lit, -(of_dots + brightening @ turn.T), 0.0)
     by_turn = np.where(lit, -np.cross(there, of_dots), 0.0)
-    # The rig: surfaces move in the cameras' frames, with what they scatter, and slide along the pixels' rays through
-    # the pattern.
+    # The rig moves: surfaces move in the cameras' frames with the light that they scatter, and slide along the pixels'
+    # rays through the pattern.
     sliding = _dot(of_dots @ turn, rays) / _not_grazing(normal, rays)
     carried = pattern * _by_motion(view.K, points, z, _gradient(layers.flat))
     carried += _by_motion(view.K, points, z, _gradient(layers.indirect))
@@ -187,22 +190,23 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
 def _by_twist(
     left_to_camera: np.ndarray, points: np.ndarray, by_motion: np.ndarray, turning: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives [..., 3] by v and by w of the rig's twist, in the left camera's axes, at whose rest surfaces move
-    the other way. turning: by the turn of the normals."""
+    """Returns the derivatives [..., 3] by v and by w of the rig's twist, in the left camera's axes. Surfaces move the
+    opposite way. turning: the derivative by the turn of the normals."""
     force, moment = -by_motion, turning - np.cross(points, by_motion)
     turn, offset = left_to_camera[:3, :3], left_to_camera[:3, 3]
     return force @ turn, (moment + np.cross(force, offset)) @ turn
 
 
 def _by_motion(K: np.ndarray, points: np.ndarray, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Derivative [..., 3] of an image by the motion of its points. gradient: of the image by pixels, [..., 2]."""
+    """Returns the derivative [..., 3] of an image by the motion of its surface points. gradient: of the image per
+    pixel, [..., 2]."""
     of_u = gradient[..., 0] * K[0, 0] / z
     of_v = (gradient[..., 0] * K[0, 1] + gradient[..., 1] * K[1, 1]) / z
     return np.stack([of_u, of_v, -(of_u * points[..., 0] + of_v * points[..., 1]) / z], axis=-1)
 
 
 def _gradient(image: np.ndarray) -> np.ndarray:
-    """Change per pixel along u and v, [height][width][2]."""
+    """Returns the change per pixel along u and v, [height][width][2]."""
     down, right = np.gradient(image.astype(np.float64))
     return np.stack([right, down], axis=-1)
 
@@ -222,23 +226,24 @@ def _pattern_slope(dots: DotView, view: View) -> np.ndarray:
 
 
 def _not_grazing(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Their product, infinite where they are nearly at right angles."""
+    """Returns the dot product, or infinity where the two are nearly at right angles."""
     product = _dot(normal, direction)
     return np.where(np.abs(product) > _GRAZING * np.linalg.norm(direction, axis=-1), product, np.inf)
 
 
 def focal_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, NDArray[np.float32]]:
-    """{(frame id, side): DN per relative change of the focal length [height][width]}, for calibrations err.
+    """Returns {(frame id, side): DN per relative change of the focal length [height][width]}.
 
-    It is a central difference of the supersampled images where there are any: a dot is hardly wider than a pixel, and
-    differences of pixels are wrong by half there. With a wrong derivative the fit would leave an error of the focal
-    length to an effect that also stretches the image.
+    It is a central difference of the supersampled images, if there are any: a dot is hardly wider than a pixel, so
+    differences of pixels are wrong by half there. With a wrong derivative the fit would take an error of the focal
+    length for an effect that also stretches the image.
     """
     return derivatives_in_dn(images, nuisances, _focal_slope)
 
 
 def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
-    """Derivatives of the projector's light and of the ambient light, [2][height][width]."""
+    """Returns the derivatives of the projector's light and of the ambient light by the focal length,
+    [2][height][width]."""
     (u, v), (cx, cy) = image.view.pixels(), image.view.K[:2, 2]
     light = Light.of(image.layers)
     if light.supersampled is not None:  # spline coefficients are as large as the images: none are kept

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One camera's image of one frame, beside the rendered light of the same view."""
+"""One camera's image of one frame beside the rendered light of the same view."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from activestereo.effects.core.model import scales
 
 @dataclass(frozen=True)
 class MeasuredImage:
-    """One camera's image of one frame, without weights. measured: DN [height][width]."""
+    """One camera's image of one frame. measured: DN [height][width]. layers: the rendered light of the view."""
 
     frame: Frame
     side: str
@@ -25,7 +25,7 @@ class MeasuredImage:
     measured: np.ndarray
 
     def where_known(self) -> np.ndarray:
-        """The measured image with NaN where the scene is not known."""
+        """Returns the measured image with NaN at pixels where the scene is unknown."""
         return self.measured if self.view.known is None else np.where(self.view.known, self.measured, np.nan)
 
     @property
@@ -38,10 +38,10 @@ def derivatives_in_dn(
     nuisances: Nuisances,
     of_light: Callable[[MeasuredImage], NDArray[np.float32]],
 ) -> dict[ImageKey, NDArray[np.float32]]:
-    """{(frame id, side): derivatives of an image, DN, [...][height][width]}, 0 where it is clipped.
+    """Returns {(frame id, side): derivatives of an image, DN, [...][height][width]}, 0 at clipped pixels.
 
-    of_light: those of the projector's light and of the ambient light, [2][...][height][width], which all images of one
-    pose and camera share.
+    of_light(image): returns the derivatives of the projector's light and of the ambient light, [2][...][height][width].
+    All images of one pose and camera share them.
     """
     known: dict[tuple[str, bytes], NDArray[np.float32]] = {}
     out = {}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Model discrepancy at edges: the scene measurement knows the positions of edges to a millimetre or so.
+"""Model discrepancy at edges: the scene measurement knows the positions of edges to about a millimetre.
 
-Where materials or surfaces meet, and where a texture that was measured changes, an error of position changes the image
-by the local slope times that error. Its standard deviation is estimated on static frames and limited, so that effects
-that do move edges remain to be explained.
+At edges of materials, surfaces and measured textures, an error of position changes the image by the local slope times
+that error. Its standard deviation is estimated on static frames and limited, so that effects that do move edges remain
+to be explained.
 """
 
 from collections.abc import Sequence
@@ -14,8 +14,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from activestereo.compare.noise import NoiseModel
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 
-# Largest error of an edge's position that the scene measurement is trusted to make, metres; beyond it something
-# else is missing.
+# Largest error of an edge's position that the scene measurement may make, metres. Beyond it an effect is missing.
 _LARGEST_EDGE_DISCREPANCY_M = 1.5e-3
 _DEPTH_STEP = 0.03
 # A measured texture has an edge where the room's light off it changes by more than this share from pixel to pixel.
@@ -23,7 +22,7 @@ _TEXTURE_STEP = 0.1
 
 
 def edges(o: MeasuredImage) -> np.ndarray:
-    """Pixels next to an edge of a material or a surface, bool [height][width]: their values depend on its position."""
+    """Returns the pixels next to an edge of a material or a surface, bool [height][width]."""
     return o.view.once("edges", lambda: _edges(o.view.depth_m, np.asarray(o.layers.material)))
 
 
@@ -33,9 +32,8 @@ def _edges(z: np.ndarray, material: np.ndarray) -> np.ndarray:
 
 
 def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
-    """Change of the expected image in DN per metre of misplacement, at pixels next to an edge, else 0; float32
-    [height][width].
-    """
+    """Returns the change of the expected image by misplaced edges, DN per metre, float32 [height][width]; 0 away from
+    edges."""
     z, edge = o.view.depth_m, edges(o)
     down, right = np.gradient(image)
     slope = np.where(edge, np.hypot(down, right), 0.0)
@@ -46,7 +44,8 @@ def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
 
 
 def _texture_edges(room: np.ndarray) -> np.ndarray:
-    """Relative change of the room's light from pixel to pixel, which no dots are in, at edges; else 0."""
+    """Returns the relative change of the room's light from pixel to pixel at edges of a texture, else 0. The room's
+    light shows no dots."""
     down, right = np.gradient(room)
     change = np.hypot(down, right) / np.maximum(room, 1e-3 * room.max(initial=1e-9))
     return np.where(change > _TEXTURE_STEP, change, 0.0)
@@ -55,8 +54,8 @@ def _texture_edges(room: np.ndarray) -> np.ndarray:
 def edge_discrepancy(
     observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], noise_model: NoiseModel
 ) -> float:
-    """Standard deviation of the edges' positions in metres, from the excess error of static frames at edges; 0 where
-    there is none."""
+    """Returns the standard deviation of edge positions, metres, from the excess error of static frames at edges; 0 if
+    there is no excess."""
     excess = slopes = 0.0
     for o in observations:
         if not o.frame.is_moving and o.frame.projector_power > 0:

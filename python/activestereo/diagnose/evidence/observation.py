@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observations of a diagnosis: one camera's image of one frame each, and all of them together with what is known of
-their noise.
+"""Observations of a diagnosis (one camera's image of one frame each), and all of them together with their noise.
 
-The *noise floor* of an image is its mean temporal variance in DN^2: what a perfect model would leave of the squared
-error. It comes from repeated frames of a static view (activestereo.compare.noise), or where there are none from the
-difference of each frame's two cameras (activestereo.compare.noise), an upper bound. Every figure named
-`reduced_chi2` is a mean square in units of that variance.
+The *noise floor* of an image is its mean temporal variance in DN^2: the squared error that a perfect model would leave.
+It comes from repeated frames of a static view (activestereo.compare.noise). Without repeats, the difference of each
+frame's two cameras gives an upper bound. Every figure named `reduced_chi2` is a mean square in units of that variance.
 """
 
 from collections.abc import Sequence
@@ -23,21 +21,21 @@ from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
 
 # Correlated errors are judged by tiles of this side.
 TILE_PX = 16
-# What lies closer than this may share an error: standard errors go by blocks.
+# Pixels closer than this may share an error: standard errors treat blocks as units.
 BLOCK_PX = 32
-# Of the pixels, where a few images stand for all.
+# Share of the pixels that is used if a few images represent all.
 _PICKED_SHARE, _SEED = 0.25, 11
 
 
 @dataclass(frozen=True)
 class Observation(MeasuredImage):
-    """A measured image with what fits need of it. All images are [height][width].
+    """A measured image with the inputs of fits. All images are [height][width].
 
     weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train observations, -1
-    for test frames. material: index into the
-    albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. geometry_slopes: DN per
-    metre and radian, [12][height][width], of the numbers at geometry_places in NuisancePrior. pick: flat indices
-    of the pixels that count, None = all.
+    for test frames. material: index into the albedo nuisances, -1 = none. focal_slope: DN per relative change of the
+    focal length. geometry_slopes: DN per metre and radian, [12][height][width]. geometry_places: indices into
+    NuisancePrior of the twelve numbers that these slopes belong to. pick: flat indices of the pixels that count, None =
+    all.
     """
 
     weight: np.ndarray
@@ -49,7 +47,7 @@ class Observation(MeasuredImage):
     pick: np.ndarray | None = None
 
     def picked(self) -> np.ndarray | slice:
-        """The index that takes the pixels that count out of a flat image."""
+        """Returns the index that takes the pixels that count from a flat image."""
         return slice(None) if self.pick is None else self.pick
 
     @property
@@ -61,8 +59,11 @@ class Observation(MeasuredImage):
 @dataclass(frozen=True)
 class NuisancePrior:
     """A normal prior of the nuisances after scales and black level: both focal lengths, albedos, then
-    Geometry.twists(). value, sigma: [n]; materials: how many albedos. black_dn: the measured black level and its
-    deviation, or None: it is free. weighed_up: sigma^2 is what is stated over this."""
+    Geometry.twists().
+
+    value, sigma: mean and deviation, [n]. materials: the number of albedos. black_dn: the measured black level and its
+    deviation; None leaves it free. weighed_up: the stated variances were divided by this.
+    """
 
     value: np.ndarray
     sigma: np.ndarray
@@ -73,12 +74,12 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Evidence:
-    """All observations of a capture.
+    """All observations of a capture with what fits need.
 
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
-    model of the noise; has_floor: whether repeats gave it, or the two cameras of each frame. noise_variances: {(frame
-    id, side): DN^2}. materials: how many albedo nuisances there are. tiles: how many tiles. seed: rules every random
-    choice. geometry: corrections of the stated one that the capture has here.
+    model; has_floor: whether repeats, or the two cameras of each frame, gave it. noise_variances: {(frame id, side):
+    DN^2}. materials: the number of albedo nuisances. tiles: the number of tiles. seed: sets every random choice.
+    geometry: the corrections of the stated geometry that `capture` contains.
     """
 
     capture: Capture
@@ -94,10 +95,12 @@ class Evidence:
     seed: int = 0
 
     def nuisance_prior(self) -> NuisancePrior:
-        """The calibration's and scene measurement's word on the nuisances, from where images were rendered; poses of
-        test frames alone stay where they were found. All views were measured alike: where those at rest were found
-        farther off than is stated, so may the others be. Where the likelihood counts more pixels than it should, what
-        is stated is weighed up by as much (a tempered posterior; Miller and Dunson, JASA 2019)."""
+        """Returns the prior of the nuisances by the stated uncertainty, relative to the geometry that was rendered.
+
+        Deviations of poses grow to the errors found on views at rest, because all views were measured alike. Poses of
+        test frames alone stay where they were found. If the likelihood counts too many pixels, the prior is weighed up
+        by as much (a tempered posterior; Miller and Dunson, JASA 2019).
+        """
         known = self.capture.uncertainty
         twist = np.repeat(self.geometry.beyond_stated() * [known.pose_m, known.pose_rad], TWIST // 2)
         projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)
@@ -116,15 +119,15 @@ class Evidence:
         return sum(o.pixels for o in self.train)
 
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
-        """The observations' mean noise floor, DN^2."""
+        """Returns the mean noise floor of observations, DN^2."""
         return float(np.mean([self.noise_variances[o.key] for o in observations]))
 
 
 def weight_of(
     noise_model: NoiseModel, edge_discrepancy_m: float, observation: MeasuredImage, expected_dn: np.ndarray
 ) -> np.ndarray:
-    """1 / variance of pixels: the noise model's variance, and at edges what their misplacement adds; 0 where the scene
-    is not known."""
+    """Returns 1 / variance of each pixel, 1/DN^2: the variance of the noise plus, at edges, of their misplacement. The
+    weight is 0 where the scene is unknown."""
     variance = np.maximum(noise_model.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
     if edge_discrepancy_m > 0:
         variance = variance + (edge_discrepancy_m * edge_slopes(observation, expected_dn)) ** 2
@@ -133,8 +136,10 @@ def weight_of(
 
 
 def one_of_each_situation(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
-    """One image of each situation: the right camera (which every camera effect touches), one frame per pose and
-    setting, and one of the left camera, which the right one may differ from; a random part of the pixels counts.
+    """Chooses one image of each situation (pose and setting) of the right camera, and one of the left camera. A random
+    part of their pixels counts.
+
+    Every camera effect touches the right camera; the left one shows in what the two differ.
     """
     seen: set[tuple] = set()
     left = _left_image(observations)
@@ -152,7 +157,8 @@ def one_of_each_situation(observations: Sequence[Observation], seed: int = 0) ->
 
 
 def _left_image(observations: Sequence[Observation]) -> Observation | None:
-    """The first of the left camera, or its last repeat: light that flickers is seen at one more instant then."""
+    """Returns the left camera's first image, or the last of its repeats: that shows flickering light at one more
+    instant."""
     left = [o for o in observations if o.side == "left"]
     group = left[0].frame.repeat_group if left else None
     repeats = [o for o in left if o.frame.repeat_group == group] if group is not None else left[:1]
