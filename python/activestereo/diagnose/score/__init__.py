@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From fits to evidence: log-likelihood gains, what freedom costs, intervals, and what an explanation leaves."""
+"""Turns fits into evidence: log-likelihood gains, penalties for free parameters, intervals, and remaining structure."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A parameter's value and 90 % interval from a fit."""
+"""The value and the 90 % interval of a fitted parameter."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -12,9 +12,9 @@ from activestereo.effects import Effect, Parameter
 
 # Normal quantile of a two-sided 90 % interval.
 Z90 = 1.645
-# Formulas and scene measurement are approximate: to this share of what was found (held-out cases with formulas of their
-# own err by 8 % in the median, practice captures by 0.2-5 %; with this share intervals hold the truth in 20 of 22
-# cases of generation 1).
+# Formulas and scene measurement are approximate to this share of a found value. Held-out cases with formulas of their
+# own err by 8 % in the median, practice captures by 0.2-5 %. With this share, intervals hold the truth in 20 of 22
+# cases of generation 1.
 _INADEQUACY = 0.10
 
 Limits = tuple[float, float, float]
@@ -22,8 +22,8 @@ Limits = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Interval:
-    """A parameter as found: value, and the ends of its 90 % interval, in unit. floor: the half width that the interval
-    has however well the parameter was fitted."""
+    """A fitted parameter: its value and the ends of its 90 % interval, in `unit`. floor: the half width that remains
+    however well the parameter was fitted."""
 
     value: float
     low: float
@@ -36,33 +36,34 @@ class Interval:
 
 
 def is_shape(parameter: Parameter) -> bool:
-    """Shape parameters (a focus, a frequency, a doubling temperature) have no neutral value of zero."""
+    """Returns whether a parameter is a shape (a focus, a frequency, a doubling temperature): its neutral value is not
+    zero."""
     return parameter.neutral != 0.0
 
 
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
-    """(value, low, high) of a 90 % interval: a standard error, and the floor for what was found."""
+    """Returns (value, low, high) of a 90 % interval that combines the standard error with floor()."""
     half = 0.0 if parameter.choice else float(np.hypot(Z90 * deviation, floor(parameter, value)))
     return value, value - half, value + half
 
 
 def floor(parameter: Parameter, value: float) -> float:
-    """Half of a 90 % interval by the models' own discrepancy alone: of an amplitude's distance from neutral, of a
-    shape's whole value, whose neutral one is a usual place and not the absence of anything."""
+    """Returns the half width of a 90 % interval that the models' own discrepancy gives. It is a share of an amplitude's
+    distance from neutral, or of a shape's whole value."""
     size = value if is_shape(parameter) else value - parameter.neutral
     return 0.0 if parameter.choice else Z90 * _INADEQUACY * abs(float(size))
 
 
 def intervals(fitter: Fitter, solution: Solution, effect: Effect) -> dict[str, Interval]:
-    """The 90 % intervals of an effect's parameters in a Solution."""
+    """Returns the 90 % intervals of an effect's parameters in a Solution."""
     deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))[: len(solution.theta)]
     found = zip(solution.space.pairs, solution.theta, deviation, strict=True)
     return within_ranges(effect, {p.name: interval(p, v, d) for (e, p), v, d in found if e.id == effect.id}, True)
 
 
 def within_ranges(effect: Effect, found: Mapping[str, Limits], has_floor: bool = False) -> dict[str, Interval]:
-    """Intervals inside the parameters' ranges; neutral and the whole range where a parameter was not found. has_floor:
-    they are of interval()."""
+    """Returns intervals clipped to the parameters' ranges. A parameter that was not found gets its neutral value and
+    whole range. has_floor: the intervals come from interval()."""
     out = {}
     for p in effect.parameters:
         value, low, high = found.get(p.name, (p.neutral, p.low, p.high))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From fits to evidence: the pixels' effective number, gains of log-likelihood, and the penalty for free parameters.
+"""Turns fits into evidence: the effective number of pixels, gains of log-likelihood, and penalties for free parameters.
 
 The penalty is Laplace's estimate of the evidence beside the best likelihood (MacKay 2003, chapter 28), accurate to a
-few nats: of two effects that explain the data equally well, the one that needs less fine tuning and less unusual
-parameters is preferred.
+few nats. Of two effects that explain the data equally well, it prefers the one that needs less fine tuning and less
+unusual parameters.
 """
 
 from itertools import combinations
@@ -17,7 +17,7 @@ from activestereo.effects import Effect, Parameter
 
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
-    """By how much the tiles' chi2 varies more than that of as many independent normal pixels: 1 = independent."""
+    """Returns how many times more the tiles' chi2 varies than that of as many independent normal pixels; at least 1."""
     full = tile_pixels > 0.5 * tile_pixels.max()
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
@@ -25,16 +25,17 @@ def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
 
 
 def nats_of(base_chi2: float, chi2: float, pixels: int, design: float) -> float:
-    """Gain of the profile log-likelihood with the noise scale free: what no model explains counts as noise."""
+    """Returns the gain of the profile log-likelihood with the noise scale free: the residual of every model counts as
+    noise."""
     return 0.5 * pixels / design * float(np.log(base_chi2 / chi2))
 
 
 def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:
-    """The penalty for a fitted effect's free parameters: the logarithm of (prior density at the fitted values x
-    posterior volume).
+    """Returns the penalty for a fitted effect's free parameters in nats, to be added to a gain: the logarithm of prior
+    density at the fitted values times posterior volume.
 
-    Parameters may also be neutral, at the cost of the likelihood that this loses; the best such choice counts, and all
-    choices are as likely. design: the residuals' design effect.
+    Parameters may also be neutral, at the cost of the likelihood that this loses. The best such choice counts, and all
+    choices are equally probable. design: the residuals' design effect.
     """
     first = len(solution.theta) - len(effect.parameters)
     free = first + np.flatnonzero(~solution.space.given[first:])
@@ -52,9 +53,10 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
 
 
 def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray, peaks: np.ndarray) -> float:
-    """The cost where only the parameters `kept` are in use.
+    """Returns the penalty, nats, if only the parameters `kept` are in use.
 
-    away: distances from neutral in typical deviations; information: in those units; peaks: log densities at neutral.
+    away: distances from neutral in typical deviations. information: in those units. density, peaks: log prior densities
+    at the fitted and at the neutral values.
     """
     used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
@@ -67,7 +69,7 @@ def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: n
 
 
 def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.ndarray:
-    """The information on the chosen parameters, all others and the nuisances fitted beside them (Schur's
+    """Returns the information on the chosen parameters with all others and the nuisances fitted too (Schur's
     complement)."""
     gram = solution.sums.gram + np.diag(fitter.prior(len(solution.theta), solution.space))
     rest = np.setdiff1d(np.arange(len(gram)), chosen)
@@ -76,7 +78,11 @@ def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.n
 
 
 def _log_density(parameter: Parameter, away: float) -> float:
-    """The log density of a parameter's prior per typical deviation: only the order of magnitude is known, so it is
-    Cauchy's (Gelman et al. 2008, A weakly informative default prior distribution)."""
+    """Returns the log density of a parameter's prior per typical deviation, at a distance from neutral in the same
+    unit.
+
+    Only the order of magnitude is known, so the prior is Cauchy's (Gelman et al. 2008, A weakly informative default
+    prior distribution).
+    """
     one_sided = parameter.low >= parameter.neutral or parameter.high <= parameter.neutral
     return np.log((2.0 if one_sided else 1.0) / np.pi) - np.log1p(away**2)

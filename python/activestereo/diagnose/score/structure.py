@@ -2,7 +2,7 @@
 """Goodness of fit without an alternative hypothesis: how much of a residual any smooth effect could still explain.
 
 Within a tile every smooth effect on the expected image acts as an offset, a gain, a displacement or a blur. These are
-fitted to each half of the tile's pixels separately; the part on which both halves agree is structure, the rest is
+fitted to each half of the tile's pixels separately. The part on which both halves agree is structure, the rest is
 noise. Independent draws (photons, read noise, grains, the renderer's samples) do not agree, in expectation.
 """
 
@@ -14,25 +14,24 @@ from scipy.ndimage import laplace
 from activestereo.diagnose.evidence.observation import TILE_PX
 from activestereo.diagnose.refine.fitter import ImageResidual
 
-# Side of the squares that the halves are made of, like a chessboard: neighbours share noise where images were
-# resampled.
+# Side of the chessboard's squares that make up the halves: neighbours share noise where images were resampled.
 _SQUARE_PX = 4
-# Precision of the coefficients' prior, as a part of what half a tile tells of them on average: columns that it cannot
+# Precision of the coefficients' prior, as a part of the mean information of half a tile: coefficients that it cannot
 # tell apart stay small.
 _RIDGE = 0.05
 
 
 def local_structure(rows: Sequence[ImageResidual]) -> float:
-    """Mean square per pixel, in noise variances, that both halves of the tiles agree on.
+    """Returns the part of the residual on which both halves of the tiles agree: mean square per pixel, noise variances.
 
-    It is unbiased up to the ridge, which holds it down: near 0, of either sign, where the residual is noise.
+    It is unbiased up to the ridge, which holds it down: for pure noise it is near 0, of either sign.
     """
     pixels = [row.observation.pixels for row in rows]
     return sum(image_structure(row) * n for row, n in zip(rows, pixels, strict=True)) / sum(pixels)
 
 
 def image_structure(row: ImageResidual) -> float:
-    """local_structure() of one image."""
+    """Returns local_structure() of one image."""
     o, image, _, residual = row
     root = np.sqrt(o.weight)
     slope_v, slope_u = np.gradient(image)
@@ -47,7 +46,7 @@ def image_structure(row: ImageResidual) -> float:
 
 
 def _tiles(values: np.ndarray) -> np.ndarray:
-    """[tile][pixel of the tile]; tiles that the image's border cuts are left out."""
+    """Cuts an image into tiles, [tile][pixel of the tile]; tiles that the image's border cuts are left out."""
     rows, columns = (n // TILE_PX for n in values.shape)
     cut = values[: rows * TILE_PX, : columns * TILE_PX].reshape(rows, TILE_PX, columns, TILE_PX)
     return cut.transpose(0, 2, 1, 3).reshape(rows * columns, TILE_PX**2)
@@ -59,10 +58,11 @@ def _first_half() -> np.ndarray:
 
 
 def _fit(gram: np.ndarray, x: np.ndarray, target: np.ndarray, norm: np.ndarray) -> np.ndarray:
-    """Coefficients [tile][column] of a ridge regression in each tile.
+    """Fits a ridge regression in each tile; returns coefficients [tile][column].
 
-    norm: of the columns, [tile][column], the same for both halves. The ridge is a part of what a half shows of a column
-    on average: what it hardly shows itself, such as an edge that lies in the other half, it is not asked to tell.
+    norm: of the columns, [tile][column], the same for both halves. The ridge is a part of a half's mean information on
+    a column. A half that hardly shows a column (an edge that lies in the other half) therefore gets a small
+    coefficient.
     """
     scaled = gram / (norm[:, :, None] * norm[:, None, :]) + _RIDGE * np.eye(x.shape[2])
     moment = np.einsum("tpi,tp->ti", x, target) / norm
