@@ -263,7 +263,7 @@ class _Judge:
         return smooth if smooth is not None and smooth.own.nats > bias.own.nats else bias
 
     def _shift(self, effect: Effect, values: np.ndarray, frame: _DepthFrame) -> np.ndarray:
-        """Returns how an effect moves the true disparities, px: the mean over the engine's noise, on which it acts too."""
+        """Returns how an effect moves the true disparities, px: the mean over the engine's noise, on which it acts."""
         shifts = [weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES]
         return np.sum(shifts, axis=0)
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search that scores all effects first and fits the few that matter (loop.py)."""
+"""Searches for missing effects: scores all of them first, then fits the few that matter (loop.py)."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dictionary of a search: how the expected images change by each effect, at a few amplitudes and shapes.
+"""The dictionary of a search: the change of the expected images by each effect, at a few amplitudes and shapes.
 
-A column is the exact difference of two expected images, no derivative: dots that move or clip are far from linear.
+A column is the exact difference of two expected images, not a derivative: dots that move or clip are far from linear.
 Effects whose likelihood has narrow peaks propose their own points (Effect.starts).
 """
 
@@ -23,19 +23,19 @@ from activestereo.effects import Effect, Parameter, Stage
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.model import scales
 
-# Amplitudes in typical values, parts of a short range for what acts near a threshold, shapes of an effect at most,
-# and of its own proposals.
+# Amplitudes in typical values; parts of a short range, for effects that act near a threshold; the largest numbers of
+# shapes of an effect and of its own proposals.
 _AMPLITUDES, _PARTS, _SHORT = (0.5, 3.0), (0.5, 0.65, 0.8), 4.0
 _MOST_SHAPES, _MOST_PROPOSED = 6, 4
 
 
 @dataclass(frozen=True)
 class Atom:
-    """One way to add an effect: columns whose coefficients are free.
+    """One way to add an effect: one or more columns of the dictionary with free coefficients.
 
     values: the effect's parameters at coefficient 1 of the first column and 0 of the others. steps: (parameter, its
     change per coefficient) of each column. signed: whether a coefficient may be negative. sigma: deviation of its
-    prior. first: the number of the first column.
+    prior. first: the index of the first column.
     """
 
     effect: Effect
@@ -46,15 +46,15 @@ class Atom:
     first: int
 
     def columns(self) -> slice:
-        """Its columns in the dictionary."""
+        """Returns the slice of the dictionary that holds the atom's columns."""
         return slice(self.first, self.first + len(self.steps))
 
 
 def atoms_of(
     linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
 ) -> list[Atom]:
-    """The atoms of effects. reach: deviation of the amplitudes' prior in typical values; memory keeps what built-in
-    effects propose, which so many processes make."""
+    """Returns the atoms of effects. reach: deviation of an amplitude's prior, in typical values. memory: keeps the
+    points that built-in effects propose; `workers` processes compute them."""
     atoms: list[Atom] = []
     proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
     first = 0
@@ -69,7 +69,8 @@ def atoms_of(
 def _proposals(
     linear: Linear, effects: Sequence[Effect], workers: int, memory: FitCache | None
 ) -> dict[str, NDArray[np.float64]]:
-    """{effect: [n][parameters]}: where narrow peaks may be, NaN = at neutral."""
+    """Returns {effect: [n][parameters]}: the points that effects propose, near narrow peaks of their likelihood; NaN =
+    neutral."""
     contents = {e.id: effect_content(e) for e in effects}
     keys = {name: c and content_key("starts", linear.residual, c) for name, c in contents.items()}
     seen = cache(lambda: start_images(linear))
@@ -91,7 +92,7 @@ def _proposals(
 
 
 def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
-    """The columns [columns][n] of atoms in noise units, made by so many processes; memory keeps those of built-in
+    """Makes the columns of atoms, [columns][n] in noise units, in so many processes. memory: keeps those of built-in
     effects."""
     contents = {a.effect.id: effect_content(a.effect) for a in atoms}
     known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
@@ -113,7 +114,7 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
 
 
 def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
-    """The columns of atoms, one after the other, in numbers of half the size: their rounding is far below the noise."""
+    """Makes the columns of atoms, one after the other, as float16: its rounding is far below the noise."""
     if not atoms:
         return np.zeros((0, len(linear.residual)), np.float16)
     model = linear.solution.model
@@ -130,7 +131,7 @@ def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.flo
         lead = linear.change(model.with_effect(atom.effect, **atom.values), images)
         own[0] = _in_halves(lead)
         if not lead.any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
-            return  # a drift alone shows nothing here: the atoms of the first amplitude have it
+            return  # a drift that alone shows nothing is left to the atoms of the first amplitude
         for column, (name, step) in zip(own[1:], atom.steps[1:], strict=True):
             p = next(p for p in atom.effect.parameters if p.name == name)
             moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
@@ -149,8 +150,8 @@ def _in_halves(change: Columns) -> NDArray[np.float16]:
 
 
 def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
-    """Columns over a fitter's pixels, as they are over another one's: their order and weights are others, where the
-    capture stands elsewhere. What the first one did not look at is 0."""
+    """Returns columns over one fitter's pixels as columns over another one's, whose order and weights differ. Pixels
+    that the first fitter did not use get 0."""
     out = np.zeros((len(columns), sum(len(p.index) for p in after.pixels())), np.float32)
     first = start = 0
     for old, new in zip(before.pixels(), after.pixels(), strict=True):
@@ -165,7 +166,7 @@ def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
 
 
 def start_images(linear: Linear) -> list[StartImage]:
-    """The images at which an effect's own proposals look."""
+    """Returns the images from which effects propose their own points, one for each observation."""
     fitter, solution, images = linear.fitter, linear.solution, []
     phi, lights = solution.phi, fitter.lights(solution.space, solution.theta)
     for (o, expected, _, residual), light in zip(fitter.residuals(solution), lights, strict=True):
@@ -181,7 +182,7 @@ _Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]
 
 
 def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> Iterator[_Plan]:
-    """(values, steps, sigma) of an effect's atoms. starts: its own proposals [n][parameters], NaN = neutral."""
+    """Yields (values, steps, sigma) of an effect's atoms. starts: its own proposals [n][parameters], NaN = neutral."""
     if starts is not None:
         yield from _proposed(effect, starts)
         return
@@ -190,7 +191,7 @@ def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> 
     choices = list(product(*map(_ladder, shapes)))
     if len(choices) > _MOST_SHAPES:
         choices = [choices[k] for k in np.linspace(0, len(choices) - 1, _MOST_SHAPES).round().astype(int)]
-    # A drift may be large where the constant error is none.
+    # A drift may be large though the constant error is zero.
     for lead in [p for p in amplitudes if p is amplitudes[0] or "/K" in p.unit or "/s" in p.unit]:
         others = [p for p in amplitudes if p is not lead] if lead is amplitudes[0] else amplitudes[:1]
         for level, choice in product(_levels(lead, effect.stage), choices):
@@ -209,7 +210,7 @@ def _proposed(effect: Effect, starts: NDArray[np.float64]) -> Iterator[_Plan]:
 
 
 def _levels(p: Parameter, stage: Stage) -> list[float]:
-    """Steps of an amplitude from neutral: one where images are linear in it, several where dots move or clip."""
+    """Returns steps of an amplitude from neutral: one if images are linear in it, several if dots move or clip."""
     up, down = p.high - p.neutral, p.neutral - p.low
     if Stage.MEDIUM <= stage <= Stage.SURFACE or stage in (Stage.OPTICS, Stage.DIGITAL):
         return [min(p.typical, up)] if up > 0 else [-min(p.typical, down)]
@@ -220,7 +221,7 @@ def _levels(p: Parameter, stage: Stage) -> list[float]:
 
 
 def _ladder(p: Parameter) -> list[float]:
-    """Values of a shape."""
+    """Returns values of a shape parameter to try."""
     if p.low > 0:
         return sorted({p.neutral, *np.geomspace(max(p.low, 0.2 * p.neutral), min(p.high, 4 * p.neutral), 4).tolist()})
     return sorted({v for v in (p.neutral, p.neutral + p.typical, p.neutral - p.typical) if p.low <= v <= p.high})

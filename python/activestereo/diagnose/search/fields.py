@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random fields that stay (gains of pixels, dots or rows, speckle): variance components of what images leave."""
+"""Judges random fields that last (gains of pixels, dots or rows, speckle) by the variance that they explain in
+residuals."""
 
 from collections.abc import Iterable, Sequence
 
@@ -17,8 +18,10 @@ from activestereo.effects.core.judging import Channel, SharedBy
 def fields_of(
     effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
 ) -> dict[str, tuple[float, FieldFit]]:
-    """{effect: (share of chi2 that its draws explain, its fit)} of effects whose draws other frames predict. Draws that
-    last while the rig stands are white over the image."""
+    """Fits effects whose draws other frames predict; returns {effect: (share of chi2 that its draws explain, its fit)}.
+
+    Draws that last only while the rig stands still are fitted only if the residuals are white over the image.
+    """
     chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
     if not chosen:
         return {}
@@ -39,8 +42,8 @@ def _chi2(rows: Sequence[ImageResidual]) -> float:
 
 
 def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
-    """Whether what stays between repeats of a view is white over the image, edges left out: grains are, shifted, dimmed
-    or blurred dots are not."""
+    """Returns whether residuals that repeats of a view share are white over the image, edges left out. Speckle grains
+    are white; shifted, dimmed or blurred dots are not."""
     by_view: dict[object, list[np.ndarray]] = {}
     for o, _, _, r in rows:
         view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The freedom of formulas: what the formula of a named effect misses looks like the effect itself, weighed by place or
-by brightness, or like its smooth part (glare that fades with distance), and is not another effect's."""
+"""Allows for errors of formulas: the residual that a named effect's formula leaves is not another effect.
+
+Such a residual looks like the effect itself, weighed by place or by brightness, or like its smooth part (glare that
+fades with distance).
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -18,9 +21,9 @@ from activestereo.effects import Effect
 
 
 def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
-    """The linear model with nuisances for the formulas of effects in it: their changes, weighed by the square of the
-    distance from the image's centre and by brightness, and their means over tiles. share: of the squared change, that
-    each may be."""
+    """Returns the linear model with further nuisances for errors of the effects' formulas. They are each effect's
+    change weighed by squared distance from the image's centre, weighed by brightness, and averaged over tiles. share:
+    the prior variance of each, as a share of the squared change."""
     model = linear.solution.model
     here = linear.images(model)
     fields = [p.observation.view.field() for p in linear.fitter.pixels()]
@@ -40,7 +43,7 @@ def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
 
 
 def gain_beyond(linear: Linear, fit: Solution) -> float:
-    """The fall of chi2 by what a fit changes, beyond all nuisances of a linear model."""
+    """Returns the fall of chi2 by a fit's change of the images beyond all nuisances of the linear model."""
     left = linear.fitter.residuals(fit)
     pairs = zip(linear.fitter.pixels(), left, strict=True)
     change = linear.residual - np.concatenate([p.of(row.residual) * p.root_weight for p, row in pairs])
@@ -49,8 +52,9 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
 
 
 def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: float, numbers: Numbers) -> list[str]:
-    """Other effects that explain nearly all that a shape of a named one does within what is usual: a black level that
-    moves with temperature, for a dark signal's doubling. floor: the fall of chi2 that counts."""
+    """Returns the other effects that explain nearly all that a shape parameter of a named effect changes within its
+    typical range. A black level that moves with temperature, for example, stands in for a dark signal's doubling.
+    floor: a smaller fall of chi2 is ignored."""
     space, model, out = linear.solution.space, linear.solution.model, []
     own, values = next((e, values) for e, values in model.effects if e.id == effect.id)
     for i, (e, p) in enumerate(space.pairs):
@@ -69,7 +73,7 @@ def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: f
 
 
 def _smooth(linear: Linear, row: Columns) -> Columns:
-    """A change's means over tiles, as large as the change itself."""
+    """Returns a change's means over tiles, scaled to be as large as the change itself."""
     pixels = linear.fitter.pixels()
     tile, root = (np.concatenate(x) for x in ([p.tile for p in pixels], [p.root_weight for p in pixels]))
     mean = np.bincount(tile, row / np.maximum(root, 1e-12)) / np.maximum(np.bincount(tile), 1)
@@ -78,7 +82,7 @@ def _smooth(linear: Linear, row: Columns) -> Columns:
 
 
 def _standard(weight: NDArray[np.float64], change: Columns) -> NDArray[np.float64] | None:
-    """A weight of mean 0 and deviation 1 over the squared change; None where it is the same everywhere."""
+    """Returns a weight scaled to mean 0 and deviation 1 over the squared change; None if it is constant."""
     square = change.astype(np.float64) ** 2
     total = max(float(square.sum()), 1e-12)
     away = weight - float(weight @ square) / total

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The images near a fit as a linear model: a column for every nuisance and the residual, all in units of the noise."""
+"""The images near a fit as a linear model: the residual and a column for every nuisance, all in units of the noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,15 +13,15 @@ from activestereo.diagnose.refine.light import SCALES, exposed
 from activestereo.diagnose.refine.normal_equations import Cluster, Pixels, cluster_of
 from activestereo.effects import Model
 
-# The algebra looks at so many pixels, and so many Gauss-Newton steps lead to the first fit.
+# The linear model uses so many pixels, and the first fit so many Gauss-Newton steps.
 _LOOKED_AT, _ROUNDS = 200_000, 3
 _SEED = 11
 Columns = NDArray[np.float32]
 
 
 def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
-    """The observations with a random part of their pixels, as much as the algebra and the fits need: the same ones of
-    all images of one view, whose light is then computed once."""
+    """Returns the observations with a random part of their pixels, as many as fits need. All images of one view use the
+    same pixels, so that their light is computed once."""
     share = min(1.0, _LOOKED_AT / max(sum(o.pixels for o in observations), 1))
     views: dict[Cluster, int] = {}
     out = []
@@ -37,9 +37,10 @@ def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Obs
 class Linear:
     """The linear model at a solution, over the fitter's pixels [n] of all observations in a row.
 
-    nuisances: [k][n], the parameters of the effects named so far, then scales, focal lengths, albedos and geometry, in
-    noise units per unit. precision, pull: of their priors. residual: [n], noise units. material: the scene's surface
-    that each pixel shows. block: the place, shared by repeats, whose errors vary together.
+    nuisances: [k][n], derivatives by the parameters of the effects named so far, then scales, focal lengths, albedos
+    and geometry, in noise deviations per unit. precision, pull: of their priors. residual: [n], in noise deviations.
+    material: the scene's surface at each pixel. block: the place of each pixel, shared by repeats, whose errors vary
+    together.
     """
 
     fitter: Fitter
@@ -52,18 +53,18 @@ class Linear:
     block: NDArray[np.int64]
 
     def images(self, model: Model) -> list[NDArray[np.float64]]:
-        """The expected DN [pixels] of each observation under a model, beside the solution's nuisances."""
+        """Returns each observation's expected DN [pixels] under a model and the solution's nuisances."""
         pixels, phi = enumerate(self.fitter.pixels()), self.solution.phi
         return [exposed(model, p, self.fitter.light(model, i), phi)[0] for i, p in pixels]
 
     def change(self, model: Model, images: Sequence[NDArray[np.float64]]) -> Columns:
-        """By how much a model changes images, noise units [n]."""
+        """Returns the change of images by a model, in noise deviations [n]. images: expected DN before it."""
         changes = zip(self.fitter.pixels(), self.images(model), images, strict=True)
         return np.concatenate([((new - old) * p.root_weight).astype(np.float32) for p, new, old in changes])
 
 
 def linearised(fitter: Fitter, solution: Solution) -> Linear:
-    """The Linear model at a solution."""
+    """Makes the Linear model at a solution."""
     space, theta, phi = solution.space, solution.theta, solution.phi
     pixels, own, materials = fitter.pixels(), len(theta), fitter.materials
     ends = np.cumsum([0, *(len(p.index) for p in pixels)])
@@ -85,7 +86,7 @@ def linearised(fitter: Fitter, solution: Solution) -> Linear:
 
 
 def fitted_model(fitter: Fitter, model: Model, phi: NDArray[np.float64]) -> Solution:
-    """The fit of a model and of the nuisances, from the model's parameters and phi."""
+    """Fits a model and the nuisances, starting from the model's parameters and phi."""
     space = ParameterSpace.of(model)
     return fitter.refine(space, space.start, phi, _ROUNDS)
 
@@ -96,7 +97,7 @@ def _surface(o: Observation) -> NDArray[np.int64]:
 
 
 def _blocks(pixels: Sequence[Pixels]) -> NDArray[np.int64]:
-    """Each pixel's place: a block of a camera's picture of one pose, warmth and motion."""
+    """Returns the number of each pixel's place: a block of one camera's image of one pose, temperature and motion."""
     out: list[NDArray[np.int64]] = []
     known: dict[tuple[object, ...], int] = {}
     first = 0

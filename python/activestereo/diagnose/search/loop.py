@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search: score all effects first, fit the few that matter, name the best, look again until nothing passes.
+"""The search: score all effects, fit the few that matter, name the best as missing, and repeat until none passes.
 
-One dictionary serves all rounds. After a name the weights are estimated again, for what was missing passed for noise
-and for misplaced edges, and the rig is measured again beside it.
+One dictionary serves all rounds. After a name the weights are estimated again, because the missing effect had passed
+for noise and misplaced edges. The rig's geometry is measured again too.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,14 +32,14 @@ from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.judging import Channel
 
-# Effects that are fitted are the best few, and gain this part of the best by their lines; a fit gains at most so many
-# times what its line says; a gain of so many times what a name needs is no chance, and leaves no room for draws.
+# The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
+# its score. A gain of so many times what a name needs is no chance, and random fields need not be fitted beside it.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
 # Steps of a fit beside a new name, which stops where chi2 falls by less than this part of itself.
 _SETTLING, _SETTLED = 8, 1e-4
-# The logarithm of the prior volume that a field of draws takes.
+# The penalty of a random field's parameters, nats, in place of occam_nats().
 _OF_A_FIELD = -3.0
-# A term of the noise has to be this share of it.
+# A noise term is named only if it is this share of the noise.
 _NOISE_SHARE = 0.1
 
 Fields = dict[str, tuple[float, FieldFit]]
@@ -47,7 +47,12 @@ Fields = dict[str, tuple[float, FieldFit]]
 
 @dataclass(frozen=True)
 class Round:
-    """The findings of one round of a search. floor, chance: what a name needs, as gain is: a fall of chi2 over chi2."""
+    """The findings of one round of a search.
+
+    candidates, fields, fits: by effect, from scores, random fields and fits. members: {effect: probability} of the
+    likeliest set. gain: fall of chi2 by the best effect; floor, chance: the falls that a name needs; all three as
+    shares of chi2.
+    """
 
     candidates: dict[str, Candidate]
     fields: Fields
@@ -62,9 +67,12 @@ class Round:
 
 @dataclass(frozen=True)
 class Name:
-    """An effect that was named. members: {effect: probability} of the set that this recording cannot tell apart, itself
-    first. gain: the fall of the mean square, noise variances. missed: the share of it that the effect's formula may
-    have missed. field: its draws. seen: the round that named it, None where repeats show it."""
+    """An effect that was named as missing.
+
+    members: {effect: probability} of the set that this recording cannot tell apart, itself first. gain: the fall of the
+    mean square, noise variances. missed: the share of it that the effect's formula may have missed. field: the fit of
+    its random draws, or None. seen: the round that named it; None if repeats of frames showed it.
+    """
 
     effect: Effect
     members: dict[str, float]
@@ -80,9 +88,12 @@ class Name:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a search. first: the fit without names; solution: with them, both over the fitter's pixels. rows:
-    the train images under the solution, less the draws of what was named. noise: terms of the noise model; unjudged:
-    those that cannot be judged, why."""
+    """The result of a search.
+
+    first: the fit without names; solution: with them, both over the fitter's pixels. rows: the train images under the
+    solution, less the draws of named effects. noise: {effect: its noise term}. unjudged: {effect: why it was not
+    judged}. rest: the numbers of the verdict.
+    """
 
     evidence: Evidence
     fitter: Fitter
@@ -97,7 +108,7 @@ class Outcome:
 
 
 class Search:
-    """A search among effects beside a given model."""
+    """Searches for the effects that a given model lacks."""
 
     def __init__(
         self, evidence: Evidence, given: Model, effects: Sequence[Effect], settings: Settings | None = None
@@ -116,7 +127,7 @@ class Search:
         self._structure = self._structure_before = local_structure(self._rows)
 
     def run(self) -> Outcome:
-        """Names effects until nothing passes."""
+        """Names effects until none passes, then returns the Outcome."""
         linear = linearised(self._fitter, self._solution)
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         made_by = self._settings.workers, self._settings.memory
@@ -155,7 +166,8 @@ class Search:
         return self._chi2 / self._pixels - 1.0
 
     def _name_noise(self) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
-        """({effect: its term of the noise model}, {effect: why there is none}); names those that repeats show."""
+        """Names effects of temporal noise that repeats show; returns ({effect: its noise term}, {effect: why it was not
+        judged})."""
         effects = [e for e in self._effects if e.channel is Channel.NOISE_MODEL]
         terms, unjudged = noise_terms(self._measured, self._given, effects, self._numbers)
         chance = np.log(len(self._effects) / self._numbers.alpha)
@@ -165,8 +177,12 @@ class Search:
         return terms, unjudged
 
     def _strain(self) -> float:
-        """How far names take the rig or an albedo. Of what air and surfaces do it makes another quantity. Where nothing
-        is named, how far a second material is: one may be measured wrong, several show what surfaces do."""
+        """Returns how far names take the rig or an albedo from its stated value, in stated deviations; 0 beside an
+        effect of air or surfaces, which changes the meaning of albedos.
+
+        Without names it is the distance of the second farthest albedo: one may be measured wrong, several show a
+        surface effect.
+        """
         if not self._names:
             return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
@@ -174,13 +190,13 @@ class Search:
         return self._fitter.prior_sigmas(self._solution, self._first)
 
     def _look_at(self, evidence: Evidence) -> None:
-        """Takes evidence in place of the last one."""
+        """Replaces the evidence and makes its fitters."""
         self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
         self._whole = Fitter(evidence.train, *sized)
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
-        """Names the effect that is likeliest to be missing, where one may be named."""
+        """Names the effect that is likeliest to be missing, if it passes; returns whether it did."""
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
@@ -191,8 +207,8 @@ class Search:
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
-        # Beside other fields a field has to gain more: every image adds its noise to what is known of their draws, and
-        # the images of a camera share it.
+        # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which the
+        # images of one camera share.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
         fields = {name: f for name, f in fields.items() if f[0] * self._chi2 > drawn * self._pixels}
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
@@ -204,7 +220,7 @@ class Search:
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():
-            # Draws leave no structure, unless pixels that lie together share them.
+            # Draws leave no structure, unless neighbouring pixels share them.
             may_be = self._structure < numbers.structure or has_extended_draws(self._effect(name))
             if may_be and self._chi2 * share > self._missed([n.missed for n in self._names]):
                 left[name] = self._chi2 * (1.0 - share)
@@ -231,7 +247,8 @@ class Search:
         return True
 
     def _widen_last_set(self, linear: Linear) -> None:
-        """Adds what may stand for a part of the last name, as likely as a set leaves out the truth."""
+        """Adds effects that stand in for a part of the last name to its set. Together they get the probability that a
+        set leaves out."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
@@ -243,7 +260,7 @@ class Search:
             self._names[-1] = replace(name, members=kept | left_out)
 
     def _say_first_words(self, found: Mapping[str, Candidate]) -> None:
-        """The likeliest effects by their scores, and the rank of each of a user's own."""
+        """Reports the likeliest effects by their scores, and the rank of each user's own effect."""
         self._settings.says(f"looks like {', '.join(list(found)[:3])}")
         best = max(c.gain for c in found.values())
         for rank, (name, c) in enumerate(found.items(), 1):
@@ -252,12 +269,15 @@ class Search:
                 self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self) -> float:
-        """The fall of chi2 that a name needs: a part of what is left, or of what is overstated of the noise."""
+        """Returns the fall of chi2 that a name needs: a share of the excess over the noise, but not below a minimum."""
         return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
-        """Whether a fit explains more than the names so far may have missed: by its size, or beyond what their formulas
-        may look like, where it is of another family: what a distortion's formula misses is a distortion."""
+        """Returns whether a fit explains more than errors of the named effects' formulas can.
+
+        Either its gain exceeds these errors, or the part of its gain that they cannot imitate does. The second counts
+        only for another family: the error of a distortion's formula is a distortion.
+        """
         if self._chi2 - fit.chi2 > self._missed([n.missed for n in self._names]):
             return True
         if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
@@ -267,7 +287,7 @@ class Search:
         return gain_beyond(linear, fit.solution) > max(self._floor(), self._missed(own))
 
     def _missed(self, shares: Sequence[float]) -> float:
-        """The fall of chi2 that these shares of the names' gains are."""
+        """Returns the fall of chi2 that corresponds to these shares of the names' gains."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
 
     def _fields(self) -> Fields:
@@ -278,7 +298,7 @@ class Search:
         return next(e for e in self._effects if e.id == name)
 
     def _is_open(self, effect: Effect) -> bool:
-        """Whether an effect may be named yet. A needless name stays out, so that a search ends."""
+        """Returns whether an effect may still be named. A name that was dropped stays out, so that the search ends."""
         return effect.id not in self._needless | {n.id for n in self._names}
 
     def _fits(self, found: dict[str, Candidate]) -> dict[str, Refit]:
@@ -288,8 +308,11 @@ class Search:
         return refits(self._fitter, model, phi, chosen, self._chi2, self._rendering, self._settings.workers)
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
-        """The set that holds the truth, likeliest first. Formulas are not exact: odds count in units of what they may
-        miss of the best one's gain. That is as likely what was measured of those in question as the usual share."""
+        """Returns {effect: probability} of the set that holds the truth, likeliest first.
+
+        Formulas are not exact, so odds count in units of the likely error of the best effect's gain. The errors
+        measured for the effects in question and the usual error are taken as equally likely.
+        """
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
         solution = fits[best].solution if best in fits else self._solution
         design = design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
@@ -311,7 +334,7 @@ class Search:
         return credible(both, self._numbers.credible)
 
     def _take(self, fit: Solution) -> None:
-        """Goes on from a fit with a name more: weights and rig are estimated again beside it."""
+        """Continues from a fit with one more name: estimates weights and the rig's geometry again."""
         evidence = self._evidence
         if self._settings.located is not None and not evidence.geometry.is_as_stated():
             there, self._rendering = self._settings.located(with_own_functions(fit.model, self._effects), evidence)
@@ -326,7 +349,7 @@ class Search:
         self._fit_again(fit)
 
     def _take_draws(self, fit: FieldFit) -> None:
-        """Goes on with images less the draws of a field."""
+        """Continues with the images less the draws of a random field."""
         pairs = zip(self._rows, fit.residuals, strict=True)
         drawn = {row.observation.key: row.residual - left for row, left in pairs}
         self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
@@ -348,7 +371,7 @@ class Search:
             self._structure_before = local_structure(self._whole.residuals(self._first))
 
     def _drop_needless(self) -> None:
-        """Names whose loss costs less than a name needs go, the weakest first."""
+        """Drops names whose loss raises chi2 by less than a name needs, weakest first. Random fields stay."""
         for name in sorted(self._names, key=lambda n: n.gain):
             if name.field is not None:
                 continue
@@ -362,6 +385,6 @@ class Search:
 
 
 def with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
-    """The model with its effects' own image functions, in place of rendered ones."""
+    """Returns the model with its effects' own image functions in place of rendered ones."""
     own = {e.id: e for e in candidates}
     return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The few likely effects are fitted beside the model: from where the line leads, and from points of the dictionary."""
+"""Fits the few likely effects beside the model, from starts that their scores and points of the dictionary give."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,9 +13,8 @@ from activestereo.diagnose.search.selection import Candidate
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.differences import known_differences
 
-# Fits have so few steps, from the best start and another one that gains this part of what it gains, unless the first
-# leaves less than a part of its own gain; those that come within this part of the best fit have more steps, until chi2
-# falls by a small part of itself.
+# Fits take a few steps from the best start, and from a second one with this part of its gain, unless the first leaves
+# next to nothing. Fits within this part of the best gain take more steps, until chi2 hardly falls.
 _STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
@@ -23,8 +22,8 @@ _UNMEASURED = 1.0 / 3.0
 
 @dataclass(frozen=True)
 class Refit:
-    """A fit of an effect beside a model. rendered: whether the engine's images of the effect took its formula's
-    place."""
+    """A fit of an effect beside a model. rendered: whether images that the engine rendered replaced the effect's
+    formula."""
 
     solution: Solution
     rendered: bool = False
@@ -43,7 +42,10 @@ def refits(
     rendering: Rendering | None,
     workers: int,
 ) -> dict[str, Refit]:
-    """{effect: Refit} of candidates beside a model whose own fit leaves base_chi2."""
+    """Fits candidates one by one beside a model whose own fit leaves base_chi2; returns {effect: Refit}.
+
+    phi: the nuisances to start from. rendering: renders effects of light transport; None keeps their formulas.
+    """
     starts = {c.best.atom.effect.id: c.starts for c in chosen}
     spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
     found: dict[str, Refit] = {}
@@ -69,21 +71,21 @@ def refits(
 
 
 def formula_error(effect: Effect, otherwise: float) -> float:
-    """The share of an effect's squared signature that its formula misses: as measured against the engines, where it
-    was."""
+    """Returns the share of an effect's squared signature that its formula misses, as measured against the engines;
+    `otherwise` if it was never measured."""
     measured = known_differences().get(effect.id)
     return otherwise if measured is None else min(measured**2, _UNMEASURED)
 
 
 def _name(space: ParameterSpace) -> str:
-    """The effect that is fitted."""
+    """Returns the id of the effect that is fitted."""
     return space.pairs[-1][0].id
 
 
 def _side_by_side(
     fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
 ) -> dict[str, Refit]:
-    """{effect: Refit}; fits that are kept are made by so many processes."""
+    """Fits every space; returns {effect: Refit}. Fits that the cache keeps are made in so many processes."""
     if fitter.memory is not None:
         fitter.memory.make_ahead(fit, [space for space in spaces if fit_key("", space) is not None], workers)
     return {_name(space): Refit(fit(space)) for space in spaces}
@@ -92,7 +94,8 @@ def _side_by_side(
 def _from_starts(
     fitter: Fitter, space: ParameterSpace, starts: Sequence[Mapping[str, float]], phi: np.ndarray, base_chi2: float
 ) -> Solution:
-    """The best fit from the starts, each looked at once, and from neutral, which leaves what the model does."""
+    """Returns the best fit from the starts and from neutral, which leaves base_chi2. One evaluation of each start
+    decides which of them are fitted."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for start in starts]

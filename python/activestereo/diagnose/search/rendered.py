@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits of what surfaces, air and lamps do, to the engine's own images of it.
+"""Fits effects of surfaces, air and lamps to images that the engine renders of them.
 
-An effect's image function is a formula. Around its fit the engine renders the effect, and the effect with each
-parameter one step further, with the same random numbers: what changes is the effect, not the noise. From then on the
-differences stand for it, linear in its parameters.
+An effect's image function is a formula. Around its fit the engine renders the effect, then again with each parameter
+one step further. The random numbers are the same, so that differences show the effect and not the noise. These
+differences then replace the formula, linear in its parameters.
 """
 
 from collections.abc import Mapping
@@ -20,8 +20,8 @@ from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solutio
 from activestereo.effects import Effect, Light, Model, Stage, View
 from activestereo.effects.core.light import RenderedLight
 
-# Rounds of rendering and fitting, fits' steps in each; a step of a difference, of the typical value or of the
-# parameter's own; a round moves a parameter by no more than so many steps.
+# Rounds of rendering and fitting, and steps of each fit. A difference steps by this share of the typical value or of
+# the parameter's own distance. A round moves a parameter by at most so many steps, and is the last below a half.
 _ROUNDS, _STEPS = 2, 4
 _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
 _TRUSTED, _SETTLED = 6.0, 0.5
@@ -37,14 +37,14 @@ _Images = dict[ImageKey, np.ndarray]
 
 
 def is_transport(effect: Effect) -> bool:
-    """Whether an effect changes where light goes between projector and camera, and the engine knows it."""
+    """Returns whether an effect changes the path of light between projector and camera and the engine can render it."""
     return effect.engine is not None and Stage.MEDIUM <= effect.stage <= Stage.SURFACE
 
 
 @dataclass(frozen=True)
 class _Rendered:
-    """An effect whose image function is its change of the light [3][height][width] as rendered at theta, with
-    slopes, {} where a parameter has none."""
+    """An effect with rendered images for its image function: its change of the light [3][height][width] at theta, and
+    the slopes of that change by each parameter ({} if it has none)."""
 
     effect: Effect
     theta: np.ndarray
@@ -52,12 +52,12 @@ class _Rendered:
     slopes: tuple[_Images, ...]
 
     def emulated(self) -> Effect:
-        """The effect with these images for its image function; neutral amplitudes change nothing."""
+        """Returns the effect with these images as its image function; neutral amplitudes change nothing."""
         return replace(self.effect, apply=self._apply, prepare=None)
 
     @computed_once
     def content(self) -> str:
-        """Hash of what decides the images, for a FitCache."""
+        """Returns a hash of the images, for a FitCache."""
         return content_key(self.theta, self.change, self.slopes)
 
     def _apply(self, light: Light, view: View, **values: float) -> Light:
@@ -75,7 +75,7 @@ class _Rendered:
 
 
 def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> Solution:
-    """The fit of a solution's last effect to the engine's images of it; the solution itself where that is no better."""
+    """Fits a solution's last effect to the engine's images of it; returns the solution itself if that is no better."""
     effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
     without = _images(rendering(Model()))
 
@@ -104,12 +104,12 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
 
 
 def _with(space: ParameterSpace, effect: Effect) -> ParameterSpace:
-    """The space with another image function of its last effect."""
+    """Returns the space with another image function of its last effect."""
     return replace(space, pairs=tuple((effect if e.id == effect.id else e, p) for e, p in space.pairs))
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
-    """Steps of differences inside the range, 0 for choices and for what the engine does not know."""
+    """Returns steps of differences inside the range; 0 for choices and for parameters that the engine lacks."""
     out = []
     for p, v in zip(effect.parameters, values, strict=True):
         step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of every column of a dictionary by the linear model, nuisances projected out with their priors.
+"""Scores every column of a dictionary by the linear model, with the nuisances projected out under their priors.
 
 With nuisances A of prior precision P and pull o, columns C and the residual r, all in noise units, the information on
-the columns' coefficients is S = C C' - X' K X and their score is u = C (r - A' K (A r - o)), where X = A C' and
-K = (A A' + P)^-1 (Schur's complement). Sums are kept apart by the surface that a pixel shows, so that an effect of
-some surfaces needs no columns of its own.
+the columns' coefficients is S = C C' - X' K X and their score is u = C (r - A' K (A r - o)), where X = A C' and K = (A
+A' + P)^-1 (Schur's complement). Sums are kept apart by the surface that a pixel shows, so that an effect of some
+surfaces needs no columns of its own.
 """
 
 from collections.abc import Sequence
@@ -16,18 +16,19 @@ from numpy.typing import NDArray
 from activestereo.diagnose.search.linear import Columns, Linear
 from activestereo.effects.core.surfaces import MOST_MATERIALS
 
-# A surface of fewer of the pixels has no columns of its own.
+# A surface with a smaller share of the pixels has no group of its own.
 _LEAST_SURFACE = 0.002
 Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Sums over the pixels of each group, a surface each and the rest: gram [groups][c][c], cross [groups][k][c] with
-    the nuisances, moment [groups][c] with the residual left, by_block [groups][c][blocks] the same by place.
+    """Sums over groups of pixels, one for each large surface and a last one for the rest: gram [groups][c][c] of the
+    columns, cross [groups][k][c] of nuisances and columns, moment [groups][c] of columns and remaining residual,
+    by_block [groups][c][blocks] the same by place.
 
-    surfaces: the number of each group's, but for the last one. inverse: K. total: chi2 of the residual left. pixels:
-    how many.
+    surfaces: the number of each group's surface. inverse: K. total: chi2 of the remaining residual. pixels: their
+    number.
     """
 
     gram: Matrix
@@ -41,7 +42,8 @@ class Scores:
     pixels: int
 
     def of(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix, Matrix]:
-        """(information [c][c], score [c], score by place [c][blocks]) of columns, on some surfaces."""
+        """Returns (information [c][c], score [c], score by place [c][blocks]) of columns on some surfaces; None = on
+        all."""
         groups: slice | list[int] = slice(None)
         if surfaces is not None:
             groups = [g for g, number in enumerate(self.surfaces) if number in surfaces]
@@ -53,7 +55,7 @@ class Scores:
 
 
 def scores(linear: Linear, columns: Columns) -> Scores:
-    """The Scores of columns."""
+    """Makes the Scores of columns."""
     A, r = linear.nuisances, linear.residual
     K = (A @ A.T).astype(np.float64) + np.diag(linear.precision)
     norm = np.sqrt(np.maximum(np.diag(K), 1e-300))
@@ -81,7 +83,7 @@ def scores(linear: Linear, columns: Columns) -> Scores:
 
 
 def _groups(material: NDArray[np.int64]) -> tuple[tuple[int, ...], NDArray[np.int64]]:
-    """(surfaces that are large enough, each pixel's group)."""
+    """Returns (surfaces that are large enough, each pixel's group)."""
     numbers, counts = np.unique(material, return_counts=True)
     large = numbers[(counts > _LEAST_SURFACE * len(material)) & (numbers < MOST_MATERIALS)]
     group = np.searchsorted(large, material)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which effect is likeliest to be missing: Bayes factors of all atoms, summed over the shapes of an effect.
+"""Ranks effects by how likely they are missing: Bayes factors of all atoms, summed over the shapes of an effect.
 
-A coefficient has a normal prior; what no effect explains counts as noise, by which the likelihood is tempered. Sets
-that hold the truth with a stated probability follow SuSiE (Wang et al. 2020, JRSS B 82).
+A coefficient has a normal prior. The likelihood is tempered, because the residual that no effect explains counts as
+noise. Sets that hold the truth with a stated probability follow SuSiE (Wang et al. 2020, JRSS B 82).
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,20 +15,23 @@ from activestereo.diagnose.search.dictionary import Atom
 from activestereo.diagnose.search.scores import Scores
 from activestereo.effects.core.surfaces import SURFACES
 
-# Less information than this on a coefficient is none.
+# A coefficient with less information than this stays 0.
 _LEAST = 1e-3
-# A surface shows an effect where it gains this part of what the best one gains.
+# A surface shows an effect if it gains this part of the best surface's gain.
 _SHOWS = 0.05
 _DRAWS, _SEED = 400, 5
-# Fits start at so many atoms by the line, and at so many points of the dictionary that gain this part of the best.
+# Fits start at so many atoms with fitted coefficients, and at so many points of the dictionary with this part of the
+# best gain.
 _LINES, _POINTS, _NEAR = 2, 2, 0.3
 
 
 @dataclass(frozen=True)
 class Hit:
-    """An atom as it fits the residual. surfaces: the materials that show it, None = all. coefficients: of its columns.
-    log_factor: its Bayes factor against nothing, nats. gain: the fall of chi2; at_point: that of the very image in the
-    dictionary."""
+    """The fit of an atom to the residual.
+
+    surfaces: the surfaces that show it, None = all. coefficients: of its columns. log_factor: its Bayes factor against
+    no effect, nats. gain: the fall of chi2 at these coefficients; at_point: the fall at the dictionary's own point.
+    """
 
     atom: Atom
     surfaces: tuple[int, ...] | None
@@ -38,17 +41,17 @@ class Hit:
     at_point: float
 
     def values(self) -> dict[str, float]:
-        """The effect's parameters at the coefficients."""
+        """Returns the effect's parameters at the coefficients."""
         return _values(self.atom, self.coefficients, self.surfaces)
 
     def point(self) -> dict[str, float]:
-        """The effect's parameters at the dictionary's point."""
+        """Returns the effect's parameters at the dictionary's own point."""
         return _values(self.atom, np.eye(1, len(self.coefficients))[0], self.surfaces)
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect's best atom, its evidence over all atoms (nats), and parameters where a fit may start."""
+    """An effect with its best atom, its evidence over all atoms (nats), and parameters from which a fit may start."""
 
     best: Hit
     evidence: float
@@ -60,7 +63,7 @@ class Candidate:
 
 
 def candidates(atoms: Sequence[Atom], scores: Scores) -> dict[str, Candidate]:
-    """{effect: Candidate}, likeliest first; effects that show nothing are left out."""
+    """Returns {effect: Candidate}, likeliest first; effects with no gain are left out."""
     hits: dict[str, list[Hit]] = {}
     temper = max(scores.total / scores.pixels, 1e-3)
     for atom in atoms:
@@ -102,7 +105,7 @@ def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | 
 
 
 def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequence[bool]) -> tuple[list[int], float]:
-    """(coefficients that are not 0, fall of chi2) of the best fit under the signs."""
+    """Returns (indices of the coefficients that are not 0, fall of chi2) of the best fit with the signs allowed."""
     free = [j for j in range(len(u)) if S[j, j] > _LEAST]
     while free:
         ridge = 1e-6 * np.diag(np.diag(S)[free])
@@ -126,8 +129,8 @@ def _values(atom: Atom, coefficients: NDArray[np.float64], surfaces: tuple[int, 
 
 
 def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
-    """The fall of chi2 that the best of all atoms exceeds with probability alpha where nothing is missing: a wild
-    bootstrap, the scores of places with random signs."""
+    """Returns the fall of chi2 that the best of all atoms exceeds with probability alpha if no effect is missing. It is
+    estimated by a wild bootstrap: the scores of places get random signs."""
     rng = np.random.Generator(np.random.PCG64(_SEED))
     signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
     largest = np.zeros(_DRAWS)
@@ -142,7 +145,8 @@ def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
 
 
 def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
-    """{name: probability}, likeliest first, of those that hold so much of the mass."""
+    """Returns {name: probability}, likeliest first, of the smallest set with this probability mass. nats: log evidence
+    of each name."""
     names = sorted(nats, key=lambda name: -nats[name])
     p = np.exp([nats[name] - nats[names[0]] for name in names])
     p /= p.sum()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A response curve of any shape beside the formula that found it.
+"""Fits a free response curve beside the formula that found it.
 
 A formula of the response is one family of curves; sensors have others (Grossberg and Nayar 2003, What is the space of
-camera response functions?). What is left as a function of a pixel's value alone belongs to the response.
+camera response functions?). A residual that depends on a pixel's value alone belongs to the response.
 """
 
 from dataclasses import dataclass, replace
@@ -17,25 +17,25 @@ from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.search.linear import linearised
 from activestereo.effects import Effect, Stage, View
 
-# Values between which a curve is straight, evenly spaced in their logarithm, and steps of the fit beside it.
+# Nodes of the piecewise linear curve, evenly spaced in the logarithm of the value; steps of the fit with it.
 _NODES, _STEPS = 10, 4
 
 
 @dataclass(frozen=True)
 class _Curve:
-    """An effect on single values, and what is added to them at nodes, DN above black."""
+    """An effect on single values, and what a curve adds to its result at nodes, DN above black."""
 
     effect: Effect
     nodes: NDArray[np.float64]
     added: NDArray[np.float64]
 
     def bent(self) -> Effect:
-        """The effect with the curve; neutral parameters change nothing."""
+        """Returns the effect with the curve added; neutral parameters change nothing."""
         return replace(self.effect, apply=self._apply)
 
     @computed_once
     def content(self) -> str:
-        """Hash of what decides the images, for a FitCache."""
+        """Returns a hash of the curve, for a FitCache."""
         return content_key(self.nodes, self.added)
 
     def _apply(self, signal: NDArray[np.float64], view: View, **values: float) -> NDArray[np.float64]:
@@ -46,13 +46,12 @@ class _Curve:
 
 
 def is_response(effect: Effect) -> bool:
-    """Whether an effect is a curve that the values of all pixels follow."""
+    """Returns whether an effect is a response curve that all pixels share."""
     return effect.stage is Stage.READOUT and effect.is_pointwise
 
 
 def with_any_curve(fitter: Fitter, solution: Solution) -> Solution:
-    """The fit where the response that was named last has the curve that fits best; the solution itself where another
-    effect was named."""
+    """Returns the fit with the best curve added, if the last named effect is a response; else the solution itself."""
     if not solution.effects or not is_response(solution.effects[-1]):
         return solution
     effect = solution.effects[-1]

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict from three numbers: what is explained, what is left, and the structure of what is left; and the
-probability that it is right."""
+"""Gives the verdict, and its probability, from the error that is explained, the error that is left and its structure."""
 
 from dataclasses import dataclass
 
@@ -10,20 +9,22 @@ EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined
 # How often first names were right, as counted in 277 training cases of the benchmark suite that hide something, outside
 # of the library too: generations 35383 and 39806 by the search alone, 90157 with its test frames. A set of black_level
 # and dark_signal counts as right where the truth is one of the two.
-# (what is missing up to here, names that were right, names)
+# (upper end of missing(), first names that were right, all first names)
 _COUNTED = ((0.25, 110, 111), (0.5, 66, 68), (1.0, 53, 55), (2.0, 13, 24), (float("inf"), 8, 19))
-# The same where nothing was named: cases that hide nothing, or less than what counts as detectable.
+# The same for searches without a name: they are right if a case hides nothing, or less than counts as detectable.
 _NONE_COUNTED = ((1.0, 137, 141), (float("inf"), 0, 4))
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """Noise variances. explained: the fall of the mean square by all names; drawn: the part that is draws. left: the
-    mean square above the noise.
-    structure: of what is left (score/structure.py); structure_before: without names. strain: how far a name takes the
-    rig or an albedo beyond what is stated, or without names a second albedo is from it, in stated deviations.
-    test_explained, test_left: explained and left on test frames, None where a name does not foretell them. is_full:
-    whether as many effects are named as may be: so many together look like anything."""
+    """The numbers of a verdict, in noise variances unless stated otherwise.
+
+    explained: the fall of the mean square by all names; drawn: its part by random draws. left: the mean square above
+    the noise. structure: of the residual (score/structure.py); structure_before: the same without names. strain: how
+    far a name takes the rig or an albedo beyond its stated value, in stated deviations; without names, the second
+    farthest albedo. test_explained, test_left: explained and left on test frames; None if a name does not predict them.
+    is_full: whether the search reached its largest number of names.
+    """
 
     explained: float
     left: float
@@ -37,13 +38,13 @@ class Remainder:
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
-    """The remainder in units of what may remain: beyond 1 something is missing.
+    """Returns the remainder in units of what may remain: beyond 1 an effect is still missing.
 
-    Where nothing is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far
-    from what is stated: they would stand for what surfaces do. So it is beside draws, which explain no structure, and
-    beside what repeats show, which explains nothing of the expected images. Beside other names the structure has to be
-    a part of the first one, for formulas are not exact; and no more may be left than is explained. Test frames have to
-    confirm either, and count as much as train frames do beside a name.
+    Without names, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
+    their stated values. The same holds beside names that explain little of the expected images (random draws, temporal
+    noise). Beside other names the structure must be a small part of the first one, for formulas are not exact. No more
+    error may be left than is explained. Test frames must confirm either case; beside a name they count as much as train
+    frames.
     """
     if rest.is_full:
         return float("inf")
@@ -60,7 +61,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:
-    """EFFECT, NONE, UNKNOWN or UNDETERMINED. has_floor: whether the noise was measured."""
+    """Returns EFFECT, NONE, UNKNOWN or UNDETERMINED. has_floor: whether the noise was measured."""
     if not is_named and not has_floor:
         return UNDETERMINED
     if missing(rest, is_named, numbers) > 1.0:
@@ -69,7 +70,8 @@ def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Number
 
 
 def probability_right(beyond: float, is_named: bool) -> float:
-    """Probability that the first name, or none, is right: missing() is `beyond`. By Laplace's rule of succession."""
+    """Returns the probability that the first name, or none, is right, by Laplace's rule of succession. beyond:
+    missing()."""
     counted = _COUNTED if is_named else _NONE_COUNTED
     right, all_of_them = next((right, n) for limit, right, n in counted if beyond <= limit)
     return (right + 1) / (all_of_them + 2)

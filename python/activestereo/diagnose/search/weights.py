@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise and weights estimated again from what was found: a missing effect passes for noise and for misplaced edges.
+"""Estimates noise and weights again under the model found: a missing effect passes for noise and for misplaced edges.
 
-A dark signal that grows with temperature is not light, but photon transfer takes it for light; where it grows from one
-repeat to the next it adds to their variance. The model found so far removes both.
+A dark signal that grows with temperature is not light, but photon transfer takes it for light. If it grows from one
+repeat to the next, it adds to their variance. The model found so far removes both.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from activestereo.effects import Model
 
 
 def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:
-    """The Evidence with the noise and the train images' weights of the model found so far. rows: its train images."""
+    """Returns the Evidence with noise and weights of train images estimated under a model. rows: its train images."""
     train, expected = evidence.train, {row.observation.key: row.expected for row in rows}
     dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in train}
     noise_model, variances = evidence.noise_model, evidence.noise_variances
