@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits kept on disk beside the renders, by the content of all that decides them: a second diagnosis of a capture by the
-same library, with more effects or other numbers perhaps, repeats none.
+"""Keeps fits on disk beside the renders. A second diagnosis of a capture repeats none, even with more effects or other
+thresholds.
 
-A fit is decided by the observations (their images, weights and geometry), the code of this package, and the space, the
-start and the settings of the fit. Fits with an effect of a user's own are never kept, for its code is not known.
+The key of a fit is the content of all that decides it: the observations (their images, weights and geometry), the code
+of this package, and the space, start and settings of the fit. Fits with a user's own effect are never kept, because its
+code is unknown.
 """
 
 import hashlib
@@ -32,7 +33,7 @@ Arrays: TypeAlias = Mapping[str, np.ndarray]
 
 
 class FitCache:
-    """The fits to one capture: a single entry of the cache, read at the start and written by save()."""
+    """The fits to one capture: a single entry of the disk cache, read at the start and written by save()."""
 
     def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
@@ -40,12 +41,12 @@ class FitCache:
         self._kept_before = len(self._known)
 
     def __iter__(self) -> Iterator[str]:
-        """The keys of what is kept."""
+        """Iterates over the keys of the fits that are kept."""
         return iter(self._known)
 
     def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
-        """Makes the fits that work(item) asks for, of every item, in so many processes. Items that fail there are left
-        to the caller's own work(item), which then fails aloud."""
+        """Runs work(item) for every item in so many processes and keeps the fits that they make. Items that fail there
+        are left to the caller's own work(item), which then raises the error."""
 
         def made(item: Any) -> dict[str, Arrays]:
             before = len(self._known)
@@ -57,7 +58,8 @@ class FitCache:
                 self._known.update(done.result())
 
     def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
-        """make(), or what it gave when it was asked for by this key before. None: not to be remembered."""
+        """Returns the arrays kept under a key, or those that make() returns, which are then kept. None: they are not
+        kept."""
         if key in self._known:
             return self._known[key]
         made = make()
@@ -66,7 +68,7 @@ class FitCache:
         return made
 
     def save(self) -> None:
-        """Writes what is new."""
+        """Writes the cache entry if there are new fits."""
         if len(self._known) > self._kept_before:
             together = {f"{key}/{name}": array for key, one in self._known.items() for name, array in one.items()}
             self._renders.put_arrays(self._key, together)
@@ -74,8 +76,8 @@ class FitCache:
 
 
 def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | None:
-    """The key of a fit in a space. observations: their content_key(). values: numbers and arrays that decide it
-    besides. None where a part of the model is a user's own."""
+    """Returns the key of a fit in a space; None if a part of the model is a user's own. observations: their
+    content_key(). values: the numbers and arrays that decide the fit besides."""
     effects = [effect_content(e) for e, _ in (*space.base.effects, *space.pairs)]
     if None in effects:
         return None
@@ -85,8 +87,8 @@ def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | 
 
 
 def effect_content(effect: Effect) -> str | None:
-    """An effect's identity as text: a built-in one's name, with the rendered images' content where it uses them
-    (search/rendered.py); None for others, whose code is not known."""
+    """Returns an effect's identity as text: a built-in effect's id, plus a hash of rendered images if it uses them
+    (search/rendered.py). None for other effects, whose code is unknown."""
     own = builtin().get(effect.id)
     if effect is own:
         return effect.id
@@ -97,7 +99,7 @@ def effect_content(effect: Effect) -> str | None:
 
 
 def content_key(*values: object) -> str:
-    """Hash of numbers, texts, arrays, and records or lists or tables of them; where files lie makes no difference."""
+    """Returns a hash of numbers, texts, arrays, and records, lists or mappings of them. File paths do not count."""
     known: dict[int, tuple[object, bytes]] = {}
 
     def of(value: Any) -> bytes:
@@ -122,7 +124,7 @@ def content_key(*values: object) -> str:
 
 
 def capture_content(capture: Capture) -> str:
-    """Hash of all that a capture states and shows."""
+    """Returns a hash of all metadata, images and depths of a capture, and of its scene."""
     images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
     depths = [capture.depth(f) for f in capture.frames]
     return content_key(capture, capture.rig.projector.pattern(), images, depths, scene_digest(capture.scene_path))
@@ -130,10 +132,10 @@ def capture_content(capture: Capture) -> str:
 
 @cache
 def code_digest() -> str:
-    """The digest of this package's code and of the libraries that it computes with."""
+    """Returns a digest of this package's code and of the versions of the libraries that it computes with."""
     root, digest = Path(activestereo.__file__).parent, hashlib.sha256()
     kinds = {".py", ".html", ".css", ".js"}
-    # A build tree may hold links to no file.
+    # A build tree may hold broken links.
     for path in sorted(path for path in root.rglob("*") if path.suffix in kinds and path.is_file()):
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return f"{digest.hexdigest()} {np.__version__} {scipy.__version__} {_opencv_version()}"
@@ -148,7 +150,7 @@ def _opencv_version() -> str:
 
 
 def _apart(stored: Arrays) -> dict[str, dict[str, np.ndarray]]:
-    """{key: {name: array}} of {"key/name": array}."""
+    """Splits {"key/name": array} into {key: {name: array}}."""
     out: dict[str, dict[str, np.ndarray]] = {}
     for name, array in stored.items():
         key, _, own = name.partition("/")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits a model to observations: weighted least squares in effect parameters and nuisances jointly.
 
-Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, focal
-lengths and albedos under their priors. Gauss-Newton with Levenberg's damping; images are recomputed at every step,
-never extrapolated.
+Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, and, under
+priors, focal lengths, albedos and geometry. The method is Gauss-Newton with Levenberg's damping. Images are recomputed
+at every step, never extrapolated.
 """
 
 from collections import OrderedDict
@@ -22,9 +22,9 @@ from activestereo.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.effects import Light, Model
 
-# Parameters have a prior this many ranges wide, which only breaks ties.
+# Deviation of a parameter's prior, in ranges: it only breaks ties.
 _PRIOR_RANGES = 3.0
-# A measured black level is held to this share of its deviation.
+# Deviation of a measured black level's prior, as a share of the measured deviation.
 _HELD = 1e-3
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
@@ -33,8 +33,8 @@ _REMEMBERED = 12
 
 
 class ImageResidual(NamedTuple):
-    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light;
-    residual: 0 where the scene is not known."""
+    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light.
+    residual: measured minus expected, 0 at pixels where the scene is unknown."""
 
     observation: Observation
     expected: np.ndarray
@@ -43,10 +43,10 @@ class ImageResidual(NamedTuple):
 
 
 class Fitter:
-    """Fits over given observations.
+    """Fits models to given observations.
 
-    prior: what is known of the nuisances beforehand. supersampled=False, for scans: warps look up pixels alone.
-    memory: where fits are kept, or None.
+    prior: of the nuisances. tiles: their number over all train observations. supersampled: False makes warps read
+    pixels only, which serves fast scans. memory: the cache that keeps fits, or None.
     """
 
     def __init__(
@@ -66,16 +66,16 @@ class Fitter:
 
     @property
     def materials(self) -> int:
-        """How many materials have an albedo nuisance."""
+        """The number of materials with an albedo nuisance."""
         return self.nuisance_prior.materials
 
     @computed_once
     def pixels(self) -> list[Pixels]:
-        """The pixels that count, of each observation."""
+        """Returns the pixels that count, of each observation."""
         return [Pixels(o, self.materials) for o in self.observations]
 
     def tile_pixels(self) -> np.ndarray:
-        """How many pixels count in each tile."""
+        """Returns the number of pixels that count in each tile."""
         return np.bincount(np.concatenate([p.tile for p in self.pixels()]), minlength=self._tiles)
 
     @computed_once
@@ -85,7 +85,7 @@ class Fitter:
     def remembered(
         self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
     ) -> Mapping[str, np.ndarray]:
-        """make(), or what it gave for the same observations, space and values before."""
+        """Returns make(), or the cached result for the same observations, space and values."""
         if self.memory is None:
             return make()
         return self.memory.once(fit_key(self._content(), space, *values), make)
@@ -96,23 +96,23 @@ class Fitter:
         return np.concatenate([scales, np.zeros(len(self.nuisance_prior.sigma))])
 
     def _prepared(self, model: Model) -> Model:
-        """The model, whose effects have at hand what they need for every observation."""
+        """Prepares the model's effects for all observations and returns the model."""
         for effect, _ in model.effects:
             if effect.prepare is not None:
                 effect.prepare(o.view for o in self.observations)
         return model
 
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
-        """The Light of every observation."""
+        """Returns the light of every observation under the parameters theta."""
         model = self._prepared(space.model(theta))
         return [self.light(model, i) for i in range(len(self.observations))]
 
     def light(self, model: Model, i: int) -> Light:
-        """The Light of observation i under a model."""
+        """Returns the light of observation i under a model."""
         return self._lights(model, i, self._supersampled)
 
     def residuals(self, solution: Solution) -> list[ImageResidual]:
-        """Every observation under a solution; the last few solutions' are remembered."""
+        """Returns every observation under a solution. Those of the last few solutions are kept in memory."""
         if id(solution) not in self._residuals:
             self._residuals[id(solution)] = solution, self._residuals_of(solution)
         self._residuals.move_to_end(id(solution))
@@ -133,7 +133,8 @@ class Fitter:
         return [residual(i, o) for i, o in enumerate(self.observations)]
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
-        """Squared residuals of the pixels under (theta, phi), and squared offsets of the nuisances, in deviations."""
+        """Returns the weighted squared residuals of the pixels under (theta, phi), plus the squared nuisances in prior
+        deviations."""
         model = space.model(theta)
 
         def squares(pixels: Pixels, light: Light) -> float:
@@ -143,11 +144,11 @@ class Fitter:
         return sum(map(squares, self.pixels(), lights)) + float((self.sigmas(phi) ** 2).sum())
 
     def sigmas(self, phi: np.ndarray) -> np.ndarray:
-        """How far nuisances are from what is stated, in its deviations."""
+        """Returns the distance of nuisances from their prior means, in prior deviations."""
         return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
-        """Sums at (theta, phi). Columns: theta, then phi."""
+        """Returns the normal equations at (theta, phi). Columns: theta, then phi."""
         n_theta = len(theta)
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
         for pixels, columns, residual in self._slopes(space, theta, phi, lights, n_theta):
@@ -170,8 +171,8 @@ class Fitter:
         lights: Iterable[Light],
         n_theta: int,
     ) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
-        """Yields (Pixels, derivatives [n] by the first n_theta of theta, scales, black level and focal lengths,
-        residual [n])."""
+        """Yields, for each observation, (pixels, derivatives [n] by the first n_theta of theta, scales, black level and
+        focal lengths, residual [n])."""
         steps = space.steps(theta)
         models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
         here = space.model(theta)
@@ -192,19 +193,19 @@ class Fitter:
             return pixels, columns, pixels.measured - _moved(image, pixels, phi)
 
         seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)))
-        yield from map(one, seen)  # no more than one is in memory at a time
+        yield from map(one, seen)  # keeps only one in memory
 
     @staticmethod
     def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:
-        """The model with parameter j one step further; None for a choice."""
+        """Returns the model with parameter j one step further; None for a choice."""
         return None if space.given[j] else space.model(np.where(np.arange(len(theta)) == j, theta + steps, theta))
 
     def covariance(self, solution: Solution) -> np.ndarray:
-        """The covariance of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks
-        of a camera's image, repeats and settings of one pose together; and what errors of the scene measurement add,
-        whose prior holds the nuisances near wrong values.
+        """Returns the covariance of theta, [n][n], which does not assume independent pixels.
 
-        None of it asks for independent pixels.
+        It is the sandwich over clusters of errors (Liang and Zeger 1986): blocks of a camera's image, repeats and
+        settings of one pose together. Errors of the scene measurement add to it, because priors hold the nuisances near
+        wrong values.
         """
         n = len(solution.theta)
         rows, prior = self.inverse(solution)[:n], self.prior(n, solution.space)
@@ -213,28 +214,31 @@ class Fitter:
         return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
 
     def prior_sigmas(self, solution: Solution, base: Solution | None = None) -> float:
-        """How far a solution takes a nuisance that has a prior, the farthest, in the stated deviations; with a base,
-        how much farther than that takes it."""
+        """Returns the largest distance of a nuisance from its prior mean, in stated deviations. With a base solution,
+        it is the largest excess over the base's distance."""
         strain = np.abs(self.sigmas(solution.phi))
         farthest = (strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0)
         return float(farthest / np.sqrt(self.nuisance_prior.weighed_up))
 
     def albedo_sigmas(self, solution: Solution, stated: float, farthest: int = 1) -> float:
-        """How far the farthest albedo, or a later one, is from the scene's, in stated deviations; 0 where there are
-        fewer. Light and albedos have a factor in common: it is what the median material reflects as stated."""
+        """Returns the distance of the farthest albedo from the scene's, in stated deviations; farthest=2 is the second
+        one, and so on. It is 0 if there are fewer.
+
+        Light and albedos share one factor, which is fixed so that the median material reflects as stated.
+        """
         factors = np.append(1.0, 1.0 + solution.phi[DENSE : DENSE + self.materials])
         sigmas = np.sort(np.abs(factors / np.median(factors) - 1.0)) / stated
         return float(sigmas[-farthest]) if len(sigmas) > farthest else 0.0
 
     def inverse(self, solution: Solution) -> np.ndarray:
-        """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
+        """Returns the inverse of the normal matrix with its priors at a solution; rows and columns: theta, then phi."""
         gram = solution.sums.gram + np.diag(self.prior(len(solution.theta), solution.space))
         return inverse_normal_matrix(gram)
 
     def solve(
         self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
     ) -> np.ndarray:
-        """The damped Gauss-Newton step in (theta, phi)."""
+        """Returns the damped Gauss-Newton step in (theta, phi)."""
         pull = self.pull(phi, n_theta, space, theta)
         gram, moment = sums.gram + np.diag(self.prior(n_theta, space)), sums.moment - pull
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
@@ -242,21 +246,23 @@ class Fitter:
         return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
 
     def pull(self, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray) -> np.ndarray:
-        """The pull of the priors on (theta, phi): precision times offset."""
+        """Returns the gradient of the priors at (theta, phi): precision times offset."""
         offset, black = np.where(space.given, 0.0, theta - space.neutral)[:n_theta], self.nuisance_prior.black_dn
         scales = [*np.zeros(SCALES - 1), 0.0 if black is None else phi[SCALES - 1] - black[0]]
         return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self.nuisance_prior.value])
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
-        """Precisions of the priors: wide for effects, none for scales, the albedo's own. A measured black level is
-        held: what a model lacks bends it by more than its deviation."""
+        """Returns the precisions of the priors of (theta, phi): weak for effects, 0 for scales, and the nuisances' own.
+
+        A measured black level is held tightly, because a missing effect bends it by more than its deviation.
+        """
         known = self.nuisance_prior.black_dn
         scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
         width = _PRIOR_RANGES * (space.high - space.low)[:n_theta]
         return np.concatenate([1.0 / width**2, scales, 1.0 / self.nuisance_prior.sigma**2])
 
     def nuisance_fit(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, float]:
-        """phi refitted at fixed theta, and chi2, both with the model linear in phi."""
+        """Refits phi at fixed theta by one linear step; returns (phi, chi2 of the linear model)."""
         sums, model = Sums.of_size(len(phi), self._tiles), self._prepared(space.model(theta))
         lights = (self.light(model, i) for i in range(len(self.observations)))
         for pixels, columns, residual in self._slopes(space, theta, phi, lights, 0):
@@ -267,7 +273,8 @@ class Fitter:
     def refine(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
     ) -> Solution:
-        """A Solution near the start."""
+        """Fits from a start (theta, phi); returns the Solution. It stops after so many iterations, or when chi2 falls
+        by less than a share `tolerance`."""
         make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
         found = self.remembered(make, space, theta, phi, iterations, tolerance)
         return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))
@@ -275,7 +282,7 @@ class Fitter:
     def _refined(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float
     ) -> dict[str, np.ndarray]:
-        """refine() as arrays."""
+        """Computes refine() and returns the solution as arrays."""
         lights = self.lights(space, theta)
         damping, n = _DAMPING, len(theta)
         sums = self.linearise(space, theta, phi, lights)
@@ -301,14 +308,14 @@ class Fitter:
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
-    """Expected DN, float64 [height][width]."""
+    """Returns the expected image in DN, float64 [height][width]."""
     pixels = AllPixels(observation)
     image = _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
     return image.reshape(observation.measured.shape)
 
 
 def _moved(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
-    """Clipped where focal length and geometry move it: the expected image itself ends at the range's ends already."""
+    """Returns the expected values [n] moved by focal lengths and geometry, clipped to the range if they move."""
     o = pixels.observation
     twists = phi[SCALES + o.geometry_places].astype(np.float32)
     change = phi[SCALES + o.view.is_right] * pixels.focal_slope

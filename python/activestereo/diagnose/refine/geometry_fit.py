@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds where views and projector stand, from the images, beside what the capture states of them.
+"""Finds the poses of views and projector from the images and the poses that the capture states.
 
-The search is Gauss-Newton on the nuisances of a fit (fitter.py), first on blurred images: where the corrections change
-the images by more than the rest of a linear step may err, the capture is rendered again from where it stands. The
-prior stays around what is stated, so that a later fit with an effect is free to take a correction back.
+The search is Gauss-Newton on the nuisances of a fit (fitter.py), first on blurred images. If the corrections change the
+images by more than a linear step allows, the capture is rendered again at the corrected poses. The prior stays around
+the stated poses, so that a later fit with an effect can take a correction back.
 
-A lens that distorts otherwise than stated is fitted along where the images ask for it: without it, the focal lengths
-and poses would take what they can of it.
+Lens distortion is fitted along if the images ask for it. Otherwise focal lengths and poses would absorb a part of it.
 
-Rolling shutters, clocks and motion blur displace moving views, too: one that would be corrected by far more than the
-views at rest stays where it is stated, for an effect to explain.
+Rolling shutters, clocks and motion blur displace moving views, too. A moving view that would be corrected by far more
+than the views at rest keeps its stated pose, for an effect to explain.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,22 +34,22 @@ from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solutio
 from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.effects import Model, builtin
 
-# What a Geometry holds beside the capture.
+# The fields of a Geometry that the cache keeps.
 _FOUND = ("focal", "projector", "poses", "deviations", "misfit")
-# Blurs of the images, one round each, before they are looked at once more as they are: dots are about a pixel wide.
+# Blurs of the images, one round each. Dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
-# Part of the pixels, by chance, that a search looks at: they tell where a rig stands to a fiftieth of the noise.
+# Random share of the pixels that a search uses: they tell the rig's pose to a fiftieth of the noise.
 _PIXEL_SHARE, _SEED = 0.25, 13
-# What moves this is a lens that may be fitted along; the share of chi2 that it has to take away in a scan.
+# Effects on this field of the engine are lenses that may be fitted along; the share of chi2 that one must remove.
 _LENS, _WORTH = "camera.distortion", 0.2
-# Values of the lens that are tried, in typical ones, at every so manyth pixel of those that stand for all.
+# Lens parameters to try, in typical values; the scan uses every so manyth pixel of the chosen images.
 _SCANNED, _SCANNED_PIXEL = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0), 4
-# Images are rendered again where corrections change them by more than this share of the noise, in the quadratic mean.
+# Images are rendered again if corrections change them by more than this share of the noise, root mean square.
 _LINEAR_SHARE = 0.1
-# A moving view is off by at most so many times what the views at rest are, and by so many stated deviations.
+# A moving view may be off by so many times the error of the views at rest, and by so many stated deviations.
 _MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
-# So many stated deviations are no error of a survey: a model that misfits otherwise moves the rig to hide it.
+# A survey is never off by so many stated deviations: a misfitting model moves the rig to hide its error.
 _BELIEVED_SIGMAS = 10.0
 
 
@@ -59,8 +58,8 @@ Render = Callable[[Capture], LayersOfFrames]
 
 @dataclass(frozen=True)
 class _Step:
-    """Corrections from where the evidence was rendered, as of Geometry.moved(), with the standard errors of both;
-    misfit: Geometry's; left: the mean square that stays, noise variances."""
+    """Corrections of the geometry that the evidence was rendered with, in the order of Geometry.moved(), and their
+    standard errors. misfit: as in Geometry. left: the remaining mean square, noise variances."""
 
     focal: np.ndarray
     twists: np.ndarray
@@ -78,10 +77,12 @@ def gather_where_it_stands(
     rendered_by: object = None,
     near: Evidence | None = None,
 ) -> Evidence:
-    """The Evidence of the train frames with their geometry corrected. capture: as stated. render: their layers.
-    model: the effects that are known already. memory: where the geometry is kept for a second diagnosis; rendered_by:
-    all that decides the layers of a capture, for its key. near: from where to search on under another model; itself
-    where nothing has to be rendered again."""
+    """Gathers the Evidence of the train frames with their geometry corrected.
+
+    capture: as stated. render: returns a capture's layers. model: the effects that are known already. memory: keeps the
+    geometry for a second diagnosis; rendered_by: all that decides the layers, for its key. near: the evidence from
+    which to search on under another model; it is returned itself if nothing must be rendered again.
+    """
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
@@ -102,8 +103,11 @@ def gather_where_it_stands(
 
 
 def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> Evidence:
-    """From where to search on: near, or where the capture is stated. A rig that was searched without the model takes
-    what it can of the model's effects, moves dots beyond their width, and so holds the effects back."""
+    """Returns the evidence from which to search on: near, or the one at the stated geometry if that fits better.
+
+    A rig that was searched without the model absorbs a part of the model's effects. It then moves dots beyond their
+    width, and so hides the effects.
+    """
     step = _step(near, model)
     if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
         return near
@@ -116,7 +120,7 @@ def _is_same(a: Geometry, b: Geometry) -> bool:
 
 
 def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: Evidence | None) -> str | None:
-    """The key of all that decides where a capture stands; None where a part of the model is a user's own."""
+    """Returns the cache key of a geometry search; None if a part of the model is a user's own."""
     effects = [(effect_content(effect), values) for effect, values in model.effects]
     if any(content is None for content, _ in effects):
         return None
@@ -125,7 +129,8 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
 
 
 def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
-    """See gather_where_it_stands(). Where the images as they are ask for no correction, blurred ones are not asked."""
+    """Searches the geometry as gather_where_it_stands() does. Blurred images are used only if the sharp ones ask for a
+    correction."""
 
     def again(geometry: Geometry) -> Evidence:
         capture = geometry.capture()
@@ -144,7 +149,8 @@ def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequen
 def _moved(
     evidence: Evidence, focal: np.ndarray, twists: np.ndarray, again: Callable[[Geometry], Evidence]
 ) -> Evidence:
-    """The evidence from where a step leads, by again(geometry); itself where that makes no difference."""
+    """Returns the evidence at the corrected geometry, made by again(geometry); itself if the images hardly change.
+    Moving poses that would be corrected by far more than the others go back to their stated place."""
     twists, stated = twists.copy(), _of_poses(_moving_beyond_others(evidence, twists))
     twists[stated] = -evidence.geometry.twists()[stated]
     if _change(evidence, focal, twists) < _LINEAR_SHARE:
@@ -153,8 +159,10 @@ def _moved(
 
 
 def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
-    """Gauss-Newton of the train frames at rest, and of the moving ones' own poses, which nothing else depends on: a
-    view that moves shows more than geometry."""
+    """Returns one correction: a fit of the train frames at rest, and then of the poses that only moving frames have.
+
+    Moving frames do not affect the rest, because motion shows more than geometry.
+    """
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
     fitted = {o.key for o in at_rest}
     others, seen = [o for o in evidence.train if o.key not in fitted], _look(evidence, blur_px)
@@ -186,7 +194,8 @@ def _own_step(
     phi: np.ndarray,
     supersampled: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(step, variance) of the numbers at places own of the prior, on which others alone depend."""
+    """Returns (step, variance) of the numbers at indices `own` of the prior, which only the observations `others`
+    depend on."""
     in_one_tile = [replace(o, tile=np.zeros_like(o.tile)) for o in others]
     fitter, at = Fitter(in_one_tile, prior, evidence.tiles, supersampled), len(theta) + SCALES + own
     sums = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
@@ -197,9 +206,10 @@ def _own_step(
 
 
 def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model, render: Render) -> Evidence:
-    """The evidence with the test frames from where they stand: their own poses are searched beside the model and the
-    nuisances of a solution, after all is decided. model: the solution's, with its effects' own functions. render: the
-    layers of a capture's test frames."""
+    """Returns the evidence with its test frames at corrected poses, found under a solution's model and nuisances.
+
+    model: the solution's, with its effects' own functions. render: returns the layers of a capture's test frames.
+    """
     space, phi, unmoved = ParameterSpace.of(model), solution.phi, np.zeros(len(SIDES))
     held = _of_poses(evidence.geometry.held_out())
     own = len(SIDES) + evidence.materials + np.flatnonzero(held)
@@ -231,12 +241,12 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
 
 
 def _look(evidence: Evidence, blur_px: float) -> Callable[[Observation], Observation]:
-    """How a search looks at observations: blurred, or at some of their pixels."""
+    """Returns a function that prepares observations for a search: it blurs them, or picks some of their pixels."""
     return partial(coarse, sigma_px=blur_px) if blur_px else partial(_some, seed=evidence.seed)
 
 
 def _some(o: Observation, seed: int) -> Observation:
-    """The observation of which some pixels count, the same ones in all of its frames' repeats."""
+    """Returns the observation with a random part of its pixels, the same ones for all frames of one camera and pose."""
     view = int.from_bytes(blake2b(o.side.encode() + o.frame.camera_to_world.tobytes(), digest_size=8).digest(), "big")
     pool = np.arange(o.measured.size) if o.pick is None else o.pick
     chosen = np.random.Generator(np.random.PCG64([_SEED, view, seed])).permutation(len(pool))
@@ -246,7 +256,7 @@ def _some(o: Observation, seed: int) -> Observation:
 def _fit_at_rest(
     evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
 ) -> tuple[NuisancePrior, Fitter, Solution]:
-    """The fit of the frames at rest whose likelihood counts by 1 / misfit."""
+    """Fits the frames at rest with the likelihood weighed by 1 / misfit."""
     prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
     fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px)
     start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
@@ -255,15 +265,17 @@ def _fit_at_rest(
 
 
 def _misfit(fitter: Fitter, solution: Solution) -> float:
-    """How many times as many pixels the likelihood counts as the scatter of the tiles bears out."""
+    """Returns how many times too many pixels the likelihood counts, by the scatter of the tiles."""
     tiles, pixels = solution.sums.tile_chi2 > 0, fitter.tile_pixels()
     design = design_effect(solution.sums.tile_chi2[tiles], pixels[tiles])
     return design * max(1.0, solution.sums.total / pixels.sum())
 
 
 def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
-    """The space of a model, and of the lens that is fitted along, and where to start: a scan tells, for nuisances that
-    gave way to the lens' displacements would hold its parameters where they are."""
+    """Returns the parameter space and start of the fit: the model's own, or with a lens if a scan finds that it helps.
+
+    A fit from neutral would not find the lens: the nuisances absorb its displacements and hold its parameters.
+    """
     space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
     picked = one_of_each_situation(evidence.train, evidence.seed)
@@ -286,12 +298,13 @@ def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray
 
 
 def _without_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
-    """Focal lengths and twists of all that is stated."""
+    """Returns the entries of the prior's vector for focal lengths and twists."""
     return np.delete(stated, np.arange(evidence.materials) + len(SIDES))
 
 
 def standing(evidence: Evidence, solution: Solution) -> Geometry:
-    """The geometry under a solution: as stated, or as the evidence was rendered, where that makes no difference."""
+    """Returns the geometry under a solution; the stated or the rendered geometry if the images hardly tell it from
+    that."""
     focal, twists = np.split(_without_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     geometry = evidence.geometry
     if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _LINEAR_SHARE:
@@ -300,7 +313,8 @@ def standing(evidence: Evidence, solution: Solution) -> Geometry:
 
 
 def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
-    """Which poses are of moving frames and would be corrected by far more than those of frames at rest, [poses]."""
+    """Returns which poses belong to moving frames and would be corrected by far more than those of frames at rest,
+    [poses]."""
     sigma = evidence.nuisance_prior().sigma[len(SIDES) + evidence.materials :]
     strain = np.abs((evidence.geometry.twists() + twists) / sigma).reshape(-1, TWIST)[1:].max(axis=1)
     moves = evidence.geometry.moving()
@@ -308,12 +322,12 @@ def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
 
 
 def _of_poses(chosen: np.ndarray) -> np.ndarray:
-    """Which numbers of Geometry.twists() belong to the chosen poses."""
+    """Returns which numbers of Geometry.twists() belong to the chosen poses."""
     return np.repeat(np.concatenate([[False], chosen]), TWIST)
 
 
 def _own_places(fitted: Sequence[Observation], others: Sequence[Observation]) -> np.ndarray:
-    """The rows of NuisancePrior with poses that only others have."""
+    """Returns the indices into NuisancePrior of poses that only `others` have."""
     seen, all_seen = (
         {int(place) for o in observations for place in o.geometry_places} for observations in (fitted, others)
     )
@@ -321,7 +335,7 @@ def _own_places(fitted: Sequence[Observation], others: Sequence[Observation]) ->
 
 
 def _change(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> float:
-    """The change of the images by a step, in noise deviations, quadratic mean of the image that it changes most."""
+    """Returns the root mean square change by a step, in noise deviations, of the image that it changes most."""
     stated = np.insert(np.concatenate([focal, twists]), [len(SIDES)] * evidence.materials, 0.0)
     squares = []
     for o in (*evidence.train, *evidence.test):

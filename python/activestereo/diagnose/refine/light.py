@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The light of an observation under a model, and a sensor's numbers for it, kept because a fit asks for them again and
-again.
+"""Computes the light of an observation and the sensor's response to it, and keeps light for the repeated calls of a
+fit.
 
 The nuisances phi are projector scale, ambient scale and black level; then, with priors, both cameras' relative focal
 lengths, the materials' relative albedos, and twists of the geometry (evidence/geometry.py).
@@ -24,23 +24,23 @@ from activestereo.effects.core.model import acted, scales
 if TYPE_CHECKING:
     from activestereo.diagnose.refine.normal_equations import Pixels
 
-# Lights that are remembered, per observation: those of a model's first effects, before the last one.
+# Lights to keep per observation: those after a model's first effects, before the last one.
 _REMEMBERED = 3
-# Of a frame, what effects may look at where several frames share a light: those of one pose and motion; then those of
-# one temperature.
+# Attributes of a frame that effects may read if several frames share a light: first frames of one pose and motion,
+# then also of one temperature.
 _SHARED = ("camera_to_world", "camera_velocity", "is_moving")
 _LEVELS = (_SHARED, (*_SHARED, "temperature_c"))
-# The first entries of phi: scales and black level; with the focal lengths after them, those that all pixels share.
+# Numbers of first entries of phi: scales and black level; the same with the focal lengths, which all pixels share.
 SCALES, DENSE = 3, 5
 _ONE_PIXEL = np.zeros(1, np.intp)
 
 
 class _AskedForFrame(Exception):
-    """An effect asks for what the frames of one group differ in."""
+    """Raised when an effect reads an attribute in which the frames of one group differ."""
 
 
 class _SharedFrame:
-    """A frame, of which effects see what several frames have in common."""
+    """A frame that shows effects only the attributes that several frames have in common."""
 
     def __init__(self, frame: Frame, shared: tuple[str, ...]) -> None:
         self._frame, self._shared = frame, shared
@@ -52,8 +52,11 @@ class _SharedFrame:
 
 
 class LightMemory:
-    """Lights of observations under models; effects that came earlier in the pipeline are not applied again when a
-    later one changes. Frames that differ in nothing that an effect looks at share its light."""
+    """Computes the light of observations under models, and keeps it.
+
+    If a later effect changes, earlier ones in the pipeline are not applied again. Frames that differ in nothing that an
+    effect reads share its light.
+    """
 
     def __init__(self, observations: Sequence[MeasuredImage]) -> None:
         self._observations = observations
@@ -67,7 +70,7 @@ class LightMemory:
         self._level: dict[Effect, int] = {}
 
     def __call__(self, model: Model, i: int, supersampled: bool = True) -> Light:
-        """The Light of observation i that falls on the sensor; supersampled: see Model.light."""
+        """Returns the light of observation i that falls on the sensor. supersampled: as in Model.light."""
         chain = tuple((e, tuple(values.items())) for e, values in model.on_light())
         if not chain:
             return self._of_layers(i)[supersampled]
@@ -102,7 +105,7 @@ class LightMemory:
         return self._before[key]
 
     def _of_layers(self, i: int) -> tuple[Light, Light]:
-        """Without and with supersampled images."""
+        """Returns the rendered light without and with supersampled images."""
         known = self._rendered[i]
         if known is None:
             light = Light.of(self._observations[i].layers)
@@ -111,7 +114,8 @@ class LightMemory:
 
 
 def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, ...]) -> list[int]:
-    """The first observation, for each, that shows the same light to an effect that looks at nothing else."""
+    """Returns, for each observation, the index of the first one that shows the same light to an effect that reads only
+    the shared attributes."""
     firsts: dict[tuple, int] = {}
     seen = (repr([np.asarray(getattr(o.frame, name)).tolist() for name in shared]) for o in observations)
     keys = ((o.side, id(o.layers), own) for o, own in zip(observations, seen, strict=True))
@@ -123,7 +127,7 @@ def _shared_view(view: View, shared: tuple[str, ...]) -> View:
 
 
 class AllPixels:
-    """Every pixel of an observation in the image's order, with the same fields as normal_equations.Pixels."""
+    """All pixels of an observation in the image's order, with the same fields as normal_equations.Pixels."""
 
     def __init__(self, observation: Observation) -> None:
         self.observation = observation
@@ -139,9 +143,8 @@ class AllPixels:
 def exposed(
     model: Model, pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray, with_slopes: bool = False
 ) -> tuple[np.ndarray, list[np.ndarray] | None]:
-    """(expected DN without the focal lengths' part, its derivatives by projector scale, ambient scale and black
-    level), [n] each; the derivatives are None without with_slopes.
-    """
+    """Returns (expected DN [n] before focal lengths and geometry move it, its derivatives [n] by projector scale,
+    ambient scale and black level). The derivatives are None without with_slopes."""
     if not model.is_linear:
         return _through_sensor(model, pixels, light, phi, with_slopes)
     view = pixels.observation.view
@@ -157,9 +160,8 @@ def exposed(
 
 
 def _sent(pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray) -> list[np.ndarray]:
-    """DN per projector and ambient scale, with each material's relative albedo correction: it scales all light
-    that the material sends.
-    """
+    """Returns the projector's and the ambient light [n], DN per unit scale. Each material's relative albedo correction
+    scales all light that it sends."""
     levels, lights = scales(pixels.observation.view.frame), light.seen(pixels.index)
     if not phi[DENSE:].any():
         return [level * seen for level, seen in zip(levels, lights, strict=True)]
@@ -174,7 +176,7 @@ def _sent(pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray) -> list[n
 def _through_sensor(
     model: Model, pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray, with_slopes: bool
 ) -> tuple[np.ndarray, list[np.ndarray] | None]:
-    """exposed() where effects act on the sensor: they see whole images."""
+    """Computes exposed() for a model with effects on the sensor, which need whole images."""
     whole = AllPixels(pixels.observation)
     view, shape = pixels.observation.view, pixels.observation.measured.shape
     projector, ambient = _sent(whole, light, phi)

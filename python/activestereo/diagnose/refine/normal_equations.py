@@ -18,7 +18,8 @@ _PLAIN = ("gram", "moment", "tile_chi2")
 class Pixels:
     """The pixels of an Observation that count, ordered by material. All arrays are [n].
 
-    index: flat indices; measured: DN; root_weight: 1 / deviation; material: as the observation's, -1 = none; tile."""
+    index: flat indices; measured: DN; root_weight: 1 / deviation; material: as in the observation, -1 = none; tile.
+    """
 
     def __init__(self, observation: Observation, materials: int) -> None:
         o = observation
@@ -36,23 +37,23 @@ class Pixels:
         self.materials, self._runs = materials, [slice(first, last) for first, last in pairwise(ends)]
 
     def of(self, image: np.ndarray) -> np.ndarray:
-        """An image's values."""
+        """Returns an image's values at these pixels."""
         return image.ravel()[self.index]
 
     @computed_once
     def block(self) -> np.ndarray:
-        """Index of each pixel's block of BLOCK_PX, from 0."""
+        """Returns the index of each pixel's block of BLOCK_PX, from 0."""
         height, width = self.observation.measured.shape
         rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
         return self.of(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
 
     @computed_once
     def geometry_gram(self) -> np.ndarray:
-        """Products of the weighted slopes of the geometry, [k][k]: no fit changes them."""
+        """Returns the products of the weighted slopes of the geometry, [k][k]. No fit changes them."""
         return self.geometry @ self.geometry.T
 
     def by_material(self, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
-        """Sums of values [k][n] times a factor [n], [k][materials]."""
+        """Returns sums over each material's pixels of values [k][n] times a factor [n], [k][materials]."""
         return np.stack([values[:, run] @ factor[run] for run in self._runs], axis=1)
 
 
@@ -60,15 +61,15 @@ Cluster: TypeAlias = tuple[str, bytes, bool]
 
 
 def cluster_of(o: Observation) -> Cluster:
-    """The cluster that shares errors: one camera's images of one pose, repeats and settings together."""
+    """Returns the key of the cluster that shares errors: one camera's images of one pose, with all repeats and
+    settings."""
     return o.side, o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
 @dataclass
 class Sums:
-    """Normal equations of one linearisation: gram [n][n], moment [n]; chi2 by tile; moments by block, {cluster:
-    [n][blocks]}.
-    """
+    """The normal equations of one linearisation: gram [n][n], moment [n], chi2 by tile, and moments by block, {cluster:
+    [n][blocks]}."""
 
     gram: np.ndarray
     moment: np.ndarray
@@ -81,14 +82,14 @@ class Sums:
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray], observations: Sequence[Observation]) -> "Sums":
-        """The Sums over observations that as_arrays() gave."""
+        """Makes the Sums from the arrays of as_arrays(). observations: the same ones."""
         clusters = dict.fromkeys(map(cluster_of, observations))
         blocks = {cluster: arrays[f"block_{i}"] for i, cluster in enumerate(clusters) if f"block_{i}" in arrays}
         gram, moment, tile_chi2 = (arrays[name] for name in _PLAIN)
         return cls(gram, moment, tile_chi2, blocks)
 
     def as_arrays(self) -> dict[str, np.ndarray]:
-        """By name; those by block in the order of the observations."""
+        """Returns the sums as named arrays; those by block are numbered in the order of the observations."""
         blocks = {f"block_{i}": moment for i, moment in enumerate(self.block_moment.values())}
         return {name: getattr(self, name) for name in _PLAIN} | blocks
 
@@ -101,9 +102,9 @@ class Sums:
     ) -> None:
         """Adds one observation.
 
-        columns: derivatives [k][n] but for those by albedos and by the geometry. The former live on their own
-        material's pixels: a material's is the light it sends, the columns of projector and ambient scale (n_theta and
-        the next) times their scales.
+        columns: derivatives [k][n] by all parameters except albedos and geometry. An albedo's derivative is the light
+        that the material sends. It is computed from the columns of projector and ambient scale (n_theta and the next)
+        times their scales.
         """
         dense, materials, own = len(columns), pixels.materials, self._own_rows(pixels, columns)
         A, r = np.stack(columns), residual * pixels.root_weight
@@ -112,7 +113,7 @@ class Sums:
         self.tile_chi2 += np.bincount(pixels.tile, r * r, minlength=len(self.tile_chi2))
         self.gram[:dense, :dense] += A @ A.T
         self.moment[:dense] += A @ r
-        # Three times as fast as the matrix product of a BLAS without kernels for this machine.
+        # Three times as fast as matrix products of a BLAS without kernels for the processor.
         cross = np.einsum("in,jn->ji", single, geometry)
         self.gram[:dense, own] += cross[:, :-1].T
         self.gram[own, :dense] += cross[:, :-1]
@@ -129,13 +130,13 @@ class Sums:
             self.gram[np.ix_(diagonal, rows)] += both.T
 
     def _own_rows(self, pixels: Pixels, columns: list[np.ndarray]) -> np.ndarray:
-        """The rows of an observation's geometry; columns: as of add()."""
+        """Returns the rows of an observation's geometry. columns: as in add()."""
         return len(columns) - len(SIDES) + pixels.observation.geometry_places
 
     def add_blocks(
         self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
     ) -> None:
-        """Adds one observation to block_moment; arguments as of add()."""
+        """Adds one observation to block_moment. Arguments: as in add()."""
         dense, materials = len(columns), pixels.materials
         force, block = residual * pixels.root_weight**2, pixels.block()
         blocks = int(block.max()) + 1
@@ -144,7 +145,7 @@ class Sums:
         for j, column in zip(rows, [*columns, *pixels.geometry_slopes], strict=True):
             moment[j] = np.bincount(block, column * force, minlength=blocks)
         glow = (columns[n_theta] * phi[0] + columns[n_theta + 1] * phi[1]) * force
-        # Pixels of no material come last, and go.
+        # The last row is of pixels without a material and is dropped.
         label = np.where(pixels.material >= 0, pixels.material, materials) * blocks + block
         by_material = np.bincount(label, glow, minlength=(materials + 1) * blocks)
         moment[dense : dense + materials] = by_material.reshape(-1, blocks)[:-1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters that a fit may move, and what a fit found."""
+"""The parameters that a fit may move, and the result of a fit."""
 
 from dataclasses import dataclass, field
 
@@ -10,16 +10,17 @@ from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.normal_equations import Sums
 from activestereo.effects import Effect, Model, Parameter, Randomness, Stage
 
-# A finite difference is this share of a parameter's typical value, or of a quarter of its distance from neutral.
+# The step of a finite difference: this share of a parameter's typical value, or of a quarter of its distance from
+# neutral.
 _STEP = 0.02
 _DISTANCE_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The parameters of a model's deterministic effects and of one candidate after them, as one vector theta.
+    """The parameters of a model's deterministic effects, and of one candidate after them, as one vector theta.
 
-    pairs: (Effect, Parameter) of each entry of theta. start: where fits begin.
+    pairs: (Effect, Parameter) of each entry of theta. start: theta at the start of fits.
     """
 
     base: Model
@@ -28,7 +29,8 @@ class ParameterSpace:
 
     @classmethod
     def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
-        """All parameters of a model's deterministic effects, from their values; then the candidate's, from neutral."""
+        """Makes the space of a model's deterministic effects, started at their values, and a candidate's, started at
+        neutral."""
         fitted = [(e, values) for e, values in model.effects if e.randomness is Randomness.NONE]
         pairs = [(e, p) for e, _ in fitted for p in e.parameters]
         start = [values[p.name] for e, values in fitted for p in e.parameters]
@@ -38,7 +40,7 @@ class ParameterSpace:
         return cls(model, tuple(pairs), np.array(start, dtype=np.float64))
 
     def of_parameters(self, name: str) -> np.ndarray:
-        """One field of every parameter."""
+        """Returns one field of every parameter, [n]."""
         return np.array([getattr(p, name) for _, p in self.pairs])
 
     @property
@@ -63,16 +65,16 @@ class ParameterSpace:
 
     @property
     def given(self) -> np.ndarray:
-        """True for entries that are choices, which no fit changes."""
+        """Which entries are choices, which no fit changes, bool [n]."""
         return self.of_parameters("choice").astype(bool)
 
     @property
     def in_light(self) -> np.ndarray:
-        """Which entries act up to the lens."""
+        """Which entries act on the light up to the lens, bool [n]."""
         return np.array([e.stage <= Stage.OPTICS for e, _ in self.pairs], dtype=bool)
 
     def model(self, theta: np.ndarray) -> Model:
-        """The model with the parameters theta."""
+        """Returns the model with the parameters theta."""
         chosen: dict[str, tuple[Effect, dict[str, float]]] = {}
         for (e, p), value in zip(self.pairs, theta, strict=True):
             chosen.setdefault(e.id, (e, {}))[1][p.name] = float(value)
@@ -82,7 +84,7 @@ class ParameterSpace:
         return model
 
     def steps(self, theta: np.ndarray) -> np.ndarray:
-        """Finite-difference steps that stay in range."""
+        """Returns finite-difference steps that stay in range."""
         step = _STEP * np.maximum(self.typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
         step = np.minimum(step, self.slope_step)
         return np.where(theta + step > self.high, -step, step)
