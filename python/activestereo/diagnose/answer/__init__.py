@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis's answer as data: figures, ranking, the model that was found, and what no effect explains."""
+"""Writes a diagnosis as data: errors, ranking, the model found, and a formula of the error that no effect explains."""

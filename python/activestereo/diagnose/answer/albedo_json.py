@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The albedos in a diagnosis: materials that reflect another share of the light than the scene says."""
+"""The albedos in a diagnosis: materials whose reflectance differs from the scene's."""
 
 from typing import Any
 
@@ -15,13 +15,13 @@ from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.effects import Stage
 from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
 
-# A correction is told where it is more than so many of its standard errors, and of what the capture states.
+# A correction is reported if it exceeds so many standard errors and so many stated deviations.
 _TOLD_SIGMAS = 3.0
 
 
 def albedo_surfaces(evidence: Evidence) -> dict[int, int]:
-    """{index of an albedo nuisance: the number of a surface of its material}; -1: of the largest one, whose albedo is
-    part of the scales."""
+    """Returns {index of an albedo nuisance: the number of a surface of its material}. Index -1 stands for the largest
+    material, whose albedo is part of the scales."""
     found: dict[int, int] = {}
     for o in evidence.train:
         for index in np.unique(o.material):
@@ -32,17 +32,17 @@ def albedo_surfaces(evidence: Evidence) -> dict[int, int]:
 
 
 def albedo_factors(evidence: Evidence, solution: Solution) -> np.ndarray:
-    """[n]: how much of what the scene says each albedo nuisance's material reflects: no less than nothing, which a fit
-    that misses something may ask for."""
+    """Returns each albedo nuisance as a factor on the scene's albedo, [n], at least 0: a fit that misses an effect may
+    ask for less."""
     return np.maximum(0.0, 1.0 + solution.phi[DENSE : DENSE + evidence.materials])
 
 
 def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[dict[str, Any]]:
-    """[{material, text, factor on the scene's albedo, its standard error, its distance from 1 in the deviations that
-    the capture states}], of materials that are far from what is
-    stated; none beside an effect of surfaces, which makes another quantity of it.
+    """Returns [{material, text, factor on the scene's albedo, its standard error, its distance from 1 in stated
+    deviations}] of materials far from their stated albedo. It is empty beside an effect of surfaces, which changes the
+    meaning of albedos.
 
-    Light and albedos have one factor in common: it is what the median material reflects as stated.
+    Light and albedos share one factor, which is fixed so that the median material reflects as stated.
     """
     if any(effect.stage is Stage.SURFACE for effect in solution.effects):
         return []
@@ -70,7 +70,7 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
 
 
 def _stated(evidence: Evidence, number: int) -> float | None:
-    """The infrared albedo of a material in the scene file; None where a texture or none gives it."""
+    """Returns the infrared albedo of a material in the scene file; None if it has none, or a texture gives it."""
     if evidence.capture.scene_path.suffix.lower() != ".gltf":
         return None
     materials = read_json(evidence.capture.scene_path).get("materials", [])

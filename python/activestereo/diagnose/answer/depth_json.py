@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The judgement of a depth engine as diagnose.json holds it."""
+"""Writes the judgement of a depth engine as diagnose.json holds it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,8 +11,8 @@ from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED
 
 
 def depth_json(depth: Depth, numbers: Numbers, name_of: Callable[[int], str]) -> dict[str, Any]:
-    """The verdict on a depth engine and what was fitted. nuisance: a difference that depends on the matcher alone; it
-    is no fault. added: the fault that model.json holds. name_of: a material's name."""
+    """Returns the verdict on a depth engine and its fitted effects. nuisance: the effect depends on the matcher alone
+    and is no fault. added: the fault that model.json holds. name_of: returns a material's name by its number."""
     faults = depth.faults()[:1]
     verdict, reason = (EFFECT if faults else NONE), None
     if not depth.findings:

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of a device's depth error: image effects, what any matcher would make, and the sensor's own.
+"""Splits a device's depth error into parts: image effects, errors of any matcher, and the sensor's own.
 
-Let d be the device's disparity, m our matcher's on the very same pair, e and b our matcher's on pairs that a model
-expects with and without its effects, under the same noise, and t the true geometry's. Then d - t is the sum of
+Let d be the device's disparity, m our matcher's on the very same pair, and t the true geometry's. Let e and b be our
+matcher's on pairs that a model expects with and without its effects, under the same noise. Then d - t is the sum of
 
     image effects   e - b
     any matcher     m - t - (e - b)
     filters         f(m) - m, f the effects found on disparity and depth
-    calibration     an offset, and a share of t, by least squares of what is left over all frames
-    temperature     the same per kelvin, where frames differ in temperature
+    calibration     an offset, and a share of t, by least squares of the remainder over all frames
+    temperature     the same per kelvin, if frames differ in temperature
     other matcher   the rest
 
 The last four are the sensor's own. A part's share is its covariance with the error over the error's mean square (Pratt
-1987, Dividing the indivisible): shares add up to 1, and noise of e and b that the device did not have counts nothing.
-A part's RMS is the root of its share of the mean square, negative where it cancels others.
+1987, Dividing the indivisible). Shares add up to 1, and noise of e and b that the device did not have counts nothing.
+A part's RMS is the root of its share of the mean square, negative if it cancels others.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from activestereo.effects import Model, Stage, View
 
 OWN = ("filters", "calibration", "temperature", "other matcher")
 PARTS = ("image effects", "any matcher", *OWN)
-# Farther from the median difference two matchers found different things, as in channels/depth_engine.py.
+# Errors farther from their median are mismatches, as in channels/depth_engine.py.
 _LARGEST_ERROR_PX = 1.0
 _DISTANCES = 4
-# A material that fills less of the pixels is not told.
+# A material with a smaller share of the pixels is not reported.
 _LEAST_MATERIAL = 0.01
 
 Image = NDArray[np.float64]
@@ -47,10 +47,13 @@ Depths = Mapping[int, DepthFrame]
 
 @dataclass(frozen=True)
 class DepthErrors:
-    """One frame's errors of disparity where all are known, px [n]. device: against the geometry. measured: of our
-    matcher on the same pair. by_effects: what the model's effects on images change. by_filters: what its effects on
-    disparity and depth change. beside_model: the device's less the model's. disparity: the geometry's, px.
-    metres_per_px: of an error. warming_k: of the frame, above the reference."""
+    """One frame's errors of disparity at the pixels where all are known, px [n].
+
+    device: the device's error against the geometry. measured: our matcher's error on the same pair. by_effects: the
+    change by the model's effects on images. by_filters: the change by its effects on disparity and depth. beside_model:
+    the device's error less the model's. disparity: of the geometry, px. metres_per_px: depth error per disparity error.
+    warming_k: the frame's temperature above the reference.
+    """
 
     device: Image
     measured: Image
@@ -68,11 +71,11 @@ def depth_split(
     capture: Capture, plain: ImageErrors, given: ImageErrors, found: ImageErrors, depth: Depth,
     name_of: Callable[[int], str], seed: int,
 ) -> dict[str, Any] | None:  # fmt: skip
-    """diagnose.json's `depth_split`; None where no pixel has a depth of both engines.
+    """Returns diagnose.json's `depth_split`; None if no pixel has a depth of both engines.
 
-    capture: as stated, which the device matches by. plain, given, found: errors of the base model, of the given model
-    and of model.json, where the rig stands. depth: the judgement of the depth engine. name_of: a material's
-    name.
+    capture: as stated, which the device's matcher assumes. plain, given, found: image errors of the base model, the
+    given model and model.json, at the corrected geometry. depth: the judgement of the depth engine. name_of: returns a
+    material's name by its number.
     """
     filters = _on_depth(found.model)
     for f in (*depth.choices(), *depth.faults()[:1]):
@@ -96,7 +99,7 @@ def depth_split(
 def split_of(
     before: Sequence[DepthErrors], after: Sequence[DepthErrors], name_of: Callable[[int], str]
 ) -> dict[str, Any]:
-    """The parts under two models of the same pixels: of all, by distance and by material."""
+    """Returns the parts of the error under two models of the same pixels: in all, by distance and by material."""
     parts = {"before": _Parts.of(before), "after": _Parts.of(after)}
     distance_m, material = parts["after"].distance_m, parts["after"].material
 
@@ -118,7 +121,8 @@ def split_of(
 
 @dataclass(frozen=True)
 class _Matched:
-    """A frame's errors of disparity under a model, px [height][width]: DepthErrors' own, where all are `known`."""
+    """A frame's errors of disparity under a model, px [height][width], by the names of DepthErrors' fields. known: the
+    pixels where all are known."""
 
     images: dict[str, Image]
     known: NDArray[np.bool_]
@@ -129,8 +133,8 @@ class _Matched:
     def of(
         cls, own: NDArray[np.float32], base: DepthFrame, expected: DepthFrame, on_depth: Model, view: View
     ) -> _Matched:
-        """own: our matcher's depth of the measured pair, m. base, expected: of the base model's and of the model's
-        pairs. on_depth: the model's effects on disparity and depth."""
+        """Computes the errors. own: our matcher's depth of the measured pair, m. base, expected: depths of the base
+        model's and of the model's pairs. on_depth: the model's effects on disparity and depth."""
         filtered, modelled = (on_depth.depth(z, view) for z in (own, expected.model[0]))
         depths = base.measured, own, filtered, modelled, *base.model, *expected.model
         matched = [base.disparity_error(depth, base.truth) for depth in depths]
@@ -149,7 +153,7 @@ class _Matched:
         return cls(images, known, base, view)
 
     def errors(self, here: NDArray[np.bool_]) -> DepthErrors:
-        """These pixels'."""
+        """Returns the errors at the pixels `here`."""
         truth, device = self.frame.truth[here], self.frame.measured[here]
         return DepthErrors(
             **{name: image[here] for name, image in self.images.items()},
@@ -163,7 +167,7 @@ class _Matched:
 
 @dataclass(frozen=True)
 class _Parts:
-    """All frames' pixels. px: {part: its errors [n]}."""
+    """The errors of all frames' pixels. px: {part: its errors [n]}."""
 
     px: dict[str, Image]
     beside_model: Image
@@ -191,7 +195,8 @@ class _Parts:
         return cls(dict(zip(PARTS, [*of_images, *of_line], strict=True)), *kept)
 
     def told(self, here: NDArray[np.bool_]) -> dict[str, Any]:
-        """RMS of the error, of what the model leaves of it, and each part's share, in pixels and in metres."""
+        """Returns the RMS of the error, the RMS that the model leaves of it, and each part's share, in pixels and
+        metres. here: the pixels that count."""
         out: dict[str, Any] = {"rms_px": 0.0, "rms_m": 0.0, "beside_model_px": 0.0, "beside_model_m": 0.0}
         parts: dict[str, dict[str, float]] = {name: {} for name in (*PARTS, "sensor's own")}
         for unit, factor in (("px", np.ones(here.sum())), ("m", self.metres_per_px[here])):
@@ -213,13 +218,14 @@ def _on_depth(model: Model) -> Model:
 
 
 def _own_depths(capture: Capture) -> dict[int, NDArray[np.float32]]:
-    """{frame id: our matcher's depth of the measured pair, m [height][width]} of frames with the device's depth."""
+    """Returns {frame id: our matcher's depth of the measured pair, m [height][width]} for frames with the device's
+    depth."""
     frames = [frame for frame in capture.frames if frame.depth_path is not None]
     engine = DepthModel(capture) if frames else None
     return {f.id: engine.depth(*(capture.ir(f, side) for side in SIDES)) for f in frames if engine is not None}
 
 
 def _depths(capture: Capture, errors: ImageErrors, found: ImageErrors, seed: int) -> Depths:
-    """{frame id: the matched depths of the pairs that a model expects}, under the found model's noise."""
+    """Returns {frame id: our matcher's depths of the pairs that a model expects}, under the found model's noise."""
     frames = model_depths(capture, errors.measured, errors.predictions, found.views, found.noise_model, Model(), seed)
     return {d.frame.id: d for d in frames}

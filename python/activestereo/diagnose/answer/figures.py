@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Held-out figures of a diagnosis: those that `compare` tells of the given model, and of the model that is written; of
-frames left out in turn where a capture keeps no test frames."""
+"""Computes the held-out errors of the given model and of the written one. If a capture keeps no test frames, each train
+frame is left out in turn."""
 
 from __future__ import annotations
 
@@ -30,10 +30,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ErrorsOfModels:
-    """The ImageErrors of models on a capture, as it is stated and where it stands by the model that a diagnosis ends
-    with. base: renders the base model's light on all frames of a capture; seed and engines as of compare(). progress:
-    called with the fraction of a model that engines have rendered. cache: where their light is kept, or None. stands:
-    None leaves the capture where it is stated."""
+    """Computes the ImageErrors of models on a capture, at the stated geometry and at the one that the diagnosis found.
+
+    base: renders the base model's light on all frames of a capture. seed, engines: as in compare(). progress: called
+    with the fraction of a model that engines have rendered. cache: keeps their light, or None. stands: the capture at
+    the geometry that was found, None if it is as stated.
+    """
 
     capture: Capture
     base: Callable[[Capture], Halves]
@@ -44,13 +46,14 @@ class ErrorsOfModels:
     stands: Capture | None = None
 
     def standing_by(self, model: SensorModel) -> ErrorsOfModels:
-        """The same, where a model says that the capture stands."""
+        """Returns the same with the geometry that a model states."""
         there = calibrated(self.capture, model)
         return self if _stand_alike(there, self.capture) else replace(self, stands=there)
 
     def given(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Errors of the model that a diagnosis starts from, on the capture as stated. None: there is none; the base
-        model's light is taken."""
+        """Returns the errors of the model that a diagnosis starts from; None: of the base model, at the geometry that
+        was found if the capture has one. Models of effects are on the capture as stated, a SensorModel on the capture
+        that it calibrates."""
         if isinstance(model, SensorModel):
             capture = calibrated(self.capture, model)
             return self._under(model, capture, self.base(capture))
@@ -59,7 +62,7 @@ class ErrorsOfModels:
         return self._of_effects(model, self.capture, self.base(self.capture))
 
     def standing(self, model: Model | SensorModel | None) -> ImageErrors:
-        """given() on the capture where it stands."""
+        """Returns the errors of given() on the capture at the geometry that was found."""
         if self.stands is None:
             return self.given(model)
         if isinstance(model, SensorModel):
@@ -68,11 +71,11 @@ class ErrorsOfModels:
 
     @computed_once
     def plain(self) -> ImageErrors:
-        """Errors of the base model on the capture where it stands."""
+        """Returns the errors of the base model on the capture at the geometry that was found."""
         return self._of_effects(None, self.stands or self.capture, *self._light_there())
 
     def found(self, model: SensorModel) -> ImageErrors:
-        """Errors of a model's effects on the capture where it stands."""
+        """Returns the errors of a model's effects on the capture at the geometry that was found."""
         return self._under(model, self.stands or self.capture, *self._light_there())
 
     def _of_effects(
@@ -90,13 +93,14 @@ class ErrorsOfModels:
 
     @computed_once
     def _light_there(self) -> tuple[Halves, LayersOfFrames]:
-        """The base model's light where the capture stands, and the mean of its halves: kept, for it is large."""
+        """Returns the base model's light at the geometry that was found, and the mean of its two halves. It is kept
+        because it is expensive."""
         halves = self.base(self.stands or self.capture)
         return halves, mean_of_halves(halves)
 
 
 def _stand_alike(a: Capture, b: Capture) -> bool:
-    """Whether cameras, projector and views of two captures are the same."""
+    """Returns whether cameras, projector and views of two captures are the same."""
 
     def places(capture: Capture) -> list[NDArray[np.float64]]:
         rig = capture.rig
@@ -112,10 +116,12 @@ def _stand_alike(a: Capture, b: Capture) -> bool:
 def held_out_figures(
     errors: ErrorsOfModels, given: Model | SensorModel | None, added: list[str], written: SensorModel
 ) -> tuple[dict[str, Any], ImageErrors, ImageErrors, ImageErrors]:
-    """(figures pooled over images, DN, without the renderer's own noise (noise_square), None without test frames;
-    the errors of the given model; where the capture stands; those of the written one).
+    """Returns (errors in numbers, ImageErrors of the given model, of the same at the geometry that was found, of the
+    written model).
 
-    errors: standing by the written model, which model.json holds. added: the effects that it has more.
+    Numbers are root mean squares in DN pooled over images, without the renderer's noise (noise_square); None without
+    test frames. errors: with the geometry of the written model, which model.json holds. added: the effects that the
+    written model has more.
     """
     before, after = errors.given(given), errors.found(written)
     standing = before if errors.stands is None else errors.standing(given)
@@ -139,8 +145,8 @@ def _rmse(errors: ImageErrors, split: str) -> float | None:
 
 
 def left_out_rmse(fitter: Fitter, solution: Solution) -> float:
-    """Root mean square, DN, of each frame's residual under the parameters and nuisances of all other frames, by the
-    linear model at a solution. Pixels that the scene does not show count nowhere."""
+    """Returns the root mean square error in DN of each frame under parameters and nuisances fitted to all other frames,
+    by the linear model at a solution. Pixels where the scene is unknown do not count."""
     linear, weight = linearised(fitter, solution), np.concatenate([p.root_weight for p in fitter.pixels()])
     frame = np.concatenate([np.full(len(p.index), p.observation.frame.id) for p in fitter.pixels()])
     A, r = linear.nuisances, linear.residual

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The complete sensor model that a diagnosis ends with."""
+"""Makes the complete sensor model that a diagnosis ends with."""
 
 from collections.abc import Mapping
 
@@ -21,9 +21,8 @@ _NAMES = ("projector_scale", "ambient_scale", "black_dn")
 def found_model(
     evidence: Evidence, model: Model, solution: Solution, found: Mapping[str, Mapping[str, Interval]]
 ) -> SensorModel:
-    """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
-    them, and the noise model where repeats gave it. found: {effect: its parameters} of what has intervals.
-    """
+    """Returns a sensor model: the capture's calibration and pattern, the effects of `model`, the nuisances and albedos
+    of its fit, and the noise model if the noise was measured. found: {effect: its parameters with intervals}."""
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     factors = albedo_factors(evidence, solution)
     albedo = {
@@ -49,7 +48,7 @@ def found_model(
 
 
 def _measured_poses(geometry: Geometry) -> list[MeasuredPose]:
-    """Each pose that is not where it is stated."""
+    """Returns each pose that differs from its stated one."""
     frames = zip(geometry.stated.frames, geometry.capture().frames, strict=True)
     both = {s.camera_to_world.tobytes(): (s.camera_to_world, f.camera_to_world) for s, f in frames}
     return [MeasuredPose(stated, measured) for stated, measured in both.values() if (stated != measured).any()]

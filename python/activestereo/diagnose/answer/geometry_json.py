@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The geometry in a diagnosis: views, projector and focal lengths that are not as stated, by how much, in words."""
+"""The geometry in a diagnosis: views, projector and focal lengths that differ from the stated ones, in numbers and
+words."""
 
 from typing import Any
 
@@ -9,14 +10,14 @@ from activestereo.capture.capture import SIDES
 from activestereo.diagnose.answer.verdict_words import beyond_stated
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry
 
-# A correction is told where it is more than this many of its standard errors.
+# A correction is reported if it exceeds so many standard errors.
 _TOLD_SIGMAS = 3.0
 
 
 def geometry_json(geometry: Geometry) -> list[dict[str, Any]]:
-    """[{what, text, and the correction with its standard errors}]: focal lengths as relative changes, the projector
-    and views by what they moved and turned, mm and degrees; empty where all is as stated. stated_sigmas: the largest
-    correction of a coordinate, in what the capture states of its uncertainty."""
+    """Returns [{what, text, the correction, its standard errors}] of corrections that exceed their errors. Focal
+    lengths have relative changes; the projector and views have moves in mm and turns in degrees. stated_sigmas: the
+    largest correction of a coordinate in stated deviations."""
     if geometry.is_as_stated():
         return []
     known = geometry.stated.uncertainty

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A search's outcome as diagnose.json holds it: the ranking, the sets, and what they rest on."""
+"""Writes a search's outcome as diagnose.json holds it: the ranking, the sets, and the numbers behind the verdict."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -20,13 +20,13 @@ Json = dict[str, object]
 
 
 def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
-    """A parameter as found; a choice of surfaces with their materials' names, none for all surfaces."""
+    """Returns a parameter as found. A choice of surfaces also gets the names of their materials; no name means all."""
     names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
     return found.as_json() | names
 
 
 def parameters_of(outcome: Outcome, name: Name) -> Parameters:
-    """A named effect's parameters with 90 % intervals."""
+    """Returns a named effect's parameters with 90 % intervals."""
     if name.field is not None:
         return field_parameters(name.effect, name.field)
     if name.id in outcome.noise:
@@ -37,8 +37,8 @@ def parameters_of(outcome: Outcome, name: Name) -> Parameters:
 def ranking_of(
     outcome: Outcome, numbers: Numbers, verdict_is_effect: bool, name_of: Callable[[int], str]
 ) -> list[Json]:
-    """Names first, in the order of their gains; then what this recording cannot tell from them; then the others by
-    their scores. name_of: a material's name."""
+    """Returns the ranking: named effects in the order of their naming, effects that this recording cannot tell from
+    them, then the others by their fits and scores. name_of: returns a material's name by its number."""
     entries: dict[str, Json] = {}
     pixels, known = _pixels(outcome), _known(outcome, numbers)
 
@@ -91,7 +91,7 @@ def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[st
 
 
 def _nats(outcome: Outcome, gain: float) -> float:
-    """The gain of log-likelihood by a fall of the mean square from where the first fit is."""
+    """Returns the gain of log-likelihood by a fall of the mean square below that of the first fit."""
     pixels, first = _pixels(outcome), outcome.first.sums.total
     return nats_of(first, max(first - gain * pixels, 1e-3 * first), pixels, _design(outcome))
 
@@ -101,13 +101,13 @@ def _design(outcome: Outcome) -> float:
 
 
 def _known(outcome: Outcome, numbers: Numbers) -> float:
-    """The probability that what was found is right."""
+    """Returns the probability that the verdict's names, or none, are right."""
     is_named = bool(outcome.names)
     return probability_right(missing(outcome.rest, is_named, numbers), is_named)
 
 
 def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
-    """{"named": {id: p}, "none": p, "something_else": p}, which add up to 1."""
+    """Returns {"named": {id: p}, "none": p, "something_else": p}, which add up to 1."""
     known = _known(outcome, numbers)
     first = outcome.names[0].members if outcome.names else {}
     total = sum(first.values())
@@ -116,8 +116,8 @@ def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
 
 
 def sets_of(outcome: Outcome) -> list[Json]:
-    """[{effects, probabilities, rivals}] of each name: what this recording cannot tell apart, likeliest first, and what
-    was fitted beside and explains less: {effect: share that it explains}, the best first."""
+    """Returns [{effects, probabilities, rivals}] for each name. effects: those that this recording cannot tell apart,
+    likeliest first. rivals: {effect: share that it explains} of others that were fitted, the best first."""
     return [
         {"effects": list(n.members), "probabilities": list(n.members.values()), "rivals": _rivals(outcome, n)}
         for n in outcome.names
@@ -137,13 +137,13 @@ def _pixels(outcome: Outcome) -> int:
 
 
 def _explained(outcome: Outcome, gain: float) -> float:
-    """The share of the error beyond noise that a fall of the mean square is, noise variances."""
+    """Returns the share of the error beyond noise that a fall of the mean square explains, at most 1."""
     drawn = sum(name.gain for name in outcome.names if name.field is not None)  # the fits are of images without these
     return min(gain / max(outcome.first.sums.total / _pixels(outcome) - 1.0 + drawn, 1e-9), 1.0)
 
 
 def judging_of(outcome: Outcome) -> dict[str, Any]:
-    """The numbers that the verdict rests on, and what each round saw."""
+    """Returns the numbers that the verdict rests on, and the scores, fits and draws of each round."""
     rounds = [
         {
             "floor": seen.floor, "structure": seen.structure, "gain": seen.gain, "chance": seen.chance,

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When no effect of the library explains the data: where in the pipeline the rest arises, and a sparse linear model of
-it.
+"""Describes an error that no effect of the library explains: its stage in the pipeline, and a sparse linear model.
 
-The model comes from a forward selection (Bayesian information criterion) over few physical terms, fitted to tile means
-of the residual relative to the light it would act on, with intervals by a bootstrap over tiles.
+The model comes from a forward selection (Bayesian information criterion) over few physical terms. They are fitted to
+tile means of the residual relative to the light it would act on, with intervals by a bootstrap over tiles.
 """
 
 from collections.abc import Sequence
@@ -45,7 +44,7 @@ def my_effect({value}, view, amount):
 
 
 class Term(TypedDict):
-    """One summand: its name, its code in the stub, its factor with a 90 % interval."""
+    """One summand of the model: its name, its code in the stub, its factor with a 90 % interval."""
 
     term: str
     code: str
@@ -56,9 +55,8 @@ class Term(TypedDict):
 
 @dataclass(frozen=True)
 class ResidualModel:
-    """stage: where it acts; share: of the residual's tile variance that the model
-    explains.
-    """
+    """A formula of the residual. stage: the pipeline's stage where it acts. share: of the residual's variance over
+    tiles that the formula explains."""
 
     capture: str
     stage: str
@@ -110,7 +108,7 @@ _LIBRARY = (
 
 
 def residual_model(rows: Sequence[ImageResidual], black_dn: float, capture: str, seed: int = 0) -> ResidualModel:
-    """The model of what a fit leaves of the train images. capture: its name."""
+    """Fits a sparse formula to the residuals of the train images. capture: its name."""
     stage = _stage(rows)
     tiles = [_tiles(row, stage, black_dn) for row in rows]
     target, weight = (np.concatenate([t[name] for t in tiles]) for name in ("target", "weight"))
@@ -134,9 +132,8 @@ def residual_model(rows: Sequence[ImageResidual], black_dn: float, capture: str,
 
 
 def _stage(rows: Sequence[ImageResidual]) -> str:
-    """PROJECTOR where frames without it are clean, DIGITAL where the residual does not grow with light, else
-    READOUT.
-    """
+    """Returns the stage where the residual arises: PROJECTOR if frames without it are clean, DIGITAL if the residual
+    does not grow with light, else READOUT."""
     excess: dict[str, list[float]] = {"off": [], "on": []}
     strength, light = [], []
     for o, image, _, residual in rows:
@@ -150,7 +147,8 @@ def _stage(rows: Sequence[ImageResidual]) -> str:
 
 
 def _tiles(row: ImageResidual, stage: str, black_dn: float) -> dict[str, np.ndarray]:
-    """Tile means of the covariates, of the residual relative to what it acts on, and its weight."""
+    """Returns tile means of the covariates and of the residual relative to the light it would act on, with their
+    weights."""
     o, image, dots, residual = row
     base = {"PROJECTOR": dots, "READOUT": image - black_dn, "DIGITAL": np.ones(image.shape)}[stage]
     index = (o.tile - o.tile.min()).ravel()
@@ -182,7 +180,7 @@ def _solve(A: np.ndarray, target: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _forward(columns: Sequence[np.ndarray], target: np.ndarray, weight: np.ndarray) -> list[int]:
-    """Indices of terms, added while the information criterion of the weighted fit falls."""
+    """Returns the indices of terms, added as long as the information criterion of the weighted fit falls."""
     chosen: list[int] = []
     count = len(target)
     best = count * np.log(max((weight * target**2).sum(), 1e-300))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis in sentences, a table and a figure, for whoever works with it in Python."""
+"""Shows a diagnosis as sentences, a table and a figure, for use in Python."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _BARS, _ROWS = 10, 5
 
 
 def explained(result: Mapping[str, Any], effect_id: str) -> str:
-    """Why an effect was named, or not."""
+    """Returns a sentence on why an effect was named, or why not."""
     skipped = {entry["effect"]: entry["reason"] for entry in result["not_ranked"]}
     if effect_id in skipped:
         return f"{effect_id} was not judged: {skipped[effect_id]}"
@@ -37,7 +37,7 @@ def explained(result: Mapping[str, Any], effect_id: str) -> str:
 
 
 def ranking_figure(result: Mapping[str, Any]) -> Figure:
-    """The gain of each effect of the ranking, noise variances; what was named is filled."""
+    """Returns a bar chart of each ranked effect's gain in noise variances; bars of named effects are filled."""
     from matplotlib.figure import Figure
 
     entries = result["ranking"][:_BARS][::-1]
@@ -50,7 +50,8 @@ def ranking_figure(result: Mapping[str, Any]) -> Figure:
 
 
 def html_of(result: Mapping[str, Any]) -> str:
-    """The verdict, the first rows of the ranking and what to do next. result: diagnose.json's contents."""
+    """Returns HTML with the verdict, the first rows of the ranking and the next steps. result: diagnose.json's
+    contents."""
     rows = [
         [
             text(entry["effect"]),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict of a diagnosis in a sentence, what it rests on in a few lines, and what to do next."""
+"""Puts a diagnosis into words: its verdict in a sentence, the reasons in a few lines, and the next steps."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 from activestereo.common.shown import listed
 
 _COUNTS = ("no effect", "one effect", "two effects", "three effects")
-_RIVALS = 2  # are told with their shares
-# A stated uncertainty that a correction exceeds by so much was stated wrong.
+_RIVALS = 2  # so many are reported with their shares
+# A correction beyond so many stated deviations shows that the uncertainty was stated wrong.
 IMPOSSIBLE_SIGMAS = 10.0
-# What to do where an effect of a family was found; where it is none of these, the sensor is what differs.
+# Advice by the family of the effect that was found. For other families the sensor itself differs.
 _REMEDIES = {
     "surface": "Give the scene file's materials the values found",
     "ambient light": "Give the scene file the light found, or shade the scene and record again",
@@ -24,18 +24,18 @@ _REMEDIES = {
 
 
 def beyond_stated(sigmas: float) -> str:
-    """A clause for what the stated uncertainty makes impossible."""
+    """Returns a clause on a correction that its stated uncertainty makes impossible; empty if it is possible."""
     return f", {sigmas:.0f} times its stated uncertainty" if sigmas > IMPOSSIBLE_SIGMAS else ""
 
 
 def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
-    """An error for reading. Nothing is below the noise floor but by chance: no digit of that is told."""
+    """Returns an error as text. Only chance goes below the noise floor, so no digit of a smaller error is shown."""
     return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
 
 
 def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:
-    """(name, root mean square of the held-out frames in DN) of the given model, of the one with the geometry as it was
-    measured where that is another, and of the one found; else nothing."""
+    """Returns [(name, held-out root mean square error in DN)]; empty without held-out errors. Named are the given
+    model, the same at the corrected geometry if that differs, and the model found."""
     before, after = result["heldout_ir_rmse_before"], result["heldout_ir_rmse_after"]
     if before is None or after is None:
         return []
@@ -46,15 +46,18 @@ def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:
 
 
 def _named(result: Mapping[str, Any], effect_id: str) -> str:
-    """An effect with the meaning of its being found, where it says one."""
+    """Returns an effect's id with its finding in words, if it has one."""
     entries = [*result["ranking"], *(result.get("depth") or {}).get("ranking", [])]
     meaning = next((entry.get("finding") for entry in entries if entry["effect"] == effect_id), None)
     return effect_id + (f" ({_lowered(meaning)})" if meaning else "")
 
 
 def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
-    """Ids that a row of the ranking cannot be told from. What explains far more than a row is as good as it, too, but
-    not the other way round: beyond the first row both must say so."""
+    """Returns the ids that a row of the ranking cannot be told from.
+
+    An effect that explains far more than a row fits as well, but not the other way round. Beyond the first row, both
+    must therefore list each other.
+    """
     own = entry["effect"]
     says = {other["effect"]: other["equivalent"] for other in result["ranking"]}
     is_first = result["ranking"][0]["effect"] == own
@@ -62,8 +65,8 @@ def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
 
 
 def rival_words(result: Mapping[str, Any]) -> list[str]:
-    """A sentence for each name: the share of the error that it explains, and how far behind the best rival is; or the
-    effects that the data cannot tell from it."""
+    """Returns a sentence for each name: the share of the error that it explains, and its lead over the best rival, or
+    the effects that the data cannot tell from it."""
     entries = {entry["effect"]: entry for entry in result["ranking"]}
     said = []
     for own in result.get("sets", []):
@@ -84,7 +87,7 @@ def rival_words(result: Mapping[str, Any]) -> list[str]:
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """The verdict in one sentence."""
+    """Returns the verdict in one sentence."""
     left = _left(result)
     if result["verdict"] == "effect":
         added = result["added"]
@@ -102,7 +105,7 @@ def headline(result: Mapping[str, Any]) -> str:
 
 
 def geometry_words(result: Mapping[str, Any]) -> list[str]:
-    """Sentences on what stands elsewhere or reflects something else than the capture says, several views in one."""
+    """Returns sentences on geometry and albedos that differ from the capture's; several views share one sentence."""
     entries = result.get("geometry", [])
     views = [entry for entry in entries if entry["what"] == "view"]
     said = [entry["text"] for entry in entries if entry["what"] != "view" or len(views) == 1]
@@ -130,7 +133,7 @@ def _left(result: Mapping[str, Any]) -> str:
 
 
 def next_steps(result: Mapping[str, Any]) -> list[str]:
-    """Sentences on what to do with the answer, most useful first."""
+    """Returns sentences on what to do with the answer, most useful first."""
     steps = [f"Measure: {advice['text']}." for advice in result["next_measurement"][:1]]
     for kind, again in (("geometry", "Calibrate the rig"), ("albedos", "Measure the albedos")):
         if any(entry.get("stated_sigmas", 0.0) > IMPOSSIBLE_SIGMAS for entry in result.get(kind, [])):
@@ -145,7 +148,7 @@ def next_steps(result: Mapping[str, Any]) -> list[str]:
 
 
 def _remedies(result: Mapping[str, Any]) -> str:
-    """Advice to mend what differs where it is: in the scene, the calibration or the sensor."""
+    """Returns advice on how to remove the named effects from the scene, the calibration or the sensor."""
     families = {entry["effect"]: entry["family"] for entry in result["ranking"]}
     said = [_REMEDIES.get(families.get(name, ""), "Mend the sensor and record again") for name in result["added"]]
     return "; ".join([*said[:1], *(_lowered(words) for words in dict.fromkeys(said[1:]) if words != said[0])])

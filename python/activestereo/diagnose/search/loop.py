@@ -207,7 +207,7 @@ class Search:
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
-        # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which the
+        # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
         # images of one camera share.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
         fields = {name: f for name, f in fields.items() if f[0] * self._chi2 > drawn * self._pixels}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gives the verdict, and its probability, from the error that is explained, the error that is left and its structure."""
+"""Gives the verdict and its probability from the error that is explained, the error that is left and its structure."""
 
 from dataclasses import dataclass
 
