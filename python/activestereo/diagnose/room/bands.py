@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Four linear looks at an image of a room, each with errors of its own.
+"""Splits an image of a room into four bands, each with errors of its own.
 
-slow    the room's light, smooth: exposure, falloff, glare, tone
-fine    the room's light, what edges and textures show: registration, blur
-dots    the dots' amplitude, a second light on the same surfaces
-pair    everything fine, for the two cameras of one view: they see the same dots
+slow    the room's smooth light: shows exposure, falloff, glare, tone
+fine    the room's light at edges and textures: shows registration, blur
+dots    the amplitude of the dots, a second light on the same surfaces
+pair    all fine light, for the two cameras of one view: they see the same dots
 """
 
 from __future__ import annotations
@@ -24,13 +24,17 @@ _LEAST_DOTS, _LEAST_USABLE = 2e-4, 0.05
 
 
 def blur(image: Image, sigma_px: float) -> Image:
-    """Gaussian blur that mirrors the border."""
+    """Returns an image under a Gaussian blur that mirrors the border."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT), np.float32)
 
 
 @dataclass(frozen=True)
 class Looks:
-    """The looks at images of one RoomImage's pixels."""
+    """The filters that split images of one RoomImage's pixels into bands, [height][width].
+
+    dots: the projector's pattern there; fast_dots: its fine part; dots_square: the mean square of that. usable: 1 where
+    the image counts; share: the mean of that.
+    """
 
     dots: Image
     fast_dots: Image
@@ -45,17 +49,17 @@ class Looks:
         return cls(image.dots, fast, square, usable, np.maximum(blur(usable, _SLOW_PX), _LEAST_USABLE))
 
     def amplitude(self, image: Image) -> Image:
-        """The local amplitude of the dots, DN per unit of the pattern."""
+        """Returns the local amplitude of the dots, DN per unit of the pattern."""
         fast = image - blur(image, _FAST_PX)
         return blur(fast * self.fast_dots * self.usable, _AMPLITUDE_PX) / self.dots_square
 
     def split(self, image: Image) -> tuple[Image, Image]:
-        """(room light, the dots' amplitude) of an image."""
+        """Splits an image into (room light, the dots' amplitude)."""
         amplitude = self.amplitude(image)
         return image - amplitude * self.dots, amplitude
 
     def of_room(self, room: Image) -> dict[str, Image]:
-        """slow and fine of light without dots."""
+        """Returns the bands slow and fine of an image without dots."""
         slow = blur(room * self.usable, _SLOW_PX) / self.share
         return {"slow": slow, "fine": blur(room, _FINE_PX) - slow}
 
@@ -63,10 +67,10 @@ class Looks:
         return blur(image, _PAIR_PX) - blur(image, _SLOW_PX)
 
     def even(self, amplitude: Image) -> Image:
-        """The amplitude over the same neighbourhood as slow light."""
+        """Returns an amplitude averaged over the same neighbourhood as slow light."""
         return blur(amplitude * self.usable, _SLOW_PX) / self.share
 
     def all(self, image: Image) -> dict[str, Image]:
-        """Every band of an image."""
+        """Returns all four bands of an image by name."""
         room, amplitude = self.split(image)
         return self.of_room(room) | {"dots": self.even(amplitude), "pair": self.pair(image)}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Residuals and columns at the cells of a room, and what is left of them once every cell's own radiance is projected
-out: no texture is measured, none is held fixed.
+"""Projects the radiance of every surface cell of a room out of residuals and columns: no texture needs to be measured.
 
-In a band an image k sees z_k = g_k t + sum of columns c, with the cell's unknown t and the image's gain g. Weighted
-least squares of t takes the cells' means out (Schur's complement, block by block); the rest is linear in the columns.
+A cell is a pixel of one view with a surface behind it; a column is the change of all images by one effect. In a band,
+image k sees z_k = g_k t + sum of columns c, with the cell's unknown radiance t and the image's gain g. Weighted least
+squares of t take the cells' means out (Schur's complement, block by block); the rest is linear in the columns.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from activestereo.diagnose.room.bands import BANDS
 from activestereo.diagnose.room.columns import Column
 from activestereo.diagnose.room.light import RoomLight
 
-# Every n-th pixel is a cell; neighbours in a band err alike.
+# Every n-th pixel is a cell: neighbours in a band share errors.
 _STEP = {"slow": 4, "fine": 3, "dots": 4, "pair": 3}
-# Deviation of one look: floor in DN, share of the light (of half the slow light in fine bands).
+# Deviation of one image's value in a band: a floor in DN, and a share of the light.
 _ERROR = {"slow": (0.25, 0.02), "fine": (0.5, 0.015), "dots": (0.3, 0.05), "pair": (0.5, 0.025)}
 _TILES = (5, 8)  # of a view's image, down and across
 _LEAST_GEOMETRY = 0.02
@@ -32,8 +32,8 @@ _STUDENT, _ROUNDS, _RIDGE = 3.0, 3, 1e-9
 
 @dataclass
 class Block:
-    """The cells of one view in one band: residual [image][cell], columns [column][image][cell], gain and error
-    variance [image][cell], infinite where an image does not see a cell; tile [cell]."""
+    """The cells of one view in one band: residual [image][cell], columns [column][image][cell], gain and error variance
+    [image][cell] (infinite if an image does not see a cell), and each cell's tile [cell]."""
 
     residual: NDArray[np.float32]
     columns: NDArray[np.float32]
@@ -44,8 +44,12 @@ class Block:
 
 @dataclass(frozen=True)
 class Normal:
-    """Sums over tiles and bands: information [tile][c][c] and score [tile][c] of the columns, textures out; spread:
-    of residuals, in what was expected, by band; trust: the weight that cells kept beside what was expected, by band."""
+    """Normal equations of the columns' coefficients, cell radiances projected out: information [tile][c][c] and score
+    [tile][c], over the tiles of all bands.
+
+    spread: {band: deviation of residuals over the expected one}. trust: {band: weight that cells kept over the expected
+    one}.
+    """
 
     names: tuple[str, ...]
     information: NDArray[np.float64]
@@ -55,7 +59,7 @@ class Normal:
 
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
-    """The Blocks of every view in every band."""
+    """Makes the Block of every view in every band."""
     frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
     frames = {key: frame for key, frame in frames.items() if frame.cells}
     blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
@@ -69,7 +73,7 @@ def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Se
 
 
 def _changed(light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
-    """A column of one image in every band where it is asked about."""
+    """Returns {band: the change of image k by a column}, for the bands in which the column counts."""
     looks, asked = light.looks[k], [band for band in bands if band in column.bands]
     out: dict[str, Image] = {}
     room = column.change(k, light.room[k])
@@ -85,7 +89,10 @@ def _changed(light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> 
 
 @dataclass(frozen=True)
 class _Frame:
-    """The places of one view's cells of a band in the images that see them."""
+    """The cells of one view in one band, and their places in the images that see them.
+
+    images: numbers of these images. at: {image: column and row of each cell}. seen: [image][cell]. tile: [cell].
+    """
 
     room: Room
     view: int
@@ -102,7 +109,7 @@ class _Frame:
     @classmethod
     def of(cls, room: Room, light: RoomLight, band: str, view: int) -> _Frame:
         step, own = np.s_[1 :: _STEP[band], 1 :: _STEP[band]], 2 * view
-        asked = {"dots": lambda i: i.side == "left" and i.view < room.judged,  # the pattern's scale is a session's
+        asked = {"dots": lambda i: i.side == "left" and i.view < room.judged,  # sessions differ in the pattern's scale
                  "pair": lambda i: i.view == view}.get(band, lambda i: True)  # fmt: skip
         chosen = [k for k, image in enumerate(room.images) if asked(image)]
         places = {k: room.places(own, k) for k in chosen}
@@ -117,7 +124,7 @@ class _Frame:
         live = seen.sum(axis=0) > 1
         row, column = np.indices(live.shape)
         tile = (view * _TILES[0] + row * _TILES[0] // live.shape[0]) * _TILES[1] + column * _TILES[1] // live.shape[1]
-        # Cells lie between pixels, for every image is to be interpolated alike: a warp's column is blur in part.
+        # Cells lie between pixels, so that every image is interpolated alike: interpolation blurs.
         across, down = np.random.default_rng(0).uniform(-0.5, 0.5, (2, *live.shape)).astype(np.float32)
         between = [np.float32(1) + _STEP[band] * n.astype(np.float32) for n in (column, row)]
         between = [between[0] + across, between[1] + down]
@@ -136,7 +143,7 @@ class _Frame:
         return out
 
     def block(self, light: RoomLight, columns: int) -> Block:
-        """The Block with empty columns."""
+        """Returns the Block of these cells, with all columns 0."""
         floor, share = _ERROR[self.band]
         residual, gain, level = (np.empty(self.seen.shape, np.float32) for _ in range(3))
         for n, k in enumerate(self.images):
@@ -148,16 +155,16 @@ class _Frame:
             level[n] = np.abs(self.read(k, each["dots" if self.band == "dots" else "slow"], cv2.INTER_LINEAR))
         variance = np.where(self.seen, floor**2 + (share * level) ** 2, np.inf).astype(np.float32)
         shape = (columns, *self.seen.shape)
-        tile = self.tile + BANDS.index(self.band) * _tiles(self.room)  # tiles of bands are apart
+        tile = self.tile + BANDS.index(self.band) * _tiles(self.room)  # each band has its own tiles
         return Block(residual, np.zeros(shape, np.float32), gain, variance, tile)
 
 
 def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: Sequence[int]) -> Normal:
-    """The Normal of blocks. beside: the numbers of the columns beside which cells are weighed: an effect that is not
-    among them is taken for outliers.
+    """Returns the normal equations of blocks. beside: numbers of the columns that are fitted before cells are weighed;
+    other effects count as outliers.
 
-    Cells weigh by their own residual (Student's), and a band by its cells' spread; information is divided by how much
-    more the tiles' scores vary than those of independent cells would (a tempered likelihood).
+    Cells weigh by their own residual (Student's distribution), and a band by the spread of its cells. Information is
+    divided by how much more the tiles' scores vary than those of independent cells (a tempered likelihood).
     """
     prior, spread, trust = np.array([c.sd**-2.0 for c in columns]), {}, {}
     information, score = _empty(room, columns)
@@ -173,7 +180,8 @@ def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], besid
 
 
 def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], trust: Mapping[str, float]) -> Normal:
-    """The Normal of blocks that were not recorded, cells trusted as those of a recording are: it has no scores."""
+    """Returns the normal equations of blocks that were not recorded yet, with all scores 0. trust: of the cells, as a
+    recording's Normal has it."""
     information, score = _empty(room, columns)
     for band, _, own in _by_band(room, blocks):
         weights = [np.float32(trust.get(band, 0.0)) / b.variance for b in own]
@@ -187,12 +195,12 @@ def _empty(room: Room, columns: Sequence[Column]) -> tuple[NDArray[np.float64], 
 
 
 def _tiles(room: Room) -> int:
-    """Tiles of a band."""
+    """Returns the number of tiles of one band."""
     return room.views * _TILES[0] * _TILES[1]
 
 
 def _by_band(room: Room, blocks: Sequence[Block]) -> Iterator[tuple[str, slice, list[Block]]]:
-    """(band, its tiles, its blocks) where there are any."""
+    """Yields (band, slice of its tiles, its blocks) for every band with blocks."""
     tiles = _tiles(room)
     for number, band in enumerate(BANDS):
         if own := [b for b in blocks if len(b.tile) and b.tile[0] // tiles == number]:
@@ -203,7 +211,7 @@ def _sum_tiles(
     blocks: Sequence[Block], weights: Sequence[NDArray[np.float32]], information: NDArray[np.float64],
     score: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Writes the information and scores of the blocks' tiles."""
+    """Writes the information and the scores of the blocks' tiles into the arrays given."""
     for b, w in zip(blocks, weights, strict=True):
         z = _projected(np.concatenate([b.residual[None], b.columns]), w, b.gain)
         order = np.argsort(b.tile, kind="stable")
@@ -214,7 +222,7 @@ def _sum_tiles(
 
 
 def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArray[np.float32]) -> NDArray[np.float32]:
-    """z [c][image][cell] less the cell's weighted best radiance times the gain."""
+    """Returns z [c][image][cell] less the cell's best radiance (weighted least squares) times the gain."""
     square = np.maximum((weight * gain * gain).sum(axis=0), 1e-9)
     mean = np.einsum("ij,cij->cj", weight * gain, z) / square
     return z - gain * mean[:, None]
@@ -223,7 +231,7 @@ def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArra
 def _student(
     blocks: Sequence[Block], weights: list[NDArray[np.float32]], beside: Sequence[int], prior: NDArray[np.float64]
 ) -> tuple[list[NDArray[np.float32]], float]:
-    """(weights of whole cells from residuals beside columns, the spread)."""
+    """Returns (weights of whole cells by their residuals beside the columns `beside`, spread of these residuals)."""
     first, scale, of = [w.copy() for w in weights], 1.0, np.asarray(beside)
     for _ in range(_ROUNDS):
         z = [_projected(np.concatenate([b.residual[None], b.columns[of]]), w, b.gain)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How every image of a room changes by each effect of the library, and by what the calibration may have wrong.
+"""Computes columns: how every image of a room changes by each effect, and by errors of the calibration.
 
-An effect's columns are differences of its own image functions on the expected light. The dots were measured by the
-same camera: what an effect does to them is in them already, and shows in the pair alone.
+An effect's column is the difference of its own image function on the expected light. The same camera measured the dots,
+so that an effect on them is already in them, and shows only between the two cameras of a pair.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from activestereo.effects.core.descriptor import Parameter, Randomness
 from activestereo.effects.core.judging import Channel
 from activestereo.effects.core.model import acted
 
-# Warps are linear in small steps alone, a part of what is typical.
+# Warps are linear only in small steps: this share of the typical value.
 _STEP_OF_A_WARP = 0.1
 _REACH = 2.0
-# What moves light about says nothing of the dots' amplitude. What scales it is told by slow light, and by the pair
-# where its cameras differ in it: elsewhere its columns are what looks leave of textures and dots.
+# Effects that move light do not change the dots' amplitude. Effects that scale it show in slow light, and in the pair
+# if its cameras differ. Elsewhere their columns would hold remainders of textures and dots.
 _MOVED, _SCALED, _OF_ONE_CAMERA = ("slow", "fine", "pair"), ("slow",), ("slow", "pair")
 _APART = 0.25
 _TURN_RAD, _MOVE_M, _FOCAL, _BASELINE, _NEAREST_M = 5e-4, 5e-4, 0.003, 0.1, 0.3
 _SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
-# Periods of bands, in heights of the image.
+# Periods of flicker bands, in heights of the image.
 _PERIODS = tuple(0.12 * 1.09**k for k in range(21))
 _PERIODIC = "flicker_banding"
 _TONE = "response_gamma"
@@ -43,9 +43,12 @@ Change = Callable[[int, Image], Image | None]
 
 @dataclass(frozen=True)
 class Column:
-    """change(image's number, light above black) is what one unit changes in an image, DN, None for nothing. sd: of its
-    prior, in units. effect, parameter, step: of the library, and the parameter's change by a unit; None of a nuisance.
-    bands: those where it is asked about."""
+    """The change of a room's images by one effect or by one error of the calibration.
+
+    change(image's number, light above black): the change by one unit, DN, or None for no change. sd: deviation of the
+    coefficient's prior, in units. effect, parameter, step: of the library, and the parameter's change per unit; None
+    for a nuisance. bands: those in which it counts.
+    """
 
     name: str
     change: Change
@@ -57,14 +60,15 @@ class Column:
 
 
 def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: float) -> list[Column]:
-    """Columns of what `calibrate world` measured, with its deviations, and of light that follows no law."""
+    """Returns columns of the calibration's errors, with the deviations of `calibrate world`, and of smooth light
+    without a model. black_sd: of the black level, DN. vignetting_sd: of the falloff's exponent."""
     out = [*_of_exposure(room), *_of_falloff(room, vignetting_sd), *_of_geometry(room)]
     even = [np.ones(room.shape, np.float32)] * len(room.images)
     out.append(Column("black", lambda k, image: even[k], black_sd))
 
     def between_dots(k: int, image: Image) -> Image | None:
-        """The dots' light is even by as much as the pattern's darkness is wrong: of the room's light, not of the
-        dots'."""
+        """Returns the smooth light that an error of the pattern's darkness between dots adds; it belongs to the room's
+        light only."""
         return light.looks[k].even(light.looks[k].amplitude(light.seen[k])) if image is light.room[k] else None
 
     out.append(Column("light between dots", between_dots, _DOTS_LIGHT))
@@ -79,7 +83,7 @@ def _of_exposure(room: Room) -> Iterator[Column]:
         "yy": lambda x, y: y * y,
     }  # fmt: skip
     for view in range(room.views):
-        for name, law in laws.items():  # bounces, gloss and the room's own changes
+        for name, law in laws.items():  # stand for bounces, gloss and changes of the room
             law_of = lambda k, law=law: law(*room.images[k].rays())  # noqa: E731
             yield Column(f"slow {name} {view}", _factor(room, law_of, view), _SLOW_LAW)
 
@@ -135,11 +139,11 @@ def _flow(
     room: Room, name: str, of: Callable[[int], tuple[Image, Image]], scale: float, sd: float, view: int | None = None,
     side: str | None = None,
 ) -> Column:  # fmt: skip
-    """A Column of light that moves by scale * of(k) pixels, x and y."""
+    """Returns a column of light that moves by scale * of(k) pixels along x and y. view, side: None = all."""
 
     def change(k: int, image: Image) -> Image | None:
         seen = room.images[k]
-        of_all = range(room.judged) if view is None else (view,)  # what all views share is the session's
+        of_all = range(room.judged) if view is None else (view,)  # a good session has its own common errors
         if seen.view not in of_all or side not in (None, seen.side):
             return None
         down, across = np.gradient(image)
@@ -150,8 +154,8 @@ def _flow(
 
 
 def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[Column]:
-    """Columns of the effects that act in the camera, one for each parameter that shows; those that are nuisances of
-    every room, such as its falloff, are left out."""
+    """Returns columns of effects in the camera, one for each parameter that changes an image. Effects that are
+    nuisances of every room, such as its falloff, are left out."""
     views = [_view(room, k) for k in range(len(room.images))]
     out: list[Column] = []
     for effect in effects:
@@ -163,7 +167,7 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
             value = min(p.typical_value * share, p.high)
             image = light.room[0]
             if p is not lead and not np.any(acting(effect, {p.name: p.typical_value}, image, views[0], 0.0) != image):
-                continue  # it does not show while the effect's first one is neutral
+                continue  # it needs another value of the effect's first parameter
             change = _difference(effect, p, value, share, views, light.black_dn)
             bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
             out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands))
@@ -174,8 +178,8 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
 
 
 def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
-    """The change by a soft saturation, x (1 - x), beyond the best exponent and exposure: responses differ in the dark,
-    where a pedestal would be taken for them."""
+    """Returns the change by a soft saturation, x (1 - x), less its best fit by exponent and exposure. It stands for
+    responses that differ in the dark, which would otherwise pass for a black level."""
     x = light.both[0]
     laws = [lambda k, image: image * (1.0 - image / full_dn), power, lambda k, image: image]
     saturated, *others = (np.asarray(law(0, x)).ravel() for law in laws)
@@ -190,13 +194,13 @@ def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
 
 
 def _share(effect: Effect) -> float:
-    """The part of what is typical that a column steps by."""
+    """Returns the share of the typical value by which a column steps."""
     is_warp = effect.stage is Stage.CAMERA and not effect.id.endswith(("psf", "mismatch"))
     return _STEP_OF_A_WARP if is_warp else 1.0
 
 
 def _differs(change: Change, image: Image) -> bool:
-    """Whether the two cameras of a view change in another way; centres that lie apart are none."""
+    """Returns whether a change differs between the cameras of a view by more than their different centres explain."""
     left, right = (change(k, image) for k in (0, 1))
     if left is None or right is None:
         return left is not right
@@ -222,7 +226,7 @@ def _difference(effect: Effect, p: Parameter, value: float, share: float, views:
 
 
 def acting(effect: Effect, values: dict[str, float], image: Image, view: View, black_dn: float) -> Image:
-    """Light above black after an effect."""
+    """Returns the light above black after an effect, DN."""
     given = effect.values(values)
     if effect.stage <= Stage.OPTICS:
         nothing = np.zeros_like(image, np.float64)
@@ -234,8 +238,8 @@ def acting(effect: Effect, values: dict[str, float], image: Image, view: View, b
 
 
 def size_of(room: Room, light: RoomLight, column: Column, linear: float) -> tuple[float, float]:
-    """(the parameter's value at which the effect changes images by as much as `linear` does along its column, its
-    derivative by `linear`): a blur grows as the square of its width."""
+    """Returns (the parameter's value whose change of the images is `linear` units along the column, its derivative by
+    `linear`). They are not proportional: a blur, for example, grows as the square of its width."""
     effect, p = column.effect, column.parameter
     assert effect is not None and p is not None
     acts, name = partial(acting, effect), p.name
@@ -272,19 +276,20 @@ def _view(room: Room, k: int) -> View:
 
 
 def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
-    """Columns of a black level that is another one in each view."""
+    """Returns columns of a black level that differs from view to view."""
     effect = next((e for e in effects if e.id == "black_level"), None)
     if effect is None:
         return []
     p = effect.parameters[0]
     one = np.full(room.shape, p.typical, np.float32)
     of = lambda view: lambda k, image: one if room.images[k].view == view else None  # noqa: E731
-    first = 1 if room.judged == room.views else 0  # which is in the measured black level but for a good session
+    first = 1 if room.judged == room.views else 0  # without a good session the first one is in the measured black level
     return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical, _SCALED) for v in range(first, room.judged)]
 
 
 def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
-    """{rows of a period in whole images: columns of light that flickers row by row}, the phase of each view free."""
+    """Returns {rows of a period in whole images: columns of light that flickers row by row}; the phase of each view is
+    free."""
     effect = next((e for e in effects if e.id == _PERIODIC), None)
     if effect is None:
         return {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The diagnosis of a room that `calibrate world` measured: nothing is rendered, for the scene is an unknown, too."""
+"""Diagnoses a room that `calibrate world` measured. Nothing is rendered, for the scene is an unknown too."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ _MAINS_HZ = 100.0
 _DISAGREE = "the views disagree by more than the likeliest effect can explain; measure the room again from more views"
 _NOT_RANKED = "a room measured by the same camera has it in its dots or surfaces, or good sessions tell no spread of it"
 
-# Sessions of one D415 agree in focal length and centre to 0.5 deviations, and their dots correlate 0.53 to 0.81 where
-# patterns of no relation, at the best of all shifts, have 0.28 to 0.38.
+# Sessions of one D415 agree in focal length and centre to 0.5 deviations. Their dots correlate 0.53 to 0.81; unrelated
+# patterns, at the best of all shifts, 0.28 to 0.38.
 _APART_SD, _BEYOND_CHANCE = 8.0, 0.1
 _PATCH_PX, _REACH_PX, _LEAST_LIT = 128, 16, 2.0
 
@@ -38,7 +38,7 @@ Parameters = dict[str, tuple[float, float]]
 
 
 def is_measured_room(capture: Capture) -> bool:
-    """Whether `calibrate world` made a capture, of two views or more that others than the held-out ones see."""
+    """Returns whether `calibrate world` made a capture, with two or more train views that have poses and depth."""
     posed = capture.measured.get("poses", {}).get("frames", [])
     train = [f for f in capture.frames if f.id in posed and f.split == "train" and f.depth_path is not None]
     return len(train) > 1 and has_room_light(capture.scene_path)
@@ -47,8 +47,11 @@ def is_measured_room(capture: Capture) -> bool:
 def diagnosed_room(
     capture: Capture, given: Model, effects: Sequence[Effect], reference: Sequence[Capture] = ()
 ) -> tuple[dict[str, Any], Model, SensorModel]:
-    """(diagnose.json's contents, the model with what was found, model.json's) of a measured room. reference: sessions
-    of the same unit when it was good. ValueError where one is no measured room, or of another image size."""
+    """Returns (diagnose.json's contents, the model with the effects found, model.json's contents) of a measured room.
+
+    reference: sessions of the same unit from when it was good. ValueError: one of them is no measured room, of another
+    image size, or of another unit.
+    """
     room = Room(capture)
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
     falloff = _falloff(capture, given, effects)
@@ -101,7 +104,7 @@ def diagnosed_room(
 
 
 def _room_of(reference: Capture, capture: Capture) -> Room:
-    """A reference's room."""
+    """Returns the room of a reference. ValueError: it does not fit the capture."""
     if not is_measured_room(reference):
         raise ValueError(f"{reference.path}: is no reference: make it with calibrate world from two or more views")
     sizes = [f"{c.rig.left.width}x{c.rig.left.height}" for c in (reference, capture)]
@@ -113,7 +116,7 @@ def _room_of(reference: Capture, capture: Capture) -> Room:
 
 
 def _other_unit(reference: Capture, capture: Capture) -> str:
-    """Why two measured rooms cannot be of one camera; else nothing."""
+    """Returns the reason why two measured rooms cannot be of one camera; an empty text if they can."""
     cameras = [c.measured.get("camera", {}) for c in (reference, capture)]
     told = [(np.array(c["f_cx_cy_px"]), np.array(c["covariance_px2"])) for c in cameras if c.get("covariance_px2")]
     if len(told) == 2:
@@ -133,8 +136,8 @@ def _other_unit(reference: Capture, capture: Capture) -> str:
 
 
 def _shared_dots(first: Image, second: Image) -> float:
-    """The median correlation of two patterns' patches at their best shift: a projector's place is known to a few pixels
-    of them."""
+    """Returns the median correlation of two patterns' patches at their best shift, for a projector's place is known
+    only to a few pixels."""
     first, second = (image - blurred(image, _PATCH_PX / 16) for image in (first, second))
     found, side, reach = [], _PATCH_PX, _REACH_PX
     for row in range(reach, first.shape[0] - side - reach, 2 * side):
@@ -147,7 +150,8 @@ def _shared_dots(first: Image, second: Image) -> float:
 
 
 def _falloff(capture: Capture, given: Model, effects: Sequence[Effect]) -> tuple[Effect, Parameters] | None:
-    """The lens's falloff as overlapping views show it, where the given model has none."""
+    """Returns the lens's falloff with its parameters as overlapping views show it; None if the given model has one or
+    it is no clear finding."""
     effect = next((e for e in effects if e.id == _FALLOFF), None)
     told = capture.measured.get("exposure", {}).get("vignetting_exponent")
     if effect is None or told is None or _FALLOFF in {e.id for e, _ in given.effects}:
@@ -166,7 +170,8 @@ def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
 
 
 def parameters_of(found: Found, seen: Seen) -> Parameters:
-    """{parameter: (value, deviation)} of what was found; of waves their size and the rows of a period, at the mains."""
+    """Returns {parameter: (value, deviation)} of a finding. Flicker bands get their depth, and the line time if the
+    light flickers at 100 Hz."""
     period_rows = seen.period_rows
     if found.effect.id == "flicker_banding" and period_rows is not None:
         values = np.array([value for value, _ in found.parameters.values()])
@@ -179,7 +184,7 @@ def parameters_of(found: Found, seen: Seen) -> Parameters:
     out = {}
     for name, (value, deviation) in found.parameters.items():
         if name.endswith(".bend"):
-            continue  # beyond the exponent
+            continue  # the effect has no parameter for it
         slope = 1.0
         if name in columns and not found.finding:
             value, slope = size_of(seen.room, seen.light, columns[name], value)
@@ -188,7 +193,7 @@ def parameters_of(found: Found, seen: Seen) -> Parameters:
 
 
 def _beyond(effect: Effect, parameters: Parameters) -> str:
-    """The parameter that lies outside its range by more than chance; else nothing."""
+    """Returns a clause on a parameter that lies outside its range by more than its error; empty if none does."""
     for p in effect.parameters:
         value, deviation = parameters.get(p.name, (p.neutral, 0.0))
         if not p.low - Z90 * deviation <= value <= p.high + Z90 * deviation:
@@ -222,7 +227,7 @@ def _entry(
 
 
 def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
-    """Probabilities by the evidence beyond what a name needs."""
+    """Returns the probabilities of diagnose.json, by the evidence beyond the threshold of a name."""
     odds = np.exp([min(f.nats, 500.0) - NEEDED for f in names.ranking])
     first = names.named[0].members if names.named else {}
     one = float(odds.max() / (1.0 + odds.max())) if len(odds) else 0.0
@@ -233,7 +238,8 @@ def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
 
 
 def _next(names: Names) -> list[dict[str, Any]]:
-    """The recordings that would tell what this one cannot; last, what this one can."""
+    """Returns the recordings that would tell effects that this one cannot; the last entry lists those that this one
+    tells."""
     this, *others = plan_of(names.seen)
     out = [{"text": f"{r.text} ({r.minutes:g} min)", "separates": list(r.tells), "change": None} for r in others]
     told = f"nothing more for what this recording tells, {sizes(this) or 'which is no effect'}"
@@ -241,7 +247,8 @@ def _next(names: Names) -> list[dict[str, Any]]:
 
 
 def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[dict[str, float]]:
-    """Each held-out view, else each view, as the others predict it under both models."""
+    """Returns [{before, after}]: the error in DN of each held-out view (or of each view, if none is held out),
+    predicted from the others under the falloff of both models."""
     test = [f.id for f in capture.split("test") if f.depth_path is not None]
     whole = room if not test else Room(capture, [*(f.id for f in room.frames), *test])
     chosen = [n for n, f in enumerate(whole.frames) if not test or f.id in test]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Places of one camera that are blurred in every view: drops or dirt on its window stay while the rig turns, and the
-view's other camera sees the same dots sharp."""
+"""Finds places of one camera that are blurred in every view. Drops or dirt on its window stay while the rig turns, and
+the view's other camera sees the same dots sharp."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ _LEAST_SEEN, BLURRED_LOG = 0.4, 0.5
 
 @dataclass(frozen=True)
 class Blurred:
-    """The places of one camera where it is less sharp than the other one in all views of at least two: depth, how many
-    deviations of the map the worst lies below its median; log_ratio of the fine energy there; share of the image."""
+    """The places where one camera is less sharp than the other in every view that shows them (two at least).
+
+    depth: how far the worst place lies below the map's median, in deviations of the map; log_ratio: the same distance
+    as a logarithm of fine energy. share: of the image that is blurred.
+    """
 
     side: str
     depth: float
@@ -29,7 +32,8 @@ class Blurred:
 
 
 def blurred_places(room: Room, exponent: float) -> list[Blurred]:
-    """The Blurred of both cameras under a falloff cos^exponent, which the two show of one place at different angles."""
+    """Returns the Blurred of both cameras. exponent: of the falloff cos^exponent, since the two see a place at
+    different angles."""
     maps = [_per_view(room, view, exponent) for view in range(room.views)]
     out = []
     for s, side in enumerate(("left", "right")):
@@ -47,7 +51,7 @@ def blurred_places(room: Room, exponent: float) -> list[Blurred]:
 
 
 def _per_view(room: Room, view: int, exponent: float) -> tuple[Image, Image]:
-    """Maps [height][width] of log(fine energy here / in the other camera), NaN where none is told."""
+    """Returns two maps [height][width], left and right: log(fine energy here / in the other camera); NaN = unknown."""
     images, places = room.images[2 * view : 2 * view + 2], room.places(2 * view, 2 * view + 1)
     energy = [blur((blur(i.dn, _FINE_PX) - blur(i.dn, _COARSE_PX)) ** 2, _AROUND_PX) for i in images]
     other = places.read(energy[1])

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much likelier each effect makes a room's images than none does, with textures and calibration left free.
+"""Computes how much likelier each effect makes a room's images than none, with textures and calibration left free.
 
-The scores s of all columns are N(0, V + H (D + P) H): V their covariance, from tiles (the sandwich; White 1982); H the
-information; D what sessions of good units differ by; P an effect's prior. Few sessions tell D, so that evidence counts
-as Student's.
+The scores s of all columns are N(0, V + H (D + P) H). V is their covariance, from tiles (the sandwich; White 1982), H
+the information, D the covariance between sessions of good units, P an effect's prior. Few sessions tell D, so that
+evidence counts as Student's.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from activestereo.diagnose.room.columns import Column
 from activestereo.diagnose.room.sessions import ALIKE, FEW, FREEDOM
 from activestereo.effects import Effect
 
-# Of V, the share that independent tiles make up: their own scatter is known from a few dozen of them.
+# Share of V that comes from the tiles' scatter: only a few dozen of them tell it.
 _BY_TILES, _INFLATED = 0.7, 1.5
 _RIDGE = 1e-9
-ONE_SIDED = 1.0  # deviations that five of six recordings do not fall short by
+ONE_SIDED = 1.0  # five of six recordings fall short by fewer deviations
 Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """Scores of the columns that are asked about, all other nuisances projected out: score [c], information and
-    covariance [c][c] of it."""
+    """The scores of the columns in question, all other nuisances projected out: score [c], its information and
+    covariance [c][c]."""
 
     columns: tuple[Column, ...]
     score: Matrix
@@ -39,10 +39,12 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Found:
-    """An effect's evidence in nats, by its tempered and Student's likelihood, and parameters {name: (value, deviation)}
-    as a fit beside all other columns has them. least: {parameter: the size, by its column, that gets a name in five of
-    six recordings}.
-    finding: what is said in place of the effect's own sentence."""
+    """An effect's evidence against none in nats (tempered, by Student's likelihood), and its parameters {name: (value,
+    deviation)} in a fit beside all other columns.
+
+    least: {parameter: the size that gets a name in five of six recordings, by its column}. finding: a sentence that
+    replaces the effect's own; empty = none.
+    """
 
     effect: Effect
     nats: float
@@ -52,7 +54,7 @@ class Found:
 
 
 def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> Reduced:
-    """The Reduced of the columns numbered `asked`."""
+    """Returns the scores of the columns numbered `asked`, the others projected out."""
     E = np.array(sorted(asked))
     N = np.setdiff1d(np.arange(len(columns)), E)
     H, s = normal.information.sum(axis=0), normal.score.sum(axis=0)
@@ -63,7 +65,7 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     information = _semidefinite(information, np.sqrt(np.maximum(np.diag(H)[E], 1e-12)))
     score = s[E] - A @ s[N]
     chosen = tuple(columns[j] for j in E)
-    if not score.any():  # nothing was recorded yet
+    if not score.any():  # the blocks are of a recording not made yet
         return Reduced(chosen, score, information, information + 1e-9 * np.diag(np.diag(information) + 1e-9))
     own = np.linalg.solve(information + np.diag(prior[E]), score)
     beside = np.linalg.solve(inner, s[N] - H[np.ix_(N, E)] @ own)
@@ -76,16 +78,18 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
 
 
 def _semidefinite(information: Matrix, scale: Matrix) -> Matrix:
-    """An information that nuisances take almost whole may come out below zero by rounding."""
+    """Returns an information matrix without negative eigenvalues, which rounding makes if nuisances take almost all of
+    it."""
     values, vectors = np.linalg.eigh(0.5 * (information + information.T) / np.outer(scale, scale))
     return np.asarray((vectors * np.maximum(values, _RIDGE)) @ vectors.T * np.outer(scale, scale))
 
 
 def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], needed: float) -> list[Found]:
-    """The Found of every effect, likeliest first. An effect shows by one of its parameters as well as by all of them.
+    """Returns the Found of every effect, likeliest first. An effect may show by one of its parameters or by all of
+    them.
 
-    spread: {column: deviation between sessions, in units}; columns that are not there may have any value. looked:
-    {effect: logarithm of the places where it was looked for}. needed: nats of a name.
+    spread: {column: deviation between good sessions, in units}; columns that are missing there may have any value.
+    looked: {effect: logarithm of the number of places searched}. needed: the nats that a name needs.
     """
     names = [c.name for c in room.columns]
     D = _between_sessions(room.columns, spread)
@@ -118,27 +122,27 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own
         }
         if any(room.columns[j].step * value[j] < 0.0 for j in own if _one_sided(room.columns[j])):
-            nats = min(nats, 0.0)  # something else than the effect does that
+            nats = min(nats, 0.0)  # the effect cannot have this sign
         out.append(Found(effect, student(float(nats), few), parameters, least))
     return sorted(out, key=lambda found: -found.nats)
 
 
 def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Columns by which an effect may show: one parameter alone, its first one first, or all."""
+    """Returns the sets of columns by which an effect may show: those of each parameter alone, then all together."""
     parameters = dict.fromkeys(columns[j].parameter for j in own)
     alone = [np.array([j for j in own if columns[j].parameter == p]) for p in parameters]
     return alone if len(alone) == 1 else [*alone, own]
 
 
 def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
-    """The variances that an effect adds to its columns, in units."""
+    """Returns the variances that an effect's prior gives to its columns, in units [c]."""
     out = np.zeros(len(columns))
     out[own] = [columns[j].sd ** 2 for j in own]
     return out
 
 
 def _between_sessions(columns: Sequence[Column], spread: Mapping[str, float]) -> Matrix:
-    """The covariance of what good sessions have, in units."""
+    """Returns the covariance of the columns' values in good sessions, in units [c][c]."""
     names = [c.name for c in columns]
     deviation = np.array([np.sqrt(_INFLATED) * spread.get(c.name, np.nan) for c in columns])
     deviation = np.where(np.isfinite(deviation), deviation, [c.sd for c in columns])
@@ -151,18 +155,18 @@ def _between_sessions(columns: Sequence[Column], spread: Mapping[str, float]) ->
 
 
 def _one_sided(column: Column) -> bool:
-    """Whether a column's parameter is never below its neutral value; waves have either sign by their phase."""
+    """Returns whether a column's parameter is never below its neutral value. Waves have either sign by their phase."""
     p = column.parameter
     return p is not None and p.low == p.neutral and not column.name.endswith("sine")
 
 
 def student(nats: float, few: float) -> float:
-    """Gaussian nats as Student's."""
+    """Converts nats of a normal likelihood to those of Student's with `few` degrees of freedom; negative nats stay."""
     return 0.5 * (few + 1.0) * float(np.log1p(2.0 * nats / few)) if nats > 0 else nats
 
 
 def gaussian(nats: float, few: float) -> float:
-    """Student's nats, above 0, as Gaussian."""
+    """Converts nats of Student's likelihood, above 0, to those of a normal one."""
     return 0.5 * few * float(np.expm1(2.0 * nats / (few + 1.0)))
 
 

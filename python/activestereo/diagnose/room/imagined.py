@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A measured room with images that were not recorded yet: its first view, as the rig would see it turned about its left
-camera, or at another exposure. Its light and dots are those that were found, without noise."""
+"""Adds images to a measured room before they are recorded: its first view turned about the left camera, or at another
+exposure. Light and dots are those that were found, without noise."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ _BORDER_PX, _LEAST_GEOMETRY, _MOST_GEOMETRY = 3, 0.02, 5.0
 
 @dataclass(frozen=True)
 class Take:
-    """One more pair from where the first view was taken: turned about the axes x, y, z (degrees), at a factor of its
-    exposure, or by the camera when it was good. One that is neither turned nor good is of the same view, its factor
-    known."""
+    """One more pair of images from the first view's place: turned about the axes x, y, z (degrees), at a factor of its
+    exposure, or by the camera when it was good. If neither turned nor good, it belongs to the first view."""
 
     turn_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     exposure: float = 1.0
@@ -28,12 +27,13 @@ class Take:
 
     @property
     def is_further(self) -> bool:
-        """Whether it is a view of its own."""
+        """Whether the take is a view of its own."""
         return any(self.turn_deg) or self.is_good
 
 
 class ImaginedRoom(Room):
-    """A Room with one more Take. Only images and places differ: columns and cells are made of it as of any room."""
+    """A Room with one more Take. Only its images and their places differ; columns and cells are computed as for any
+    room."""
 
     def __init__(self, room: Room, light: RoomLight, take: Take) -> None:
         self.capture, self.rig, self._room = room.capture, room.rig, room
@@ -46,7 +46,7 @@ class ImaginedRoom(Room):
         self.images = [*room.images, *(self._taken(light, side, view, take) for side in (0, 1))]
 
     def _taken(self, light: RoomLight, side: int, view: int, take: Take) -> RoomImage:
-        """The first view's image of one side as the take shows it."""
+        """Returns one camera's image of the take, made from its image of the first view."""
         old = self._room.images[side]
         column, row = self._moved(side, *pixel_grid(old.dn.shape))
         read = lambda image: cv2.remap(np.asarray(image, np.float32), column, row, cv2.INTER_LINEAR)  # noqa: E731
@@ -63,7 +63,8 @@ class ImaginedRoom(Room):
         )  # fmt: skip
 
     def _moved(self, side: int, column: Image, row: Image, back: bool = False) -> tuple[Image, Image]:
-        """Pixels of a take in the first view's image, or back."""
+        """Returns the places of a take's pixels in the first view's image; with back, the places of the first view's
+        pixels in the take."""
         H = np.linalg.inv(self._turn[side]) if not back else self._turn[side]
         u, v, w = (H[i, 0] * column + H[i, 1] * row + H[i, 2] for i in range(3))
         z = np.where(w > 0.1, w, np.inf)
@@ -71,11 +72,11 @@ class ImaginedRoom(Room):
         return (u / z + nowhere).astype(np.float32), (v / z + nowhere).astype(np.float32)
 
     def _base(self, k: int) -> int:
-        """The recorded image that image k is made of."""
+        """Returns the number of the recorded image that image k is made of."""
         return k if k < len(self._room.images) else k - len(self._room.images)
 
     def places(self, a: int, b: int) -> Places:
-        """The Places of image a's pixels in image b, by way of the recorded images that they are made of."""
+        """Returns the places of image a's pixels in image b, by way of the recorded images behind them."""
         if (a, b) not in self._places:
             self._places[a, b] = self._between(a, b)
         return self._places[a, b]

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The light that is expected in every image of a room: what all images say of each cell, brought back to each image's
-exposure and falloff."""
+"""Estimates the light expected in every image of a room: all images of a cell, at each image's exposure and falloff."""
 
 from __future__ import annotations
 
@@ -19,9 +18,12 @@ _MOST_GEOMETRY, _LEAST_WEIGHT = 5.0, 1e-6
 
 @dataclass(frozen=True)
 class RoomLight:
-    """Images [image][height][width], DN above black at half size. gain: exposure times falloff. seen: as recorded;
-    room: expected, without dots; dots: expected, of the projector alone; both: room and dots as both cameras of the
-    view show them; lens: the exponent n of cos^n that the gain has."""
+    """The light in a room's images: lists of images [height][width], DN above black at half size.
+
+    gain: exposure times falloff. seen: as recorded. room: expected without dots. dots: expected from the projector
+    alone. both: mean of the two cameras of the view, as recorded. looks: the filters of each image. lens: the exponent
+    n of the falloff cos^n in the gain.
+    """
 
     gain: list[Image]
     seen: list[Image]
@@ -34,7 +36,7 @@ class RoomLight:
 
 
 def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
-    """The RoomLight of a room's images, under a black level and a falloff."""
+    """Estimates the light of a room's images under a black level (DN) and a falloff cos^exponent."""
     count = len(room.images)
     looks = [Looks.of(image) for image in room.images]
     gain = [(i.exposure * (1.0 + i.r2()) ** (-0.5 * exponent)).astype(np.float32) for i in room.images]
@@ -53,8 +55,11 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
 
 
 def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
-    """Room light of image k: slow light of all images; of what is fine, as much as views agree to, for noise and what
-    dots leave would weaken every column that is made of it."""
+    """Returns the expected room light of image k: the slow light of all images, and fine light as far as other views
+    confirm it.
+
+    Noise and remainders of dots in the fine light would weaken every column that is computed from it.
+    """
     fine = [image - blur(image, _SLOW_PX) for image in own]
     mean, _ = _mean(room, k, own, gain)
     fine_mean, _ = _mean(room, k, fine, gain)
@@ -68,8 +73,12 @@ def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
 def _mean(
     room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None
 ) -> tuple[Image, Image]:
-    """(what images that see the same places, all by default, say of image k, where there are any): weighed alike for
-    all k, for a column with an image's own errors in it would find them."""
+    """Returns (the mean of images `of` at the places of image k, scaled to its gain; 1 where any image tells it, else
+    0).
+
+    All images are weighed alike for every k: a column with an image's own errors in it would find these errors. images:
+    numbers of those to use, None = all.
+    """
     total, weight = np.zeros_like(of[k]), np.zeros_like(of[k])
     for j in range(len(of)) if images is None else images:
         if j == k:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which effects a measured room shows: the likeliest is named where it is beyond what sessions of one good unit differ
-by, then the next one beside it."""
+"""Names the effects that a measured room shows. The likeliest is named if it exceeds the differences between sessions
+of one good unit, then the next one beside it."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SAME_PL
 from activestereo.diagnose.search.selection import credible
 from activestereo.effects import Effect, Model
 
-# A name needs so many nats.
+# Nats that a name needs.
 NEEDED = 4.5
 _MOST_NAMES, _MASS = 3, 0.95
 _ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
 _BLACK_SD_DN, _EXPONENT_SD = 1.5, 0.5
-# Asked about along with the effects: what `calibrate world` measured of the camera itself.
+# Columns judged along with the effects: properties of the camera that `calibrate world` measured.
 _CAMERA = ("black", "falloff", "right row")
-# Of single views or scenes, and no property of a unit; deviation of a pair's rows between sessions.
+# Effects of single views or scenes, not of a unit; deviation of a pair's row offset between sessions.
 _OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level", "veiling_glare"), 0.035
-# Share of an image that is blurred in places on good sessions; a dot's own blur.
+# Share of an image that is blurred in good sessions; a dot's own blur.
 _BLURRED_SHARE, _DOT_PX = 0.003, 1.4
-# Share of black levels' squares that the views' light leaves, above which they are no glare.
+# Black levels are no glare if the views' light leaves more than this share of their squares.
 _UNLIKE_GLARE = 0.2
 # Waves were looked for at many periods.
 LOOKED = {"flicker_banding": float(np.log(21.0))}
@@ -41,7 +41,7 @@ LOOKED = {"flicker_banding": float(np.log(21.0))}
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that was named, with {effect: probability} of those that this recording cannot tell apart."""
+    """An effect that was named. members: {effect: probability} of those that this recording cannot tell apart."""
 
     found: Found
     members: Mapping[str, float]
@@ -49,8 +49,8 @@ class Named:
 
 @dataclass(frozen=True)
 class Names:
-    """named: in the order of their evidence; ranking: all that were asked about, as they stood before the first name;
-    seen: by the room alone."""
+    """The result of names_of(). named: in the order of naming. ranking: all judged effects, as they stood before the
+    first name. seen: the scores of the room alone."""
 
     named: tuple[Named, ...]
     ranking: tuple[Found, ...]
@@ -59,8 +59,11 @@ class Names:
 
 @dataclass(frozen=True)
 class Seen:
-    """A room, its light, and scores of the columns with a known spread and of the camera's own. asked: effects;
-    period_rows: of the waves that were looked at; trust: as a Normal has it."""
+    """A room with its light and its scores.
+
+    asked: the effects to judge. scores: of the columns with a known spread and of the camera's own. period_rows: period
+    of the flicker bands that were judged, None = none. trust: as in Normal.
+    """
 
     room: Room
     light: RoomLight
@@ -71,8 +74,12 @@ class Seen:
 
 
 def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
-    """The Names of a room beside a given model. reference: rooms of the same unit when it was good. One of the same
-    views is seen together with the room; of others, what they find alone is taken off."""
+    """Names the effects that a room shows beside a given model. reference: rooms of the same unit from when it was
+    good.
+
+    A reference of the same views is analysed together with the room. From others, the errors that they show themselves
+    are subtracted.
+    """
     asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
     seen = seen_of(room, asked)
     scores, spread, rows = seen.scores, OF_A_UNIT, _rows(room, asked)
@@ -109,12 +116,12 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
 
 
 def known_of(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
-    """{column: deviation between sessions, in units}."""
+    """Returns {column: deviation between sessions, in units} of every effect's columns."""
     return {c.name: spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
 def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
-    """The Seen of a room."""
+    """Computes the light and the scores of a room."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
@@ -126,8 +133,10 @@ def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
 
 
 def with_take(seen: Seen, take: Take) -> Reduced:
-    """The Reduced that a room has with one more Take, before it is recorded: its scores vary by as much more than
-    independent cells' as those of the room at hand do."""
+    """Returns the scores that a room would have with one more Take, before it is recorded.
+
+    Their covariance is raised by the same ratio over independent cells as in the room at hand.
+    """
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []
@@ -141,7 +150,8 @@ def with_take(seen: Seen, take: Take) -> Reduced:
 
 
 def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Sequence[Column]) -> list[Column]:
-    """Columns of effects with a known spread; beside a good session, of what the unit has of them in both, too."""
+    """Returns columns of effects with a known spread. Beside a good session, a second set stands for the unit's own
+    lasting errors in both."""
     own = [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if _key(c) in OF_A_UNIT]
     if room.judged == room.views:
         return own
@@ -154,8 +164,8 @@ def _looked_at(columns: Sequence[Column]) -> list[int]:
 
 
 def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
-    """The scores, less what good sessions have of effects that stay with a unit: as much of their joint fit as sessions
-    share."""
+    """Returns the scores less the lasting errors that good sessions show: the share of their joint fit that sessions
+    have in common."""
     lasting = [c.name for c in seen.columns if c.effect is not None and c.effect.id not in _OF_ONE_VIEW]
     H, s = np.zeros((len(lasting),) * 2), np.zeros(len(lasting))
     for other in others:
@@ -173,7 +183,8 @@ def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
 
 
 def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> list[Found]:
-    """The evidence that one camera's rows have moved since the unit was good: `calibrate world` measures them."""
+    """Returns the evidence that one camera's rows have moved since the unit was good, from the rigs that `calibrate
+    world` measured."""
     effect = next((e for e in effects if e.id == "stereo_pitch"), None)
     if effect is None:
         return []
@@ -191,9 +202,11 @@ def _row_offset(room: Room) -> float:
 
 
 def glare_of(found: Found, seen: Seen) -> Found | None:
-    """The veiling glare that lifts each view by a share of its light, where that is what black levels of their own do,
-    and a common one does it less. Without a good session that is in the measured one, as is the first view's. Else
-    nothing."""
+    """Returns a finding of veiling glare if it explains the black levels of single views; else None.
+
+    Glare lifts each view by a share of its light. With a good session it must fit better than a common level. Without
+    one, the first view's level is in the measured black level, so that differences to the first view count.
+    """
     effect = next((e for e in seen.asked if e.id == "veiling_glare"), None)
     if effect is None or found.effect.id != "black_level":
         return None
@@ -214,7 +227,7 @@ def glare_of(found: Found, seen: Seen) -> Found | None:
 
 
 def _key(column: Column) -> str:
-    """A column's place in a table of spreads."""
+    """Returns a column's key in a table of spreads."""
     assert column.effect is not None and column.parameter is not None
     return f"{column.effect.id}.{column.parameter.name}"
 
@@ -222,7 +235,8 @@ def _key(column: Column) -> str:
 def _wave(
     room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
 ) -> tuple[int | None, list[Column]]:
-    """(rows of a period, columns) of the waves that the slow light shows best."""
+    """Returns (rows of the period, columns) of the flicker bands that fit the slow light best; (None, []) if not asked
+    for."""
     sets = waves(room, effects)
     if not sets:
         return None, []
@@ -240,7 +254,8 @@ def _wave(
 
 
 def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found]:
-    """The evidence for one camera's blur in places, where it is enough for a name; its size is the image's mean."""
+    """Returns the evidence for a blur of one camera in places, if it suffices for a name. Its size is the mean over the
+    image."""
     effect = next((e for e in effects if e.id == "focus_mismatch"), None)
     worst = max(blurred_places(room, exponent), key=lambda b: b.share, default=None)
     if effect is None or worst is None:
@@ -256,7 +271,7 @@ def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found
 
 
 def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
-    """The evidence for noise of rows."""
+    """Returns the evidence for noise that rows share."""
     effect = next((e for e in effects if e.id == "row_noise"), None)
     if effect is None:
         return []
@@ -270,8 +285,8 @@ def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
 
 
 def beside_columns(room: Room, effects: Sequence[Effect]) -> dict[str, Mapping[str, float]]:
-    """{what is told without a column: its least sizes}: noise of rows, the lens's falloff, and drops by their share of
-    an image and by their blur."""
+    """Returns {finding: its least sizes} for findings without a column: row noise, the lens's falloff, and drops on a
+    window (share of the image and blur)."""
     out = {found.effect.id: found.least for found in _rows(room, effects)}
     ids = {e.id for e in effects}
     falloff = room.capture.measured.get("exposure", {}).get("vignetting_exponent")

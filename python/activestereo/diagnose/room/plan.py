@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recordings that would tell what a room leaves open: by the evidence that one more view of this very room would
-bring, and by the commands that measure what no view of a room shows."""
+"""Plans recordings for the effects that a room leaves open: further views of this room, judged by the evidence that
+they would bring, and commands for effects that no view of a room shows."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Sizes = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording: what to do, its minutes, and {effect: {parameter: the least size that is told}}, None where that is
-    not computed."""
+    """A recording: the instruction, its minutes, and {effect: {parameter: the least size that it tells}}; None if that
+    is not computed."""
 
     text: str
     minutes: float
@@ -37,10 +37,10 @@ _VIEWS = (
 _COVERED = "cover both lenses and record twenty frames: activestereo calibrate noise --dark"
 _COVERED_DN = 0.05
 _MUCH_LESS = 0.75
-_NEEDS_NO_MORE = ("vignetting", "row_noise")  # any two views tell them
+_NEEDS_NO_MORE = ("vignetting", "row_noise")  # any two views show them
 _REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
 
-# What views of one room never show, and what measures it.
+# Effects that views of one room never show, and the commands that measure them.
 _BY_DRIFT = ("thermal_drift", "laser_power_drift", "chromatic_drift", "pattern_scale_drift", "baseline_drift")
 _COMMANDS = (
     ("ten minutes of a still scene from switching on: activestereo calibrate drift", 10.0),
@@ -52,9 +52,12 @@ _COMMANDS = (
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """This recording with the sizes that it tells; then recordings that tell what it cannot tell at typical size, or
-    much less of what it can: views of this room, most effects per minute first, then commands for what none of them
-    tells at typical size. Every effect that was asked about stands in one of them."""
+    """Returns this recording first, with the sizes that it tells; then views of this room, most effects per minute
+    first; then commands.
+
+    A view stands there for effects that this recording misses at typical size, or that it tells at a much smaller size.
+    Commands are for effects that no view tells at typical size. Every effect asked about appears in one of them.
+    """
     this = told_by(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, known_of(r, OF_A_UNIT))) for text, take in _VIEWS
@@ -84,12 +87,12 @@ def plan_of(seen: Seen) -> list[Recording]:
 
 
 def told_by(seen: Seen) -> dict[str, Sizes]:
-    """{effect: {parameter: least size}} of those that a recording names, with what no column tells."""
+    """Returns {effect: {parameter: least size}} that a recording tells, with those that no column tells."""
     return _tells(seen, seen.scores, known_of(seen.scores, OF_A_UNIT)) | dict(beside_columns(seen.room, seen.asked))
 
 
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:
-    """{effect: {parameter: least size that scores name}} of those that they name at a possible size."""
+    """Returns {effect: {parameter: least size that gets a name}} for sizes within the parameters' ranges."""
     out: dict[str, Sizes] = {}
     columns = {c.name: c for c in scores.columns}
     for found in judged(scores, known, LOOKED, NEEDED):
@@ -105,7 +108,7 @@ def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str,
 
 
 def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
-    """Whether all sizes are at most what is typical, or need no other recording."""
+    """Returns whether all sizes are at most typical, or the effect needs no other recording."""
     typical = {p.name: p.typical for e in seen.asked if e.id == effect for p in e.parameters}
     return effect in _NEEDS_NO_MORE or all(size <= typical.get(name, np.inf) for name, size in told.items())
 
@@ -121,12 +124,12 @@ def _command(effect: Effect) -> int:
 
 
 def plan_text(plan: Sequence[Recording]) -> str:
-    """A plan, a line each."""
+    """Returns a plan as text, one line for each recording."""
     return "\n".join(f"{n}. {r.text} ({r.minutes:g} min): {sizes(r) or 'no effect'}" for n, r in enumerate(plan))
 
 
 def sizes(recording: Recording) -> str:
-    """The effects that a recording tells, with their least sizes."""
+    """Returns the effects that a recording tells with their least sizes, as text."""
     each = {e: " or ".join(f"{name} {size:.2g}" for name, size in (told or {}).items())
             for e, told in recording.tells.items()}  # fmt: skip
     return ", ".join(f"{effect} from {said}" if said else effect for effect, said in each.items())

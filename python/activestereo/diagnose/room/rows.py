@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that a row of one image shares, told without repeats: strips of a row agree in it, the two cameras do not."""
+"""Estimates noise that rows of an image share, without repeats: strips of a row agree in it, the two cameras do not."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image
 
 _STRIPS, _MOST_DN, _ROWS = 6, 4.0, 20
-# Second differences of independent rows have this variance.
+# Variance of a row less its neighbours' mean, for independent rows of variance 1.
 _OF_DIFFERENCES = 1.5
 
 
 def row_variance(room: Room) -> tuple[float, float]:
-    """(DN^2 of the rows' own offsets, its deviation): the covariance of strips of one image's rows, less that of the
-    two images of a view, which the scene makes."""
+    """Returns (variance of the rows' own offsets in DN^2, its standard error).
+
+    It is the covariance of strips of one image's rows, less the covariance of the two images of a view, which the scene
+    makes.
+    """
     found = []
     for left, right in zip(room.images[::2], room.images[1::2], strict=True):
         rows = [_strips(image.whole) for image in (left, right)]
@@ -27,7 +30,7 @@ def row_variance(room: Room) -> tuple[float, float]:
 
 
 def _strips(image: Image) -> Image:
-    """Each row less its neighbours' mean, averaged over strips [strip][row]."""
+    """Returns each row less its neighbours' mean, averaged over strips, [strip][row]."""
     differences = np.clip(image[1:-1] - 0.5 * (image[:-2] + image[2:]), -_MOST_DN, _MOST_DN)
     strips = np.stack([part.mean(axis=1) for part in np.array_split(differences, _STRIPS, axis=1)])
     return np.asarray(strips - strips.mean(axis=1, keepdims=True))

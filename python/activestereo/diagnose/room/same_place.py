@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A room together with a session of the same views when the camera was good: each cell's radiance is known by images
-without the effect, so that what changes all images of the room alike shows, too.
+"""Joins a room with a session of the same views from when the camera was good. Images without the effect then give each
+cell's radiance, so that an effect that changes all images of the room alike shows, too.
 
-Views that are turned by 15 degrees are of no use here: their slow light differs, and looks like another response.
+Views turned by 15 degrees are of no use here: their slow light differs, and looks like another response.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from activestereo.calibrate.world.cells import Room, RoomImage
 from activestereo.calibrate.world.overlaps import Surface, find_overlap, surface_of
 from activestereo.calibrate.world.views import SceneView, near_edges
 
-# A tripod stands again where it stood to so much.
+# A tripod returns to its place within these bounds.
 _SAME_TURN_RAD, _SAME_PLACE_M, _LEAST_SHARED = 0.05, 0.05, 0.05
 
 
 class RoomBeside(Room):
-    """A Room whose further views are those of a good session. good_to_world: from that session's frame to the room's;
-    scale: of its exposures."""
+    """A Room whose further views are those of a good session. good_to_world: 4x4, from that session's frame to the
+    room's. scale: factor on its exposures."""
 
     def __init__(self, room: Room, good: Room, good_to_world: NDArray[np.float64], scale: float = 1.0) -> None:
         self.capture, self.rig, self.frames = room.capture, room.rig, [*room.frames, *good.frames]
@@ -38,7 +38,7 @@ class RoomBeside(Room):
 
 
 def room_beside(room: Room, good: Room) -> RoomBeside | None:
-    """The RoomBeside of two sessions whose first views are the same; None where they are not."""
+    """Joins two sessions whose first views are at the same place; None if they are not."""
     rng = np.random.default_rng(0)
     first, second = (_surface(session, rng) for session in (good, room))
     overlap = find_overlap(0, 1, first, second, room.capture.rig.left.K)
@@ -58,7 +58,7 @@ def room_beside(room: Room, good: Room) -> RoomBeside | None:
 
 
 def _surface(session: Room, rng: np.random.Generator) -> Surface:
-    """The Surface of a session's first view."""
+    """Returns the surface points of a session's first view."""
     capture, frame = session.capture, session.frames[0]
     left, right = (capture.ir(frame, side).astype(np.float32) for side in ("left", "right"))
     depth = capture.depth(frame)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Deviations of what a good unit shows: six sessions of a D415 (root mean squares of what each column finds alone, of
-radial distortion with both of its terms); 24 single views of 17 rooms where a view tells the difference of its cameras.
+"""Deviations that good units show: from six sessions of a D415 (root mean squares of each column fitted alone; both
+terms of radial distortion together), and from 24 single views of 17 rooms for differences of the two cameras.
 
-Units are those of the parameters. A further effect is named against them.
+Units are those of the parameters. A further effect is named only beyond them.
 """
 
-# Nothing is known of the unit: what its own lens and electronics have is in it.
+# For an unknown unit: they include properties of its own lens and electronics.
 OF_A_UNIT = {
     "focus_mismatch.sigma_px": 0.6,
     "radial_distortion.k1": 0.0094,
@@ -20,16 +20,16 @@ OF_A_UNIT = {
     "black_level.offset_dn": 0.22,
     "flicker_banding.depth": 0.014,
 }
-# Terms that one session cannot tell apart err together.
+# Correlation of terms that one session cannot tell apart.
 ALIKE = {("radial_distortion.k1", "radial_distortion.k2"): -0.98}
 # Degrees of freedom that the deviations of an effect rest on.
 FEW = 5.0
 FREEDOM = {"focus_mismatch": 16.0, "gain_mismatch": 16.0}
 # Between sessions of one unit.
 BETWEEN = OF_A_UNIT | {"focus_mismatch.sigma_px": 0.36, "gain_mismatch.gain": 0.0105}
-# The share of what one session finds that another one of the unit has, too.
+# Share of one session's values that another session of the unit has, too.
 SHARED = 0.5
-# Between a session and a good one of the same views, by drawn rooms: no real camera has recorded its views twice yet.
+# Between a session and a good one of the same views, from simulated rooms: no real camera has recorded its views twice.
 SAME_PLACE = {
     "focus_mismatch.sigma_px": 0.2,
     "radial_distortion.k1": 0.002,

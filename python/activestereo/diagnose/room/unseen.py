@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A view that was held out, as the others say it looks: the proof of what was measured on them.
+"""Predicts a held-out view from the other views, to prove the values that were measured on them.
 
-Its light is by the other views, its dots by its own other camera: no other view's dots are as near.
+Its light comes from the other views, its dots from its own other camera, because no other view's dots are as near.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ _MOST_GEOMETRY, _LEAST_GEOMETRY = 5.0, 0.02
 
 
 def unseen_rmse(room: Room, view: int, black_dn: float, exponent: float) -> float:
-    """Root mean square in DN that the other views leave of one view's left image, at half size, under a falloff
-    cos^exponent and one free scale; NaN where they see none of it."""
+    """Returns the root mean square error in DN of one view's left image as the other views predict it, at half size;
+    NaN if they see none of it. The prediction has a falloff cos^exponent and one free scale."""
     left, beside = room.images[2 * view], room.places(2 * view, 2 * view + 1)
     expected, known = _by_others(room, view, black_dn, exponent)
     known &= beside.seen
@@ -34,7 +34,7 @@ def unseen_rmse(room: Room, view: int, black_dn: float, exponent: float) -> floa
 
 
 def _by_others(room: Room, view: int, black_dn: float, exponent: float) -> tuple[Image, np.ndarray]:
-    """(the left image by other views' left ones, where they see it)."""
+    """Returns (the left image as other views' left images predict it, a mask of the places that they see)."""
     own = room.images[2 * view]
     gain = (1.0 + own.r2()) ** np.float32(-0.5 * exponent)
     sums = np.zeros((4, *room.shape), np.float32)
