@@ -114,7 +114,8 @@ class Diagnosis:
         return self.residuals()[frame, side]
 
     def sets(self) -> list[list[str]]:
-        """Returns, for each effect that was named, the ids that this recording cannot tell from it, likeliest first."""
+        """Returns, for each effect that was named, the ids of all effects that this recording cannot tell apart,
+        likeliest first."""
         return [list(s["effects"]) for s in self.result["sets"]]
 
     def explain(self, effect_id: str) -> str:
@@ -300,7 +301,7 @@ def examine(
     chosen, out_of_reach = _within_reach(evidence, candidates)
     outcome = Search(evidence, model, chosen, settings).run()
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
-    with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # till test frames doubt it
+    with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
     found = told(replace(outcome, rest=with_names), settings=settings)
     confirmed = replace(outcome, rest=_on_test_frames(outcome, found.result))
     if _verdict(confirmed, numbers) != found.result["verdict"]:
@@ -324,10 +325,8 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
 
 
 def _on_test_frames(outcome: Outcome, figures: Mapping[str, Any]) -> Remainder:
-    """Returns the remainder with the errors on test frames added; unchanged if they tell nothing.
-
-    They tell nothing of random draws, which differ from frame to frame, nor of a named noise, which the floor lacks.
-    """
+    """Returns the remainder with the errors on test frames added. It stays unchanged without test frames, and beside
+    named random fields or noise: these draws differ from frame to frame, or their noise is not in the floor."""
     after, floor = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"]
     has_test = figures["curve"] and figures["curve"][-1]["heldout_ir_rmse"] is not None
     if not has_test or not floor or any(n.field is not None or n.id in outcome.noise for n in outcome.names):
@@ -405,7 +404,7 @@ def _told(
         result |= {name: value for name, value in figures.items() if value is not None}
         plain = errors.plain()
         result["depth_split"] = depth_split(errors.capture, plain, moved, after, depth, name_of, evidence.seed)
-    if result["heldout_ir_rmse_before"] is None:  # no frames were kept for this
+    if result["heldout_ir_rmse_before"] is None:  # there are no errors of test frames
         first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))
         result |= {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
         result["heldout_ir_rmse_after"] = last

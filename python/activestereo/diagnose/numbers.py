@@ -20,7 +20,7 @@ class Numbers:
     """
 
     # fmt: off
-    # May it be named?
+    # Thresholds for naming an effect.
     alpha: float = _number(0.01, "1", "probability of a name by chance, among all shapes of all effects")
     least_share: float = _number(0.05, "1", "least share of the squared error above the noise that a name removes")
     least_excess: float = _number(0.01, "noise variances", "least fall of the mean square by a name: the noise is "
@@ -30,7 +30,7 @@ class Numbers:
     credible: float = _number(0.95, "1", "probability that a set holds")
     prior_reach: float = _number(3.0, "typical values", "deviation of an amplitude's prior")
     most_names: int = _number(4, "1", "number of names that a search ends at, and the verdict is `unknown`")
-    # Is it the whole truth?
+    # Thresholds of the verdict.
     structure: float = _number(0.1, "noise variances", "structure beyond which something is missing where nothing is "
         "named, and which draws leave")
     structure_kept: float = _number(0.017, "noise variances", "the same beside a name: the structure that remains, "
@@ -39,7 +39,7 @@ class Numbers:
         "frames or on test frames")
     strain: float = _number(4.0, "1", "stated deviations by which a name may move the rig or an albedo, "
         "or two albedos be off without one")
-    # Draws, and the depth engine.
+    # Random draws, and the depth engine.
     neighbours: float = _number(0.4, "1", "correlation of neighbours above which values are no draws")
     outlier: float = _number(5.0, "1", "deviations by which a sparse draw, such as a hot pixel, stands out")
     engines_differ: float = _number(1.7, "1", "factor within which the differences of neighbouring disparities of two "

@@ -67,7 +67,7 @@ def ranking_of(
         for member, p in name.members.items():
             if name.seen is not None and member in name.seen.fits:
                 _add_fit(outcome, name.seen, member, known * p, [m for m in name.members if m != member], add)
-    rivals = outcome.rounds[:1] + outcome.rounds[-1:]  # of the first name, and what may be missing beside all names
+    rivals = outcome.rounds[:1] + outcome.rounds[-1:]  # beside no named effect, and beside all of them
     for seen in rivals if verdict_is_effect else reversed(rivals):
         for member in sorted(seen.fits, key=lambda m: seen.fits[m].chi2):
             _add_fit(outcome, seen, member, 0.0, [], add)
@@ -91,7 +91,7 @@ def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[st
 
 
 def _nats(outcome: Outcome, gain: float) -> float:
-    """Returns the gain of log-likelihood by a fall of the mean square below that of the first fit."""
+    """Returns the gain of log-likelihood by a fall of the first fit's mean square (noise variances)."""
     pixels, first = _pixels(outcome), outcome.first.sums.total
     return nats_of(first, max(first - gain * pixels, 1e-3 * first), pixels, _design(outcome))
 
@@ -101,7 +101,7 @@ def _design(outcome: Outcome) -> float:
 
 
 def _known(outcome: Outcome, numbers: Numbers) -> float:
-    """Returns the probability that the verdict's names, or none, are right."""
+    """Returns the probability that the effects named (or that none is missing) are right."""
     is_named = bool(outcome.names)
     return probability_right(missing(outcome.rest, is_named, numbers), is_named)
 
@@ -116,8 +116,9 @@ def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
 
 
 def sets_of(outcome: Outcome) -> list[Json]:
-    """Returns [{effects, probabilities, rivals}] for each name. effects: those that this recording cannot tell apart,
-    likeliest first. rivals: {effect: share that it explains} of others that were fitted, the best first."""
+    """Returns [{effects, probabilities, rivals}] for each named effect. effects: those that this recording cannot tell
+    apart, likeliest first. rivals: {effect: share of the error that it explains} of other fitted effects, the best
+    first."""
     return [
         {"effects": list(n.members), "probabilities": list(n.members.values()), "rivals": _rivals(outcome, n)}
         for n in outcome.names
@@ -138,7 +139,7 @@ def _pixels(outcome: Outcome) -> int:
 
 def _explained(outcome: Outcome, gain: float) -> float:
     """Returns the share of the error beyond noise that a fall of the mean square explains, at most 1."""
-    drawn = sum(name.gain for name in outcome.names if name.field is not None)  # the fits are of images without these
+    drawn = sum(name.gain for name in outcome.names if name.field is not None)  # was taken off before the fits
     return min(gain / max(outcome.first.sums.total / _pixels(outcome) - 1.0 + drawn, 1e-9), 1.0)
 
 

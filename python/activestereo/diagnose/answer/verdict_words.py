@@ -65,8 +65,8 @@ def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
 
 
 def rival_words(result: Mapping[str, Any]) -> list[str]:
-    """Returns a sentence for each name: the share of the error that it explains, and its lead over the best rival, or
-    the effects that the data cannot tell from it."""
+    """Returns a sentence for each named effect: the share of the error that it explains, and its lead over the best
+    rival or the effects that the data cannot tell from it."""
     entries = {entry["effect"]: entry for entry in result["ranking"]}
     said = []
     for own in result.get("sets", []):

@@ -32,7 +32,7 @@ _LARGEST_ERROR_PX = 1.0
 _STARTS = (-1.0, 0.3, 1.0, 3.0)
 _FIT_FRAMES, _EVALUATIONS = 3, 60
 _STEP_ENDS, _GAIN_ENDS = 0.02, 1e-5
-# Amplitudes of a filter that are tried, in typical values.
+# Amplitudes of a filter to try, in typical values.
 _LADDER = np.linspace(0.4, 2.0, 5)
 # A filter that leaves more than this share of the neighbours' differences explains nothing.
 _ROUGH_SHARE = 0.7
@@ -233,7 +233,7 @@ class _Judge:
 
     def __init__(self, frames: Sequence[_DepthFrame], numbers: Numbers, memory: FitCache | None = None) -> None:
         self._frames, self._numbers, self._memory = frames, numbers, memory
-        # A fault acts on disparities that are as noisy before it as our engine's errors.
+        # A fault acts on noisy disparities: their noise is taken to be that of our engine's errors.
         squares = [np.square(frame.engine[0][frame.inside]) for frame in frames]
         count = sum(s.size for s in squares)
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0

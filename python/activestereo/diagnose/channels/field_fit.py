@@ -66,7 +66,7 @@ def fit_fields(
     """Fits the random fields of an effect one after another, each to the residual of those before it.
 
     Returns None if there are fewer than two groups of frames, or the residual neither repeats nor is random. curves:
-    level_means() of train, subtracted first: a function of the expected value (an error of the tone curve) is no field.
+    level_means() of train, subtracted first: a function of the expected value alone (a wrong tone curve) is no field.
     """
     train = _with_residuals(train, [row.residual - curve for row, curve in zip(train, curves, strict=True)])
     index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False

@@ -20,7 +20,7 @@ from activestereo.effects.core.judging import Channel, CodeSteps, Lever, RandomT
 
 # Half of the 90 % quantile of chi-square with one degree of freedom.
 _LIKELIHOOD_DROP = 1.353
-# Steps of digital numbers that are tried, and their phases.
+# Steps of digital numbers to try, and their phases.
 _STEPS_DN = np.arange(1.5, 32.01, 0.02)
 _PHASES = np.arange(8) / 8
 # Fitting steps wider than this share of the widest are the same step.
@@ -29,7 +29,7 @@ _SAME_STEP = 0.97
 _COMB_SHARE = 0.995
 # Fewer used levels than this, or more than this share of all, are no comb.
 _LEAST_LEVELS, _MOST_USED = 6, 0.7
-# Deviations of a row's offset that are tried, in DN.
+# Deviations of a row's offset to try, in DN.
 _ROW_SIGMAS_DN = np.geomspace(1e-3, 20.0, 400)
 # How the variance of independent pixels grows: EMVA 1288's photon transfer, and a quadratic term for speckle.
 _TRANSFER = {

@@ -29,8 +29,8 @@ from activestereo.diagnose.evidence.observation import (
 from activestereo.effects import View
 from activestereo.effects.core.scene_surfaces import scene_surfaces
 
-# Noise where neither repeats nor the two cameras tell it: the paper's gamma speckle (k = 60) and a read noise of 1 DN.
-# No effect is named on its basis.
+# Noise if neither repeats nor the two cameras tell it: the paper's gamma speckle (k = 60) and a read noise of 1 DN. It
+# never leads to a named effect.
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
 # A material that covers less than this share of the train frames has no albedo nuisance.
 _SMALLEST_MATERIAL = 0.002

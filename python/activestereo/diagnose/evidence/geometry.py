@@ -36,7 +36,7 @@ class Geometry:
 
     focal: relative changes of the left and the right camera's focal length. projector: its twist. poses: twists of the
     left camera [n][6], one for each stated pose. deviations: standard errors of focal and twists() together. misfit:
-    the likelihood counts this many times too many pixels, by the scatter of the images' tiles; 1 if it counts right.
+    the factor by which the likelihood counts too many pixels, from the scatter of the images' tiles; 1 = none.
     """
 
     stated: Capture
@@ -165,7 +165,7 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
     from_projector = points - place
     facing = _not_grazing(normal, from_projector)[..., None]
     square = np.maximum(_dot(from_projector, from_projector), 1e-12)[..., None]
-    brightening = flat * pattern * (normal / facing - 3.0 * from_projector / square)  # of the irradiance cos / d^2
+    brightening = flat * pattern * (normal / facing - 3.0 * from_projector / square)  # gradient of cos / d^2
     lit = dots.lit[..., None]
     of_dots = flat * _by_motion(view.projector_K, there, np.where(dots.lit, dots.z, np.inf), _pattern_slope(dots, view))
 
@@ -216,7 +216,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _pattern_slope(dots: DotView, view: View) -> np.ndarray:
-    """Change of the pattern's mean over each pixel per projector pixel, [height][width][2]."""
+    """Returns the change of the pattern's mean in each pixel, per projector pixel along u and v, [height][width][2]."""
     step = 2.0 * _STEP_PX
     along_u, along_v = (
         dots.mean(view.pattern, dots.u + u, dots.v + v) - dots.mean(view.pattern, dots.u - u, dots.v - v)
@@ -226,7 +226,7 @@ def _pattern_slope(dots: DotView, view: View) -> np.ndarray:
 
 
 def _not_grazing(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Returns the dot product, or infinity where the two are nearly at right angles."""
+    """Returns the dot product, or infinity if the two are nearly at right angles."""
     product = _dot(normal, direction)
     return np.where(np.abs(product) > _GRAZING * np.linalg.norm(direction, axis=-1), product, np.inf)
 

@@ -17,7 +17,7 @@ from activestereo.diagnose.evidence.measured_image import MeasuredImage
 # Largest error of an edge's position that the scene measurement may make, metres. Beyond it an effect is missing.
 _LARGEST_EDGE_DISCREPANCY_M = 1.5e-3
 _DEPTH_STEP = 0.03
-# A measured texture has an edge where the room's light off it changes by more than this share from pixel to pixel.
+# At an edge of a measured texture the room's light changes by more than this share from pixel to pixel.
 _TEXTURE_STEP = 0.1
 
 

@@ -19,7 +19,7 @@ from activestereo.diagnose.evidence.geometry import TWIST, Geometry
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
 
-# Correlated errors are judged by tiles of this side.
+# Side of the tiles by which correlated errors are judged.
 TILE_PX = 16
 # Pixels closer than this may share an error: standard errors treat blocks as units.
 BLOCK_PX = 32
@@ -74,7 +74,7 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Evidence:
-    """All observations of a capture with what fits need.
+    """All observations of a capture with the inputs of fits.
 
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
     model; has_floor: whether repeats, or the two cameras of each frame, gave it. noise_variances: {(frame id, side):

@@ -26,7 +26,7 @@ from activestereo.diagnose.evidence.observation import Observation
 from activestereo.diagnose.refine.parameter_space import ParameterSpace
 from activestereo.effects import Effect, builtin
 
-# Raised when the meaning of what is kept changes.
+# Raise it if the stored arrays change their meaning.
 _FORMAT = 1
 
 Arrays: TypeAlias = Mapping[str, np.ndarray]
@@ -58,8 +58,8 @@ class FitCache:
                 self._known.update(done.result())
 
     def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
-        """Returns the arrays kept under a key, or those that make() returns, which are then kept. None: they are not
-        kept."""
+        """Returns the arrays kept under a key; if there are none, those of make(), which it keeps. key None: it keeps
+        nothing."""
         if key in self._known:
             return self._known[key]
         made = make()

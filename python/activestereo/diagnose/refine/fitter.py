@@ -71,7 +71,7 @@ class Fitter:
 
     @computed_once
     def pixels(self) -> list[Pixels]:
-        """Returns the pixels that count, of each observation."""
+        """Returns the pixels that count in each observation."""
         return [Pixels(o, self.materials) for o in self.observations]
 
     def tile_pixels(self) -> np.ndarray:

@@ -87,7 +87,7 @@ def gather_where_it_stands(
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
         found: dict[str, Any] = {name: known[f"geometry/{name}"] for name in _FOUND}
-        # Of the same type as when it was found: keys of fits tell a number from an array.
+        # The type must be the same as when it was found: keys of fits tell a number from an array.
         geometry = replace(Geometry.as_stated(capture), **found | {"misfit": float(found["misfit"])})
         if near is not None and _is_same(geometry, near.geometry):
             return near
@@ -265,7 +265,7 @@ def _fit_at_rest(
 
 
 def _misfit(fitter: Fitter, solution: Solution) -> float:
-    """Returns how many times too many pixels the likelihood counts, by the scatter of the tiles."""
+    """Returns the factor by which the likelihood counts too many pixels, from the scatter of the tiles' chi2."""
     tiles, pixels = solution.sums.tile_chi2 > 0, fitter.tile_pixels()
     design = design_effect(solution.sums.tile_chi2[tiles], pixels[tiles])
     return design * max(1.0, solution.sums.total / pixels.sum())
@@ -303,8 +303,7 @@ def _without_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
 
 
 def standing(evidence: Evidence, solution: Solution) -> Geometry:
-    """Returns the geometry under a solution; the stated or the rendered geometry if the images hardly tell it from
-    that."""
+    """Returns the geometry under a solution (the stated or rendered one if images hardly change between them)."""
     focal, twists = np.split(_without_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     geometry = evidence.geometry
     if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _LINEAR_SHARE:

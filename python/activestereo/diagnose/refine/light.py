@@ -87,7 +87,7 @@ class LightMemory:
         try:
             after = acted(effect, dict(values), light, view)
             if effect.is_pointwise:
-                after.at(_ONE_PIXEL)  # it acts when it is asked for pixels
+                after.at(_ONE_PIXEL)  # a pointwise effect acts only when pixels are read
             return after
         except _AskedForFrame as asked:
             self._level[effect] = 1 if str(asked) in _LEVELS[1] else len(_LEVELS)

@@ -32,8 +32,9 @@ _STUDENT, _ROUNDS, _RIDGE = 3.0, 3, 1e-9
 
 @dataclass
 class Block:
-    """The cells of one view in one band: residual [image][cell], columns [column][image][cell], gain and error variance
-    [image][cell] (infinite if an image does not see a cell), and each cell's tile [cell]."""
+    """The surface cells of one view in one band: residual [image][cell] (recorded values, the cells' radiances still in
+    them), columns [column][image][cell], gain and error variance [image][cell] (infinite if an image does not see a
+    cell), and each cell's tile [cell]."""
 
     residual: NDArray[np.float32]
     columns: NDArray[np.float32]
@@ -59,7 +60,8 @@ class Normal:
 
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
-    """Makes the Block of every view in every band."""
+    """Makes the Block of every view in every band: recorded values of the cells, and the image changes of the columns
+    there."""
     frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
     frames = {key: frame for key, frame in frames.items() if frame.cells}
     blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
@@ -160,8 +162,8 @@ class _Frame:
 
 
 def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: Sequence[int]) -> Normal:
-    """Returns the normal equations of blocks. beside: numbers of the columns that are fitted before cells are weighed;
-    other effects count as outliers.
+    """Sums the blocks' cells into normal equations of the columns' coefficients. beside: numbers of the columns that
+    are fitted before cells are weighed; other effects count as outliers.
 
     Cells weigh by their own residual (Student's distribution), and a band by the spread of its cells. Information is
     divided by how much more the tiles' scores vary than those of independent cells (a tempered likelihood).
@@ -180,7 +182,7 @@ def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], besid
 
 
 def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], trust: Mapping[str, float]) -> Normal:
-    """Returns the normal equations of blocks that were not recorded yet, with all scores 0. trust: of the cells, as a
+    """Sums blocks that were not recorded yet into normal equations, with all scores 0. trust: the weight of cells, as a
     recording's Normal has it."""
     information, score = _empty(room, columns)
     for band, _, own in _by_band(room, blocks):

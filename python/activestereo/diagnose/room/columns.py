@@ -45,9 +45,9 @@ Change = Callable[[int, Image], Image | None]
 class Column:
     """The change of a room's images by one effect or by one error of the calibration.
 
-    change(image's number, light above black): the change by one unit, DN, or None for no change. sd: deviation of the
-    coefficient's prior, in units. effect, parameter, step: of the library, and the parameter's change per unit; None
-    for a nuisance. bands: those in which it counts.
+    change(image's number, light above black): the change in DN at coefficient 1, or None for no change. sd: deviation
+    of the coefficient's prior. effect, parameter, step: of the library, and the parameter's change at coefficient 1;
+    None for a nuisance. bands: those in which it counts.
     """
 
     name: str
@@ -220,7 +220,7 @@ def _difference(effect: Effect, p: Parameter, value: float, share: float, views:
         if share == 1.0 or p.low == p.neutral:
             return np.asarray((moved - image) / share, np.float32)
         back = acting(effect, {p.name: -value}, image, views[k], black_dn)
-        return np.asarray(0.5 / share * (moved - back), np.float32)  # what resampling blurs is even in the step
+        return np.asarray(0.5 / share * (moved - back), np.float32)  # cancels the blur of resampling, even in the step
 
     return change
 

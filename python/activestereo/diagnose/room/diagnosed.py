@@ -170,8 +170,10 @@ def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
 
 
 def parameters_of(found: Found, seen: Seen) -> Parameters:
-    """Returns {parameter: (value, deviation)} of a finding. Flicker bands get their depth, and the line time if the
-    light flickers at 100 Hz."""
+    """Returns {parameter: (value, deviation)} of a found effect, in the parameters' own units.
+
+    Flicker bands get their depth, and the line time if the light flickers at 100 Hz.
+    """
     period_rows = seen.period_rows
     if found.effect.id == "flicker_banding" and period_rows is not None:
         values = np.array([value for value, _ in found.parameters.values()])
@@ -227,7 +229,7 @@ def _entry(
 
 
 def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
-    """Returns the probabilities of diagnose.json, by the evidence beyond the threshold of a name."""
+    """Returns the probabilities of diagnose.json: from the evidence beyond the threshold for naming an effect."""
     odds = np.exp([min(f.nats, 500.0) - NEEDED for f in names.ranking])
     first = names.named[0].members if names.named else {}
     one = float(odds.max() / (1.0 + odds.max())) if len(odds) else 0.0
@@ -238,8 +240,8 @@ def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
 
 
 def _next(names: Names) -> list[dict[str, Any]]:
-    """Returns the recordings that would tell effects that this one cannot; the last entry lists those that this one
-    tells."""
+    """Returns recordings that would detect effects that this one cannot. The last entry lists the effects that it
+    detects."""
     this, *others = plan_of(names.seen)
     out = [{"text": f"{r.text} ({r.minutes:g} min)", "separates": list(r.tells), "change": None} for r in others]
     told = f"nothing more for what this recording tells, {sizes(this) or 'which is no effect'}"

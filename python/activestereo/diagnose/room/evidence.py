@@ -28,8 +28,8 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reduced:
-    """The scores of the columns in question, all other nuisances projected out: score [c], its information and
-    covariance [c][c]."""
+    """The scores of some columns (the derivatives of the log-likelihood by their coefficients), all other nuisances
+    projected out: score [c], its information and covariance [c][c]."""
 
     columns: tuple[Column, ...]
     score: Matrix
@@ -42,8 +42,8 @@ class Found:
     """An effect's evidence against none in nats (tempered, by Student's likelihood), and its parameters {name: (value,
     deviation)} in a fit beside all other columns.
 
-    least: {parameter: the size that gets a name in five of six recordings, by its column}. finding: a sentence that
-    replaces the effect's own; empty = none.
+    least: {parameter: the size at which five of six recordings name the effect, by its column}. finding: a sentence
+    that replaces the effect's own; empty = none.
     """
 
     effect: Effect
@@ -54,7 +54,7 @@ class Found:
 
 
 def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> Reduced:
-    """Returns the scores of the columns numbered `asked`, the others projected out."""
+    """Projects all columns out of the normal equations except those numbered `asked`; returns the scores of these."""
     E = np.array(sorted(asked))
     N = np.setdiff1d(np.arange(len(columns)), E)
     H, s = normal.information.sum(axis=0), normal.score.sum(axis=0)
@@ -85,11 +85,11 @@ def _semidefinite(information: Matrix, scale: Matrix) -> Matrix:
 
 
 def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], needed: float) -> list[Found]:
-    """Returns the Found of every effect, likeliest first. An effect may show by one of its parameters or by all of
-    them.
+    """Judges every effect by the columns' scores; returns the Found, likeliest first. An effect may show by one of its
+    parameters or by all of them.
 
     spread: {column: deviation between good sessions, in units}; columns that are missing there may have any value.
-    looked: {effect: logarithm of the number of places searched}. needed: the nats that a name needs.
+    looked: {effect: logarithm of the number of places searched}. needed: the nats that an effect needs to be named.
     """
     names = [c.name for c in room.columns]
     D = _between_sessions(room.columns, spread)
@@ -111,7 +111,7 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
         for way, more in zip(ways, each, strict=True):
             lead = room.columns[way[0]]
             if lead.parameter is None or lead.parameter.name in least:
-                continue  # all parameters together
+                continue  # this way is all parameters together
             share = {"sine": np.sqrt(0.5), "bend": 0.0}
             unit = H[:, way] @ [next((s for end, s in share.items() if names[j].endswith(end)), 1.0) for j in way]
             occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
@@ -135,14 +135,14 @@ def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.
 
 
 def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
-    """Returns the variances that an effect's prior gives to its columns, in units [c]."""
+    """Returns the prior variances [c] that an effect gives to the coefficients of its columns; 0 elsewhere."""
     out = np.zeros(len(columns))
     out[own] = [columns[j].sd ** 2 for j in own]
     return out
 
 
 def _between_sessions(columns: Sequence[Column], spread: Mapping[str, float]) -> Matrix:
-    """Returns the covariance of the columns' values in good sessions, in units [c][c]."""
+    """Returns the covariance [c][c] of the columns' coefficients between good sessions. spread: {column: deviation}."""
     names = [c.name for c in columns]
     deviation = np.array([np.sqrt(_INFLATED) * spread.get(c.name, np.nan) for c in columns])
     deviation = np.where(np.isfinite(deviation), deviation, [c.sd for c in columns])

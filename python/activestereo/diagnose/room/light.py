@@ -73,8 +73,7 @@ def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
 def _mean(
     room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None
 ) -> tuple[Image, Image]:
-    """Returns (the mean of images `of` at the places of image k, scaled to its gain; 1 where any image tells it, else
-    0).
+    """Returns (the mean of images `of` at the places of image k, scaled to its gain; 1 where it is known, else 0).
 
     All images are weighed alike for every k: a column with an image's own errors in it would find these errors. images:
     numbers of those to use, None = all.

@@ -22,7 +22,7 @@ from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SAME_PL
 from activestereo.diagnose.search.selection import credible
 from activestereo.effects import Effect, Model
 
-# Nats that a name needs.
+# Nats that an effect needs to be named.
 NEEDED = 4.5
 _MOST_NAMES, _MASS = 3, 0.95
 _ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
@@ -35,7 +35,7 @@ _OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level", "veiling_glare"), 0.
 _BLURRED_SHARE, _DOT_PX = 0.003, 1.4
 # Black levels are no glare if the views' light leaves more than this share of their squares.
 _UNLIKE_GLARE = 0.2
-# Waves were looked for at many periods.
+# The penalty for flicker bands, which are searched at 21 periods.
 LOOKED = {"flicker_banding": float(np.log(21.0))}
 
 
@@ -49,8 +49,8 @@ class Named:
 
 @dataclass(frozen=True)
 class Names:
-    """The result of names_of(). named: in the order of naming. ranking: all judged effects, as they stood before the
-    first name. seen: the scores of the room alone."""
+    """The result of names_of(). named: the effects that were named, in order. ranking: all judged effects before the
+    first was named. seen: the scores of the room alone."""
 
     named: tuple[Named, ...]
     ranking: tuple[Found, ...]
@@ -116,12 +116,12 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
 
 
 def known_of(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
-    """Returns {column: deviation between sessions, in units} of every effect's columns."""
+    """Returns {column: deviation of its coefficient between sessions} for the columns of effects."""
     return {c.name: spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
 def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
-    """Computes the light and the scores of a room."""
+    """Computes the expected light of a room and the scores of the effects' columns. asked: the effects to judge."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
@@ -133,7 +133,7 @@ def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
 
 
 def with_take(seen: Seen, take: Take) -> Reduced:
-    """Returns the scores that a room would have with one more Take, before it is recorded.
+    """Returns the scores that a room would have with one more pair of images, before it is recorded.
 
     Their covariance is raised by the same ratio over independent cells as in the room at hand.
     """
@@ -150,8 +150,8 @@ def with_take(seen: Seen, take: Take) -> Reduced:
 
 
 def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Sequence[Column]) -> list[Column]:
-    """Returns columns of effects with a known spread. Beside a good session, a second set stands for the unit's own
-    lasting errors in both."""
+    """Returns columns of effects with a known spread. Beside a good session, a second set of nuisances is added for the
+    unit's own lasting errors in both sessions."""
     own = [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if _key(c) in OF_A_UNIT]
     if room.judged == room.views:
         return own
@@ -164,8 +164,8 @@ def _looked_at(columns: Sequence[Column]) -> list[int]:
 
 
 def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
-    """Returns the scores less the lasting errors that good sessions show: the share of their joint fit that sessions
-    have in common."""
+    """Returns the scores less the lasting errors of the unit: those fitted to good sessions, times the share that
+    sessions have in common."""
     lasting = [c.name for c in seen.columns if c.effect is not None and c.effect.id not in _OF_ONE_VIEW]
     H, s = np.zeros((len(lasting),) * 2), np.zeros(len(lasting))
     for other in others:
@@ -254,8 +254,8 @@ def _wave(
 
 
 def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found]:
-    """Returns the evidence for a blur of one camera in places, if it suffices for a name. Its size is the mean over the
-    image."""
+    """Returns the evidence for a blur of one camera in places, if it is enough to be named. Its size is the mean over
+    the image."""
     effect = next((e for e in effects if e.id == "focus_mismatch"), None)
     worst = max(blurred_places(room, exponent), key=lambda b: b.share, default=None)
     if effect is None or worst is None:

@@ -21,8 +21,8 @@ Sizes = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording: the instruction, its minutes, and {effect: {parameter: the least size that it tells}}; None if that
-    is not computed."""
+    """A recording: the instruction, its minutes, and {effect: {parameter: the least size that it detects}}; None if
+    that is not computed."""
 
     text: str
     minutes: float
@@ -52,11 +52,11 @@ _COMMANDS = (
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """Returns this recording first, with the sizes that it tells; then views of this room, most effects per minute
-    first; then commands.
+    """Plans recordings. The first one is this recording with the sizes that it detects; then come views of this room,
+    most effects per minute first, then commands.
 
-    A view stands there for effects that this recording misses at typical size, or that it tells at a much smaller size.
-    Commands are for effects that no view tells at typical size. Every effect asked about appears in one of them.
+    A view is listed for effects that this recording misses at typical size, or that it detects at a much smaller size.
+    Commands are for effects that no view detects at typical size. Every effect asked about appears once or more.
     """
     this = told_by(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
@@ -87,12 +87,12 @@ def plan_of(seen: Seen) -> list[Recording]:
 
 
 def told_by(seen: Seen) -> dict[str, Sizes]:
-    """Returns {effect: {parameter: least size}} that a recording tells, with those that no column tells."""
+    """Returns {effect: {parameter: least size that this recording detects}}, effects without a column included."""
     return _tells(seen, seen.scores, known_of(seen.scores, OF_A_UNIT)) | dict(beside_columns(seen.room, seen.asked))
 
 
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:
-    """Returns {effect: {parameter: least size that gets a name}} for sizes within the parameters' ranges."""
+    """Returns {effect: {parameter: least size at which it is named}} for sizes within the parameters' ranges."""
     out: dict[str, Sizes] = {}
     columns = {c.name: c for c in scores.columns}
     for found in judged(scores, known, LOOKED, NEEDED):
@@ -129,7 +129,7 @@ def plan_text(plan: Sequence[Recording]) -> str:
 
 
 def sizes(recording: Recording) -> str:
-    """Returns the effects that a recording tells with their least sizes, as text."""
+    """Returns the effects that a recording detects with their least sizes, as text."""
     each = {e: " or ".join(f"{name} {size:.2g}" for name, size in (told or {}).items())
             for e, told in recording.tells.items()}  # fmt: skip
     return ", ".join(f"{effect} from {said}" if said else effect for effect, said in each.items())

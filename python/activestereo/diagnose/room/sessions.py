@@ -22,7 +22,7 @@ OF_A_UNIT = {
 }
 # Correlation of terms that one session cannot tell apart.
 ALIKE = {("radial_distortion.k1", "radial_distortion.k2"): -0.98}
-# Degrees of freedom that the deviations of an effect rest on.
+# Degrees of freedom behind an effect's deviations: a few sessions by default, more where single views tell them.
 FEW = 5.0
 FREEDOM = {"focus_mismatch": 16.0, "gain_mismatch": 16.0}
 # Between sessions of one unit.

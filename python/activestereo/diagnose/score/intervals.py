@@ -70,7 +70,7 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits], has_floor: bool =
         low, high = (
             min(max(p.low, low), p.high),
             max(min(p.high, high), p.low),
-        )  # an end that is no number is the range's
+        )  # a NaN end becomes the range's end
         least = floor(p, value) if has_floor and p.name in found else 0.0
         out[p.name] = Interval(float(np.clip(value, p.low, p.high)), float(low), float(high), p.unit, least)
     return out

@@ -17,7 +17,10 @@ from activestereo.effects import Effect, Parameter
 
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
-    """Returns how many times more the tiles' chi2 varies than that of as many independent normal pixels; at least 1."""
+    """Returns by how many times the chi2 of tiles varies more than with independent normal pixels; at least 1.
+
+    Divided by it, the number of pixels becomes the effective number of independent pixels.
+    """
     full = tile_pixels > 0.5 * tile_pixels.max()
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
@@ -62,7 +65,7 @@ def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: n
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
     alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
     loss = away[unused] @ alone @ away[unused]
-    # A parameter that the data do not tell keeps the prior's volume, one over its peak: neutral, it costs nothing.
+    # Without information a parameter keeps the prior's volume, one over its peak, so that at neutral it costs nothing.
     told = inner + 2.0 * np.pi * np.diag(np.exp(2.0 * peaks[used]))
     volume = len(used) * np.log(2.0 * np.pi) - np.linalg.slogdet(told)[1]
     return float(density[kept].sum() + 0.5 * volume - 0.5 * max(loss, 0.0))

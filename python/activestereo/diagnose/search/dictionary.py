@@ -46,15 +46,18 @@ class Atom:
     first: int
 
     def columns(self) -> slice:
-        """Returns the slice of the dictionary that holds the atom's columns."""
+        """Returns the slice of the dictionary that holds this atom's columns."""
         return slice(self.first, self.first + len(self.steps))
 
 
 def atoms_of(
     linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
 ) -> list[Atom]:
-    """Returns the atoms of effects. reach: deviation of an amplitude's prior, in typical values. memory: keeps the
-    points that built-in effects propose; `workers` processes compute them."""
+    """Returns the atoms of effects: their changes of the images to try, at a few amplitudes and shapes.
+
+    reach: deviation of an amplitude's prior, in typical values. memory: keeps the points that built-in effects propose;
+    `workers` processes compute them.
+    """
     atoms: list[Atom] = []
     proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
     first = 0
@@ -92,8 +95,8 @@ def _proposals(
 
 
 def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
-    """Makes the columns of atoms, [columns][n] in noise units, in so many processes. memory: keeps those of built-in
-    effects."""
+    """Computes the image changes of atoms as columns [columns][n] in noise deviations, in so many processes. memory:
+    keeps those of built-in effects."""
     contents = {a.effect.id: effect_content(a.effect) for a in atoms}
     known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
     if memory is None:
@@ -114,7 +117,8 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
 
 
 def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
-    """Makes the columns of atoms, one after the other, as float16: its rounding is far below the noise."""
+    """Computes the columns of atoms [columns][n], in so many processes, as float16: its rounding is far below the
+    noise."""
     if not atoms:
         return np.zeros((0, len(linear.residual)), np.float16)
     model = linear.solution.model
@@ -182,7 +186,8 @@ _Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]
 
 
 def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> Iterator[_Plan]:
-    """Yields (values, steps, sigma) of an effect's atoms. starts: its own proposals [n][parameters], NaN = neutral."""
+    """Yields (values, steps, sigma) of each Atom of an effect. starts: its own proposals [n][parameters], NaN =
+    neutral."""
     if starts is not None:
         yield from _proposed(effect, starts)
         return

@@ -18,7 +18,8 @@ from activestereo.effects.core.judging import Channel, SharedBy
 def fields_of(
     effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
 ) -> dict[str, tuple[float, FieldFit]]:
-    """Fits effects whose draws other frames predict; returns {effect: (share of chi2 that its draws explain, its fit)}.
+    """Fits random fields whose draws (gains of pixels, dots or rows, speckle) other frames predict; returns {effect:
+    (share of chi2 that its draws explain, its fit)}.
 
     Draws that last only while the rig stands still are fitted only if the residuals are white over the image.
     """

@@ -39,8 +39,8 @@ class Linear:
 
     nuisances: [k][n], derivatives by the parameters of the effects named so far, then scales, focal lengths, albedos
     and geometry, in noise deviations per unit. precision, pull: of their priors. residual: [n], in noise deviations.
-    material: the scene's surface at each pixel. block: the place of each pixel, shared by repeats, whose errors vary
-    together.
+    material: the scene's surface at each pixel. block: the image block of each pixel, shared by repeats, whose errors
+    vary together.
     """
 
     fitter: Fitter
@@ -58,7 +58,8 @@ class Linear:
         return [exposed(model, p, self.fitter.light(model, i), phi)[0] for i, p in pixels]
 
     def change(self, model: Model, images: Sequence[NDArray[np.float64]]) -> Columns:
-        """Returns the change of images by a model, in noise deviations [n]. images: expected DN before it."""
+        """Returns the change from the given images to those of a model, in noise deviations [n]. images: expected DN
+        [pixels] of each observation."""
         changes = zip(self.fitter.pixels(), self.images(model), images, strict=True)
         return np.concatenate([((new - old) * p.root_weight).astype(np.float32) for p, new, old in changes])
 
@@ -97,7 +98,8 @@ def _surface(o: Observation) -> NDArray[np.int64]:
 
 
 def _blocks(pixels: Sequence[Pixels]) -> NDArray[np.int64]:
-    """Returns the number of each pixel's place: a block of one camera's image of one pose, temperature and motion."""
+    """Returns the number of each pixel's image block: blocks of one camera's images of one pose, temperature and
+    motion."""
     out: list[NDArray[np.int64]] = []
     known: dict[tuple[object, ...], int] = {}
     first = 0

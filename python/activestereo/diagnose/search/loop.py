@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search: score all effects, fit the few that matter, name the best as missing, and repeat until none passes.
 
-One dictionary serves all rounds. After a name the weights are estimated again, because the missing effect had passed
-for noise and misplaced edges. The rig's geometry is measured again too.
+One dictionary of image changes serves all rounds. After an effect is named the weights are estimated again, because it
+had passed for noise and misplaced edges. The rig's geometry is measured again too.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,9 +33,9 @@ from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.judging import Channel
 
 # The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
-# its score. A gain of so many times what a name needs is no chance, and random fields need not be fitted beside it.
+# its score. Beyond so many times the needed gain, chance and random fields need no check.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
-# Steps of a fit beside a new name, which stops where chi2 falls by less than this part of itself.
+# A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
 _SETTLING, _SETTLED = 8, 1e-4
 # The penalty of a random field's parameters, nats, in place of occam_nats().
 _OF_A_FIELD = -3.0
@@ -49,9 +49,9 @@ Fields = dict[str, tuple[float, FieldFit]]
 class Round:
     """The findings of one round of a search.
 
-    candidates, fields, fits: by effect, from scores, random fields and fits. members: {effect: probability} of the
-    likeliest set. gain: fall of chi2 by the best effect; floor, chance: the falls that a name needs; all three as
-    shares of chi2.
+    candidates, fields, fits: by effect, from scores, random fields and fits. chi2: before the round. structure: of the
+    residual. members: {effect: probability} of the likeliest set. gain: fall of chi2 by the best effect; floor, chance:
+    the falls that it needs to be named; all three as shares of chi2.
     """
 
     candidates: dict[str, Candidate]
@@ -90,9 +90,9 @@ class Name:
 class Outcome:
     """The result of a search.
 
-    first: the fit without names; solution: with them, both over the fitter's pixels. rows: the train images under the
-    solution, less the draws of named effects. noise: {effect: its noise term}. unjudged: {effect: why it was not
-    judged}. rest: the numbers of the verdict.
+    first, solution: the fits without and with the named effects, over the fitter's pixels. rows: the train images under
+    the solution, less the draws of named random fields. noise: {effect: its noise term}. unjudged: {effect: why it was
+    not judged}. rest: the numbers of the verdict.
     """
 
     evidence: Evidence
@@ -127,7 +127,7 @@ class Search:
         self._structure = self._structure_before = local_structure(self._rows)
 
     def run(self) -> Outcome:
-        """Names effects until none passes, then returns the Outcome."""
+        """Names effects as missing until none passes, then returns the Outcome."""
         linear = linearised(self._fitter, self._solution)
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         made_by = self._settings.workers, self._settings.memory
@@ -177,10 +177,10 @@ class Search:
         return terms, unjudged
 
     def _strain(self) -> float:
-        """Returns how far names take the rig or an albedo from its stated value, in stated deviations; 0 beside an
-        effect of air or surfaces, which changes the meaning of albedos.
+        """Returns how far the named effects move the rig or an albedo from its stated value, in stated deviations; 0
+        beside an effect of air or surfaces, which changes the meaning of albedos.
 
-        Without names it is the distance of the second farthest albedo: one may be measured wrong, several show a
+        If none is named, it is the distance of the second farthest albedo: one may be measured wrong, several show a
         surface effect.
         """
         if not self._names:
@@ -196,7 +196,8 @@ class Search:
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
-        """Names the effect that is likeliest to be missing, if it passes; returns whether it did."""
+        """Names the effect that is likeliest to be missing, if it passes; returns whether it did. atoms, columns: all
+        effects' changes of the images."""
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
@@ -247,8 +248,8 @@ class Search:
         return True
 
     def _widen_last_set(self, linear: Linear) -> None:
-        """Adds effects that stand in for a part of the last name to its set. Together they get the probability that a
-        set leaves out."""
+        """Adds effects that stand in for a part of the effect named last to its set. Together they get the probability
+        that a set leaves out."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
@@ -269,7 +270,7 @@ class Search:
                 self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self) -> float:
-        """Returns the fall of chi2 that a name needs: a share of the excess over the noise, but not below a minimum."""
+        """Returns the fall of chi2 that an effect needs to be named: a share of chi2 beyond noise, with a minimum."""
         return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
@@ -287,7 +288,7 @@ class Search:
         return gain_beyond(linear, fit.solution) > max(self._floor(), self._missed(own))
 
     def _missed(self, shares: Sequence[float]) -> float:
-        """Returns the fall of chi2 that corresponds to these shares of the names' gains."""
+        """Returns the fall of chi2 that corresponds to these shares of the named effects' gains."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
 
     def _fields(self) -> Fields:
@@ -298,7 +299,7 @@ class Search:
         return next(e for e in self._effects if e.id == name)
 
     def _is_open(self, effect: Effect) -> bool:
-        """Returns whether an effect may still be named. A name that was dropped stays out, so that the search ends."""
+        """Returns whether an effect may still be named. One that was dropped stays out, so that the search ends."""
         return effect.id not in self._needless | {n.id for n in self._names}
 
     def _fits(self, found: dict[str, Candidate]) -> dict[str, Refit]:
@@ -334,11 +335,11 @@ class Search:
         return credible(both, self._numbers.credible)
 
     def _take(self, fit: Solution) -> None:
-        """Continues from a fit with one more name: estimates weights and the rig's geometry again."""
+        """Continues from a fit with one more named effect: estimates weights and the rig's geometry again."""
         evidence = self._evidence
         if self._settings.located is not None and not evidence.geometry.is_as_stated():
             there, self._rendering = self._settings.located(with_own_functions(fit.model, self._effects), evidence)
-            if there is not evidence:  # of the capture's own images
+            if there is not evidence:  # its images still hold the draws taken off before
                 evidence = self._less_draws(there, self._drawn)
                 self._look_at(evidence)
                 phi = np.append(fit.phi[:SCALES], np.zeros(len(fit.phi) - SCALES))
@@ -371,7 +372,8 @@ class Search:
             self._structure_before = local_structure(self._whole.residuals(self._first))
 
     def _drop_needless(self) -> None:
-        """Drops names whose loss raises chi2 by less than a name needs, weakest first. Random fields stay."""
+        """Drops named effects, weakest first, if chi2 without them rises by too little to name them. Random fields
+        stay."""
         for name in sorted(self._names, key=lambda n: n.gain):
             if name.field is not None:
                 continue

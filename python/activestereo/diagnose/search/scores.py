@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores every column of a dictionary by the linear model, with the nuisances projected out under their priors.
 
-With nuisances A of prior precision P and pull o, columns C and the residual r, all in noise units, the information on
-the columns' coefficients is S = C C' - X' K X and their score is u = C (r - A' K (A r - o)), where X = A C' and K = (A
-A' + P)^-1 (Schur's complement). Sums are kept apart by the surface that a pixel shows, so that an effect of some
-surfaces needs no columns of its own.
+A are the nuisances' columns, with prior precision P and pull o; C are the columns and r is the residual, all in noise
+deviations. With X = A C' and K = (A A' + P)^-1 (Schur's complement),
+
+    information on the columns' coefficients    S = C C' - X' K X
+    their score                                 u = C (r - A' K (A r - o))
+
+Sums are kept apart by the surface that a pixel shows, so that an effect of some surfaces needs no columns of its own.
 """
 
 from collections.abc import Sequence
@@ -24,8 +27,8 @@ Matrix = NDArray[np.float64]
 @dataclass(frozen=True)
 class Scores:
     """Sums over groups of pixels, one for each large surface and a last one for the rest: gram [groups][c][c] of the
-    columns, cross [groups][k][c] of nuisances and columns, moment [groups][c] of columns and remaining residual,
-    by_block [groups][c][blocks] the same by place.
+    columns, cross [groups][k][c] of nuisances and columns, moment [groups][c] of columns and remaining residual.
+    by_block [groups][c][blocks] and nuisance_by_block [k][blocks] are moments by image block.
 
     surfaces: the number of each group's surface. inverse: K. total: chi2 of the remaining residual. pixels: their
     number.
@@ -42,8 +45,8 @@ class Scores:
     pixels: int
 
     def of(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix, Matrix]:
-        """Returns (information [c][c], score [c], score by place [c][blocks]) of columns on some surfaces; None = on
-        all."""
+        """Returns (information [c][c], score [c], score by image block [c][blocks]) of columns on some surfaces; None =
+        on all."""
         groups: slice | list[int] = slice(None)
         if surfaces is not None:
             groups = [g for g, number in enumerate(self.surfaces) if number in surfaces]
@@ -55,7 +58,7 @@ class Scores:
 
 
 def scores(linear: Linear, columns: Columns) -> Scores:
-    """Makes the Scores of columns."""
+    """Computes the Scores of columns [c][n] by a linear model."""
     A, r = linear.nuisances, linear.residual
     K = (A @ A.T).astype(np.float64) + np.diag(linear.precision)
     norm = np.sqrt(np.maximum(np.diag(K), 1e-300))

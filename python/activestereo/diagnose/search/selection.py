@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranks effects by how likely they are missing: Bayes factors of all atoms, summed over the shapes of an effect.
+"""Ranks effects by how likely they are missing: Bayes factors of all atoms (an effect at one shape), summed over
+shapes.
 
 A coefficient has a normal prior. The likelihood is tempered, because the residual that no effect explains counts as
 noise. Sets that hold the truth with a stated probability follow SuSiE (Wang et al. 2020, JRSS B 82).
@@ -27,7 +28,7 @@ _LINES, _POINTS, _NEAR = 2, 2, 0.3
 
 @dataclass(frozen=True)
 class Hit:
-    """The fit of an atom to the residual.
+    """The fit of one atom (an effect at one shape, with its image changes as columns) to the residual.
 
     surfaces: the surfaces that show it, None = all. coefficients: of its columns. log_factor: its Bayes factor against
     no effect, nats. gain: the fall of chi2 at these coefficients; at_point: the fall at the dictionary's own point.
@@ -51,7 +52,8 @@ class Hit:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect with its best atom, its evidence over all atoms (nats), and parameters from which a fit may start."""
+    """An effect with its best fit to the residual, its evidence over all shapes (nats), and parameters where fits may
+    start."""
 
     best: Hit
     evidence: float
@@ -63,7 +65,8 @@ class Candidate:
 
 
 def candidates(atoms: Sequence[Atom], scores: Scores) -> dict[str, Candidate]:
-    """Returns {effect: Candidate}, likeliest first; effects with no gain are left out."""
+    """Ranks effects by the scores of their atoms; returns {effect: Candidate}, likeliest first. Effects without gain
+    are left out."""
     hits: dict[str, list[Hit]] = {}
     temper = max(scores.total / scores.pixels, 1e-3)
     for atom in atoms:
@@ -129,8 +132,10 @@ def _values(atom: Atom, coefficients: NDArray[np.float64], surfaces: tuple[int, 
 
 
 def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
-    """Returns the fall of chi2 that the best of all atoms exceeds with probability alpha if no effect is missing. It is
-    estimated by a wild bootstrap: the scores of places get random signs."""
+    """Returns the fall of chi2 that the best of all atoms exceeds with probability alpha if no effect is missing.
+
+    It is estimated by a wild bootstrap: the scores of image blocks get random signs.
+    """
     rng = np.random.Generator(np.random.PCG64(_SEED))
     signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
     largest = np.zeros(_DRAWS)

@@ -19,11 +19,11 @@ _NONE_COUNTED = ((1.0, 137, 141), (float("inf"), 0, 4))
 class Remainder:
     """The numbers of a verdict, in noise variances unless stated otherwise.
 
-    explained: the fall of the mean square by all names; drawn: its part by random draws. left: the mean square above
-    the noise. structure: of the residual (score/structure.py); structure_before: the same without names. strain: how
-    far a name takes the rig or an albedo beyond its stated value, in stated deviations; without names, the second
-    farthest albedo. test_explained, test_left: explained and left on test frames; None if a name does not predict them.
-    is_full: whether the search reached its largest number of names.
+    explained: the fall of the mean square by all named effects; drawn: its part by random draws. left: the mean square
+    above the noise. structure, structure_before: of the residual with and without named effects (score/structure.py).
+    strain: how far a named effect moves the rig or an albedo from its stated value, in stated deviations; if none is
+    named, the second farthest albedo. test_explained, test_left: explained and left on test frames, None if they tell
+    nothing. is_full: whether the search reached its largest number of names.
     """
 
     explained: float
@@ -38,13 +38,13 @@ class Remainder:
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
-    """Returns the remainder in units of what may remain: beyond 1 an effect is still missing.
+    """Returns the remaining error in units of the error that may remain: beyond 1 an effect is still missing.
 
-    Without names, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
-    their stated values. The same holds beside names that explain little of the expected images (random draws, temporal
-    noise). Beside other names the structure must be a small part of the first one, for formulas are not exact. No more
-    error may be left than is explained. Test frames must confirm either case; beside a name they count as much as train
-    frames.
+    If none is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
+    their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
+    Beside other effects the structure must be a small part of the first one, for formulas are not exact. No more error
+    may be left than is explained. Test frames must confirm either case; beside a named effect they count as much as
+    train frames.
     """
     if rest.is_full:
         return float("inf")
@@ -61,7 +61,8 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:
-    """Returns EFFECT, NONE, UNKNOWN or UNDETERMINED. has_floor: whether the noise was measured."""
+    """Returns EFFECT, NONE, UNKNOWN or UNDETERMINED. is_named: whether an effect was named. has_floor: whether the
+    noise was measured."""
     if not is_named and not has_floor:
         return UNDETERMINED
     if missing(rest, is_named, numbers) > 1.0:
@@ -70,8 +71,8 @@ def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Number
 
 
 def probability_right(beyond: float, is_named: bool) -> float:
-    """Returns the probability that the first name, or none, is right, by Laplace's rule of succession. beyond:
-    missing()."""
+    """Returns the probability that the effect named first (or that none is missing) is right, by Laplace's rule of
+    succession. beyond: the result of missing()."""
     counted = _COUNTED if is_named else _NONE_COUNTED
     right, all_of_them = next((right, n) for limit, right, n in counted if beyond <= limit)
     return (right + 1) / (all_of_them + 2)
