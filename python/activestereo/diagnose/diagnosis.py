@@ -128,10 +128,8 @@ class Diagnosis:
 
     @computed_once
     def comparison(self) -> Comparison | None:
-        """Returns the Comparison of the model that the diagnosis started from; None if no images were judged.
-
-        It renders nothing, but runs the stereo matcher on the model's pairs.
-        """
+        """Returns the Comparison of the model that the diagnosis started from; None if no images were judged. It
+        renders nothing, but runs the stereo matcher on the model's pairs."""
         return None if self.before is None or self.made is None else comparison_of(self.before, self.made)
 
     def _repr_html_(self) -> str:

@@ -44,10 +44,8 @@ def keep(cache: LayerCache, key: str, found: Found) -> None:
 
 
 def kept(cache: LayerCache, key: str, capture: Capture) -> Found | None:
-    """Reads a diagnosis from the cache; None if it holds none.
-
-    The capture's folder may have moved since: the model gets the pattern file of the capture's present place.
-    """
+    """Reads a diagnosis from the cache; None if it holds none. The capture's folder may have moved since: the model
+    gets the pattern file of the capture's present place."""
     stored = cache.get_arrays(key)
     if stored is None:
         return None

@@ -126,11 +126,8 @@ def left_between(
     evidence: Evidence, changed: Sequence[Observation], truth: Solution, rival: Solution, copies: float
 ) -> float:
     """Returns half the squared distance, in noise deviations, from the prediction of `truth` to the nearest one of
-    `rival`.
-
-    The rival moves by one Gauss-Newton step, penalised by how much worse it then fits the recorded frames. changed: the
-    observations under the new settings. copies: how often each of them counts.
-    """
+    `rival`. The rival moves by one Gauss-Newton step, penalised by how much worse it then fits the recorded frames.
+    changed: the observations under the new settings. copies: how often each of them counts."""
     predicted = []
     for o in changed:
         image = signal(truth.model, o, truth.model.light(o.layers, o.view, supersampled=False), truth.phi)

@@ -14,10 +14,8 @@ def _number(value: float, unit: str, decides: str) -> Any:
 
 @dataclass(frozen=True)
 class Numbers:
-    """The thresholds of a diagnosis; each field's metadata holds its unit and what it decides.
-
-    A share is a part of the squared error that exceeds the noise.
-    """
+    """The thresholds of a diagnosis; each field's metadata holds its unit and what it decides. A share is a part of the
+    squared error that exceeds the noise."""
 
     # fmt: off
     # Thresholds for naming an effect.

@@ -31,11 +31,9 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class ErrorsOfModels:
     """Computes the ImageErrors of models on a capture, at the stated geometry and at the one that the diagnosis found.
-
     base: renders the base model's light on all frames of a capture. seed, engines: as in compare(). progress: called
     with the fraction of a model that engines have rendered. cache: keeps their light, or None. stands: the capture at
-    the geometry that was found, None if it is as stated.
-    """
+    the geometry that was found, None if it is as stated."""
 
     capture: Capture
     base: Callable[[Capture], Halves]

@@ -53,11 +53,8 @@ def _named(result: Mapping[str, Any], effect_id: str) -> str:
 
 
 def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
-    """Returns the ids that a row of the ranking cannot be told from.
-
-    An effect that explains far more than a row fits as well, but not the other way round. Beyond the first row, both
-    must therefore list each other.
-    """
+    """Returns the ids that a row of the ranking cannot be told from. An effect that explains far more than a row fits
+    as well, but not the other way round. Beyond the first row, both must therefore list each other."""
     own = entry["effect"]
     says = {other["effect"]: other["equivalent"] for other in result["ranking"]}
     is_first = result["ranking"][0]["effect"] == own

@@ -67,11 +67,9 @@ class _NoiseFit:
 def noise_terms(
     evidence: Evidence, given: Model, effects: Sequence[Effect], numbers: Numbers
 ) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
-    """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}).
-
-    Noise is judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may
-    state its noise.
-    """
+    """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
+    judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may state its
+    noise."""
     floor, weight = evidence.floor_variance(evidence.train), float(np.mean([o.weight.mean() for o in evidence.train]))
     terms, unjudged = {}, {}
     for effect in effects:

@@ -59,11 +59,8 @@ class Observation(MeasuredImage):
 @dataclass(frozen=True)
 class NuisancePrior:
     """A normal prior of the nuisances after scales and black level: both focal lengths, albedos, then
-    Geometry.twists().
-
-    value, sigma: mean and deviation, [n]. materials: the number of albedos. black_dn: the measured black level and its
-    deviation; None leaves it free. weighed_up: the stated variances were divided by this.
-    """
+    Geometry.twists(). value, sigma: mean and deviation, [n]. materials: the number of albedos. black_dn: the measured
+    black level and its deviation; None leaves it free. weighed_up: the stated variances were divided by this."""
 
     value: np.ndarray
     sigma: np.ndarray
@@ -96,11 +93,9 @@ class Evidence:
 
     def nuisance_prior(self) -> NuisancePrior:
         """Returns the prior of the nuisances by the stated uncertainty, relative to the geometry that was rendered.
-
         Deviations of poses grow to the errors found on views at rest, because all views were measured alike. Poses of
         test frames alone stay where they were found. If the likelihood counts too many pixels, the prior is weighed up
-        by as much (a tempered posterior; Miller and Dunson, JASA 2019).
-        """
+        by as much (a tempered posterior; Miller and Dunson, JASA 2019)."""
         known = self.capture.uncertainty
         twist = np.repeat(self.geometry.beyond_stated() * [known.pose_m, known.pose_rad], TWIST // 2)
         projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)
@@ -137,10 +132,8 @@ def weight_of(
 
 def one_of_each_situation(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
     """Chooses one image of each situation (pose and setting) of the right camera, and one of the left camera. A random
-    part of their pixels counts.
-
-    Every camera effect touches the right camera; the left one shows in what the two differ.
-    """
+    part of their pixels counts. Every camera effect touches the right camera; the left one shows in what the two
+    differ."""
     seen: set[tuple] = set()
     left = _left_image(observations)
     chosen: list[Observation] = []

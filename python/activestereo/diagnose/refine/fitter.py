@@ -222,10 +222,8 @@ class Fitter:
 
     def albedo_sigmas(self, solution: Solution, stated: float, farthest: int = 1) -> float:
         """Returns the distance of the farthest albedo from the scene's, in stated deviations; farthest=2 is the second
-        one, and so on. It is 0 if there are fewer.
-
-        Light and albedos share one factor, which is fixed so that the median material reflects as stated.
-        """
+        one, and so on. It is 0 if there are fewer. Light and albedos share one factor, which is fixed so that the
+        median material reflects as stated."""
         factors = np.append(1.0, 1.0 + solution.phi[DENSE : DENSE + self.materials])
         sigmas = np.sort(np.abs(factors / np.median(factors) - 1.0)) / stated
         return float(sigmas[-farthest]) if len(sigmas) > farthest else 0.0
@@ -253,9 +251,7 @@ class Fitter:
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
         """Returns the precisions of the priors of (theta, phi): weak for effects, 0 for scales, and the nuisances' own.
-
-        A measured black level is held tightly, because a missing effect bends it by more than its deviation.
-        """
+        A measured black level is held tightly, because a missing effect bends it by more than its deviation."""
         known = self.nuisance_prior.black_dn
         scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
         width = _PRIOR_RANGES * (space.high - space.low)[:n_theta]

@@ -77,12 +77,10 @@ def gather_where_it_stands(
     rendered_by: object = None,
     near: Evidence | None = None,
 ) -> Evidence:
-    """Gathers the Evidence of the train frames with their geometry corrected.
-
-    capture: as stated. render: returns a capture's layers. model: the effects that are known already. memory: keeps the
-    geometry for a second diagnosis; rendered_by: all that decides the layers, for its key. near: the evidence from
-    which to search on under another model; it is returned itself if nothing must be rendered again.
-    """
+    """Gathers the Evidence of the train frames with their geometry corrected. capture: as stated. render: returns a
+    capture's layers. model: the effects that are known already. memory: keeps the geometry for a second diagnosis;
+    rendered_by: all that decides the layers, for its key. near: the evidence from which to search on under another
+    model; it is returned itself if nothing must be rendered again."""
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
@@ -103,11 +101,9 @@ def gather_where_it_stands(
 
 
 def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> Evidence:
-    """Returns the evidence from which to search on: near, or the one at the stated geometry if that fits better.
-
-    A rig that was searched without the model absorbs a part of the model's effects. It then moves dots beyond their
-    width, and so hides the effects.
-    """
+    """Returns the evidence from which to search on: near, or the one at the stated geometry if that fits better. A rig
+    that was searched without the model absorbs a part of the model's effects. It then moves dots beyond their width,
+    and so hides the effects."""
     step = _step(near, model)
     if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
         return near
@@ -160,9 +156,7 @@ def _moved(
 
 def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     """Returns one correction: a fit of the train frames at rest, and then of the poses that only moving frames have.
-
-    Moving frames do not affect the rest, because motion shows more than geometry.
-    """
+    Moving frames do not affect the rest, because motion shows more than geometry."""
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
     fitted = {o.key for o in at_rest}
     others, seen = [o for o in evidence.train if o.key not in fitted], _look(evidence, blur_px)
@@ -207,9 +201,7 @@ def _own_step(
 
 def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model, render: Render) -> Evidence:
     """Returns the evidence with its test frames at corrected poses, found under a solution's model and nuisances.
-
-    model: the solution's, with its effects' own functions. render: returns the layers of a capture's test frames.
-    """
+    model: the solution's, with its effects' own functions. render: returns the layers of a capture's test frames."""
     space, phi, unmoved = ParameterSpace.of(model), solution.phi, np.zeros(len(SIDES))
     held = _of_poses(evidence.geometry.held_out())
     own = len(SIDES) + evidence.materials + np.flatnonzero(held)
@@ -273,9 +265,7 @@ def _misfit(fitter: Fitter, solution: Solution) -> float:
 
 def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
     """Returns the parameter space and start of the fit: the model's own, or with a lens if a scan finds that it helps.
-
-    A fit from neutral would not find the lens: the nuisances absorb its displacements and hold its parameters.
-    """
+    A fit from neutral would not find the lens: the nuisances absorb its displacements and hold its parameters."""
     space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
     picked = one_of_each_situation(evidence.train, evidence.seed)

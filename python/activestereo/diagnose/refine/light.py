@@ -52,11 +52,8 @@ class _SharedFrame:
 
 
 class LightMemory:
-    """Computes the light of observations under models, and keeps it.
-
-    If a later effect changes, earlier ones in the pipeline are not applied again. Frames that differ in nothing that an
-    effect reads share its light.
-    """
+    """Computes the light of observations under models, and keeps it. If a later effect changes, earlier ones in the
+    pipeline are not applied again. Frames that differ in nothing that an effect reads share its light."""
 
     def __init__(self, observations: Sequence[MeasuredImage]) -> None:
         self._observations = observations

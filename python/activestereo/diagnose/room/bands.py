@@ -30,11 +30,9 @@ def blur(image: Image, sigma_px: float) -> Image:
 
 @dataclass(frozen=True)
 class Looks:
-    """The filters that split images of one RoomImage's pixels into bands, [height][width].
-
-    dots: the projector's pattern there; fast_dots: its fine part; dots_square: the mean square of that. usable: 1 where
-    the image counts; share: the mean of that.
-    """
+    """The filters that split images of one RoomImage's pixels into bands, [height][width]. dots: the projector's
+    pattern there; fast_dots: its fine part; dots_square: the mean square of that. usable: 1 where the image counts;
+    share: the mean of that."""
 
     dots: Image
     fast_dots: Image

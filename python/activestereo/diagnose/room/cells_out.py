@@ -46,11 +46,8 @@ class Block:
 @dataclass(frozen=True)
 class Normal:
     """Normal equations of the columns' coefficients, cell radiances projected out: information [tile][c][c] and score
-    [tile][c], over the tiles of all bands.
-
-    spread: {band: deviation of residuals over the expected one}. trust: {band: weight that cells kept over the expected
-    one}.
-    """
+    [tile][c], over the tiles of all bands. spread: {band: deviation of residuals over the expected one}. trust: {band:
+    weight that cells kept over the expected one}."""
 
     names: tuple[str, ...]
     information: NDArray[np.float64]
@@ -91,10 +88,8 @@ def _changed(light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> 
 
 @dataclass(frozen=True)
 class _Frame:
-    """The cells of one view in one band, and their places in the images that see them.
-
-    images: numbers of these images. at: {image: column and row of each cell}. seen: [image][cell]. tile: [cell].
-    """
+    """The cells of one view in one band, and their places in the images that see them. images: numbers of these images.
+    at: {image: column and row of each cell}. seen: [image][cell]. tile: [cell]."""
 
     room: Room
     view: int

@@ -43,12 +43,10 @@ Change = Callable[[int, Image], Image | None]
 
 @dataclass(frozen=True)
 class Column:
-    """The change of a room's images by one effect or by one error of the calibration.
-
-    change(image's number, light above black): the change in DN at coefficient 1, or None for no change. sd: deviation
-    of the coefficient's prior. effect, parameter, step: of the library, and the parameter's change at coefficient 1;
-    None for a nuisance. bands: those in which it counts.
-    """
+    """The change of a room's images by one effect or by one error of the calibration. change(image's number, light
+    above black): the change in DN at coefficient 1, or None for no change. sd: deviation of the coefficient's prior.
+    effect, parameter, step: of the library, and the parameter's change at coefficient 1; None for a nuisance. bands:
+    those in which it counts."""
 
     name: str
     change: Change

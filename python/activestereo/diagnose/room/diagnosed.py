@@ -48,10 +48,8 @@ def diagnosed_room(
     capture: Capture, given: Model, effects: Sequence[Effect], reference: Sequence[Capture] = ()
 ) -> tuple[dict[str, Any], Model, SensorModel]:
     """Returns (diagnose.json's contents, the model with the effects found, model.json's contents) of a measured room.
-
     reference: sessions of the same unit from when it was good. ValueError: one of them is no measured room, of another
-    image size, or of another unit.
-    """
+    image size, or of another unit."""
     room = Room(capture)
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
     falloff = _falloff(capture, given, effects)
@@ -170,10 +168,8 @@ def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
 
 
 def parameters_of(found: Found, seen: Seen) -> Parameters:
-    """Returns {parameter: (value, deviation)} of a found effect, in the parameters' own units.
-
-    Flicker bands get their depth, and the line time if the light flickers at 100 Hz.
-    """
+    """Returns {parameter: (value, deviation)} of a found effect, in the parameters' own units. Flicker bands get their
+    depth, and the line time if the light flickers at 100 Hz."""
     period_rows = seen.period_rows
     if found.effect.id == "flicker_banding" and period_rows is not None:
         values = np.array([value for value, _ in found.parameters.values()])

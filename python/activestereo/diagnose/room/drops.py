@@ -19,11 +19,9 @@ _LEAST_SEEN, BLURRED_LOG = 0.4, 0.5
 
 @dataclass(frozen=True)
 class Blurred:
-    """The places where one camera is less sharp than the other in every view that shows them (two at least).
-
-    depth: how far the worst place lies below the map's median, in deviations of the map; log_ratio: the same distance
-    as a logarithm of fine energy. share: of the image that is blurred.
-    """
+    """The places where one camera is less sharp than the other in every view that shows them (two at least). depth: how
+    far the worst place lies below the map's median, in deviations of the map; log_ratio: the same distance as a
+    logarithm of fine energy. share: of the image that is blurred."""
 
     side: str
     depth: float

@@ -40,11 +40,8 @@ class Reduced:
 @dataclass(frozen=True)
 class Found:
     """An effect's evidence against none in nats (tempered, by Student's likelihood), and its parameters {name: (value,
-    deviation)} in a fit beside all other columns.
-
-    least: {parameter: the size at which five of six recordings name the effect, by its column}. finding: a sentence
-    that replaces the effect's own; empty = none.
-    """
+    deviation)} in a fit beside all other columns. least: {parameter: the size at which five of six recordings name the
+    effect, by its column}. finding: a sentence that replaces the effect's own; empty = none."""
 
     effect: Effect
     nats: float

@@ -18,12 +18,10 @@ _MOST_GEOMETRY, _LEAST_WEIGHT = 5.0, 1e-6
 
 @dataclass(frozen=True)
 class RoomLight:
-    """The light in a room's images: lists of images [height][width], DN above black at half size.
-
-    gain: exposure times falloff. seen: as recorded. room: expected without dots. dots: expected from the projector
-    alone. both: mean of the two cameras of the view, as recorded. looks: the filters of each image. lens: the exponent
-    n of the falloff cos^n in the gain.
-    """
+    """The light in a room's images: lists of images [height][width], DN above black at half size. gain: exposure times
+    falloff. seen: as recorded. room: expected without dots. dots: expected from the projector alone. both: mean of the
+    two cameras of the view, as recorded. looks: the filters of each image. lens: the exponent n of the falloff cos^n in
+    the gain."""
 
     gain: list[Image]
     seen: list[Image]
@@ -56,10 +54,7 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
 
 def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
     """Returns the expected room light of image k: the slow light of all images, and fine light as far as other views
-    confirm it.
-
-    Noise and remainders of dots in the fine light would weaken every column that is computed from it.
-    """
+    confirm it. Noise and remainders of dots in the fine light would weaken every column that is computed from it."""
     fine = [image - blur(image, _SLOW_PX) for image in own]
     mean, _ = _mean(room, k, own, gain)
     fine_mean, _ = _mean(room, k, fine, gain)
@@ -73,11 +68,9 @@ def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
 def _mean(
     room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None
 ) -> tuple[Image, Image]:
-    """Returns (the mean of images `of` at the places of image k, scaled to its gain; 1 where it is known, else 0).
-
-    All images are weighed alike for every k: a column with an image's own errors in it would find these errors. images:
-    numbers of those to use, None = all.
-    """
+    """Returns (the mean of images `of` at the places of image k, scaled to its gain; 1 where it is known, else 0). All
+    images are weighed alike for every k: a column with an image's own errors in it would find these errors. images:
+    numbers of those to use, None = all."""
     total, weight = np.zeros_like(of[k]), np.zeros_like(of[k])
     for j in range(len(of)) if images is None else images:
         if j == k:

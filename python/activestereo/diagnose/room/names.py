@@ -59,11 +59,8 @@ class Names:
 
 @dataclass(frozen=True)
 class Seen:
-    """A room with its light and its scores.
-
-    asked: the effects to judge. scores: of the columns with a known spread and of the camera's own. period_rows: period
-    of the flicker bands that were judged, None = none. trust: as in Normal.
-    """
+    """A room with its light and its scores. asked: the effects to judge. scores: of the columns with a known spread and
+    of the camera's own. period_rows: period of the flicker bands that were judged, None = none. trust: as in Normal."""
 
     room: Room
     light: RoomLight
@@ -75,11 +72,8 @@ class Seen:
 
 def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
     """Names the effects that a room shows beside a given model. reference: rooms of the same unit from when it was
-    good.
-
-    A reference of the same views is analysed together with the room. From others, the errors that they show themselves
-    are subtracted.
-    """
+    good. A reference of the same views is analysed together with the room. From others, the errors that they show
+    themselves are subtracted."""
     asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
     seen = seen_of(room, asked)
     scores, spread, rows = seen.scores, OF_A_UNIT, _rows(room, asked)
@@ -133,10 +127,8 @@ def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
 
 
 def with_take(seen: Seen, take: Take) -> Reduced:
-    """Returns the scores that a room would have with one more pair of images, before it is recorded.
-
-    Their covariance is raised by the same ratio over independent cells as in the room at hand.
-    """
+    """Returns the scores that a room would have with one more pair of images, before it is recorded. Their covariance
+    is raised by the same ratio over independent cells as in the room at hand."""
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []
@@ -202,11 +194,9 @@ def _row_offset(room: Room) -> float:
 
 
 def glare_of(found: Found, seen: Seen) -> Found | None:
-    """Returns a finding of veiling glare if it explains the black levels of single views; else None.
-
-    Glare lifts each view by a share of its light. With a good session it must fit better than a common level. Without
-    one, the first view's level is in the measured black level, so that differences to the first view count.
-    """
+    """Returns a finding of veiling glare if it explains the black levels of single views; else None. Glare lifts each
+    view by a share of its light. With a good session it must fit better than a common level. Without one, the first
+    view's level is in the measured black level, so that differences to the first view count."""
     effect = next((e for e in seen.asked if e.id == "veiling_glare"), None)
     if effect is None or found.effect.id != "black_level":
         return None

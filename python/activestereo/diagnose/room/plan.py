@@ -53,11 +53,9 @@ _COMMANDS = (
 
 def plan_of(seen: Seen) -> list[Recording]:
     """Plans recordings. The first one is this recording with the sizes that it detects; then come views of this room,
-    most effects per minute first, then commands.
-
-    A view is listed for effects that this recording misses at typical size, or that it detects at a much smaller size.
-    Commands are for effects that no view detects at typical size. Every effect asked about appears once or more.
-    """
+    most effects per minute first, then commands. A view is listed for effects that this recording misses at typical
+    size, or that it detects at a much smaller size. Commands are for effects that no view detects at typical size.
+    Every effect asked about appears once or more."""
     this = told_by(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, known_of(r, OF_A_UNIT))) for text, take in _VIEWS

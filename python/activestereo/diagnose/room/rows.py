@@ -14,11 +14,8 @@ _OF_DIFFERENCES = 1.5
 
 
 def row_variance(room: Room) -> tuple[float, float]:
-    """Returns (variance of the rows' own offsets in DN^2, its standard error).
-
-    It is the covariance of strips of one image's rows, less the covariance of the two images of a view, which the scene
-    makes.
-    """
+    """Returns (variance of the rows' own offsets in DN^2, its standard error). It is the covariance of strips of one
+    image's rows, less the covariance of the two images of a view, which the scene makes."""
     found = []
     for left, right in zip(room.images[::2], room.images[1::2], strict=True):
         rows = [_strips(image.whole) for image in (left, right)]

@@ -17,10 +17,8 @@ from activestereo.effects import Effect, Parameter
 
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
-    """Returns by how many times the chi2 of tiles varies more than with independent normal pixels; at least 1.
-
-    Divided by it, the number of pixels becomes the effective number of independent pixels.
-    """
+    """Returns by how many times the chi2 of tiles varies more than with independent normal pixels; at least 1. Divided
+    by it, the number of pixels becomes the effective number of independent pixels."""
     full = tile_pixels > 0.5 * tile_pixels.max()
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
@@ -82,10 +80,7 @@ def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.n
 
 def _log_density(parameter: Parameter, away: float) -> float:
     """Returns the log density of a parameter's prior per typical deviation, at a distance from neutral in the same
-    unit.
-
-    Only the order of magnitude is known, so the prior is Cauchy's (Gelman et al. 2008, A weakly informative default
-    prior distribution).
-    """
+    unit. Only the order of magnitude is known, so the prior is Cauchy's (Gelman et al. 2008, A weakly informative
+    default prior distribution)."""
     one_sided = parameter.low >= parameter.neutral or parameter.high <= parameter.neutral
     return np.log((2.0 if one_sided else 1.0) / np.pi) - np.log1p(away**2)

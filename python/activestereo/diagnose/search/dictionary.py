@@ -53,11 +53,9 @@ class Atom:
 def atoms_of(
     linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
 ) -> list[Atom]:
-    """Returns the atoms of effects: their changes of the images to try, at a few amplitudes and shapes.
-
-    reach: deviation of an amplitude's prior, in typical values. memory: keeps the points that built-in effects propose;
-    `workers` processes compute them.
-    """
+    """Returns the atoms of effects: their changes of the images to try, at a few amplitudes and shapes. reach:
+    deviation of an amplitude's prior, in typical values. memory: keeps the points that built-in effects propose;
+    `workers` processes compute them."""
     atoms: list[Atom] = []
     proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
     first = 0

@@ -19,10 +19,8 @@ def fields_of(
     effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
 ) -> dict[str, tuple[float, FieldFit]]:
     """Fits random fields whose draws (gains of pixels, dots or rows, speckle) other frames predict; returns {effect:
-    (share of chi2 that its draws explain, its fit)}.
-
-    Draws that last only while the rig stands still are fitted only if the residuals are white over the image.
-    """
+    (share of chi2 that its draws explain, its fit)}. Draws that last only while the rig stands still are fitted only if
+    the residuals are white over the image."""
     chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
     if not chosen:
         return {}

@@ -21,11 +21,9 @@ from activestereo.effects import Effect
 
 
 def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
-    """Adds nuisances for errors of the effects' formulas to the linear model and returns it.
-
-    They are each effect's image change weighed by squared distance from the image's centre, weighed by brightness, and
-    averaged over tiles. share: the prior variance of each, as a share of the squared change.
-    """
+    """Adds nuisances for errors of the effects' formulas to the linear model and returns it. They are each effect's
+    image change weighed by squared distance from the image's centre, weighed by brightness, and averaged over tiles.
+    share: the prior variance of each, as a share of the squared change."""
     model = linear.solution.model
     here = linear.images(model)
     fields = [p.observation.view.field() for p in linear.fitter.pixels()]

@@ -47,12 +47,9 @@ Fields = dict[str, tuple[float, FieldFit]]
 
 @dataclass(frozen=True)
 class Round:
-    """The findings of one round of a search.
-
-    candidates, fields, fits: by effect, from scores, random fields and fits. chi2: before the round. structure: of the
-    residual. members: {effect: probability} of the likeliest set. gain: fall of chi2 by the best effect; floor, chance:
-    the falls that it needs to be named; all three as shares of chi2.
-    """
+    """The findings of one round of a search. candidates, fields, fits: by effect, from scores, random fields and fits.
+    chi2: before the round. structure: of the residual. members: {effect: probability} of the likeliest set. gain: fall
+    of chi2 by the best effect; floor, chance: the falls that it needs to be named; all three as shares of chi2."""
 
     candidates: dict[str, Candidate]
     fields: Fields
@@ -67,12 +64,10 @@ class Round:
 
 @dataclass(frozen=True)
 class Name:
-    """An effect that was named as missing.
-
-    members: {effect: probability} of the set that this recording cannot tell apart, itself first. gain: the fall of the
-    mean square, noise variances. missed: the share of it that the effect's formula may have missed. field: the fit of
-    its random draws, or None. seen: the round that named it; None if repeats of frames showed it.
-    """
+    """An effect that was named as missing. members: {effect: probability} of the set that this recording cannot tell
+    apart, itself first. gain: the fall of the mean square, noise variances. missed: the share of it that the effect's
+    formula may have missed. field: the fit of its random draws, or None. seen: the round that named it; None if repeats
+    of frames showed it."""
 
     effect: Effect
     members: dict[str, float]
@@ -88,12 +83,9 @@ class Name:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a search.
-
-    first, solution: the fits without and with the named effects, over the fitter's pixels. rows: the train images under
-    the solution, less the draws of named random fields. noise: {effect: its noise term}. unjudged: {effect: why it was
-    not judged}. rest: the numbers of the verdict.
-    """
+    """The result of a search. first, solution: the fits without and with the named effects, over the fitter's pixels.
+    rows: the train images under the solution, less the draws of named random fields. noise: {effect: its noise term}.
+    unjudged: {effect: why it was not judged}. rest: the numbers of the verdict."""
 
     evidence: Evidence
     fitter: Fitter
@@ -178,11 +170,8 @@ class Search:
 
     def _strain(self) -> float:
         """Returns how far the named effects move the rig or an albedo from its stated value, in stated deviations; 0
-        beside an effect of air or surfaces, which changes the meaning of albedos.
-
-        If none is named, it is the distance of the second farthest albedo: one may be measured wrong, several show a
-        surface effect.
-        """
+        beside an effect of air or surfaces, which changes the meaning of albedos. If none is named, it is the distance
+        of the second farthest albedo: one may be measured wrong, several show a surface effect."""
         if not self._names:
             return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
@@ -274,11 +263,9 @@ class Search:
         return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
-        """Returns whether a fit explains more than errors of the named effects' formulas can.
-
-        Either its gain exceeds these errors, or the part of its gain that they cannot imitate does. The second counts
-        only for another family: the error of a distortion's formula is a distortion.
-        """
+        """Returns whether a fit explains more than errors of the named effects' formulas can. Either its gain exceeds
+        these errors, or the part of its gain that they cannot imitate does. The second counts only for another family:
+        the error of a distortion's formula is a distortion."""
         if self._chi2 - fit.chi2 > self._missed([n.missed for n in self._names]):
             return True
         if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
@@ -309,11 +296,9 @@ class Search:
         return refits(self._fitter, model, phi, chosen, self._chi2, self._rendering, self._settings.workers)
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
-        """Returns {effect: probability} of the set that holds the truth, likeliest first.
-
-        Formulas are not exact, so odds count in units of the likely error of the best effect's gain. The errors
-        measured for the effects in question and the usual error are taken as equally likely.
-        """
+        """Returns {effect: probability} of the set that holds the truth, likeliest first. Formulas are not exact, so
+        odds count in units of the likely error of the best effect's gain. The errors measured for the effects in
+        question and the usual error are taken as equally likely."""
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
         solution = fits[best].solution if best in fits else self._solution
         design = design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())

@@ -42,10 +42,8 @@ def refits(
     rendering: Rendering | None,
     workers: int,
 ) -> dict[str, Refit]:
-    """Fits candidates one by one beside a model whose own fit leaves base_chi2; returns {effect: Refit}.
-
-    phi: the nuisances to start from. rendering: renders effects of light transport; None keeps their formulas.
-    """
+    """Fits candidates one by one beside a model whose own fit leaves base_chi2; returns {effect: Refit}. phi: the
+    nuisances to start from. rendering: renders effects of light transport; None keeps their formulas."""
     starts = {c.best.atom.effect.id: c.starts for c in chosen}
     spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
     found: dict[str, Refit] = {}

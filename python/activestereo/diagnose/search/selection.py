@@ -28,11 +28,9 @@ _LINES, _POINTS, _NEAR = 2, 2, 0.3
 
 @dataclass(frozen=True)
 class Hit:
-    """The fit of one atom (an effect at one shape, with its image changes as columns) to the residual.
-
-    surfaces: the surfaces that show it, None = all. coefficients: of its columns. log_factor: its Bayes factor against
-    no effect, nats. gain: the fall of chi2 at these coefficients; at_point: the fall at the dictionary's own point.
-    """
+    """The fit of one atom (an effect at one shape, with its image changes as columns) to the residual. surfaces: the
+    surfaces that show it, None = all. coefficients: of its columns. log_factor: its Bayes factor against no effect,
+    nats. gain: the fall of chi2 at these coefficients; at_point: the fall at the dictionary's own point."""
 
     atom: Atom
     surfaces: tuple[int, ...] | None
@@ -132,10 +130,8 @@ def _values(atom: Atom, coefficients: NDArray[np.float64], surfaces: tuple[int, 
 
 
 def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
-    """Returns the fall of chi2 that the best of all atoms exceeds with probability alpha if no effect is missing.
-
-    It is estimated by a wild bootstrap: the scores of image blocks get random signs.
-    """
+    """Returns the fall of chi2 that the best of all atoms exceeds with probability alpha if no effect is missing. It is
+    estimated by a wild bootstrap: the scores of image blocks get random signs."""
     rng = np.random.Generator(np.random.PCG64(_SEED))
     signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
     largest = np.zeros(_DRAWS)
