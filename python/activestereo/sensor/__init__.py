@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth sensor. One engine (engine.py) does the work; a sensor (sensor.py) and a batch (batch.py) are views of
-it."""
+"""The depth sensor. One engine (engine.py) renders and matches; StereoDepthSensor (sensor.py) and
+StereoDepthSensorBatch (batch.py) are its public interfaces."""

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""StereoDepthSensorBatch: one kind of depth sensor in many environments, with one render and one match for all.
+"""StereoDepthSensorBatch simulates equal depth sensors in many environments, with one render and one match for all.
 
     batch = StereoDepthSensorBatch(config, Mounts(scene, poses))  # poses [E, 7], [E, S, 7] or the same with 4x4
     batch.take_picture(infrared_only=True)
     batch.compute_depth()
     depth_m = torch.from_numpy(batch.get_depth())  # [E, height, width] or [E, S, height, width], no copy
 
-Environments are kuafu's. Only the sensors of environment e see an instance or a light that names e; all sensors see one
+Environments are kuafu's: only the sensors of environment e see an instance or a light that names e. All sensors see one
 that names none. activestereo.scene_io.bodies puts bodies into environments.
 """
 
@@ -39,15 +39,15 @@ _Result = TypeVar("_Result")
 
 
 class Devices:
-    """A thread for each device, if there are several. names: each device's name in errors."""
+    """Runs a call on several devices at once, in one thread for each. names: each device's name in error notes."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = list(names)
         self._threads = ThreadPoolExecutor(len(names), "device") if len(names) > 1 else None
 
     def each(self, call: Callable[[int], _Result]) -> list[_Result]:
-        """Runs call(number of the device) on all devices at once; after close() one after another. Raises an error
-        after all have ended."""
+        """Returns [call(k) for every device number k], all run at once; after close() one after another. Raises the
+        first error after all calls have ended."""
         if self._threads is None:
             return [call(k) for k in range(len(self._names))]
         running = [self._threads.submit(call, k) for k in range(len(self._names))]
@@ -66,7 +66,8 @@ class Devices:
         return [one.result() for one in running]
 
     def join(self, images: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        """Joins the devices' images [environments, ...] in one array: their common memory, or a copy."""
+        """Joins the devices' images [environments, ...] along the first axis: returns the array that all are views of,
+        or a copy."""
         if len(images) == 1:
             return images[0]
         shape, dtype = (sum(len(image) for image in images), *images[0].shape[1:]), images[0].dtype
@@ -80,25 +81,26 @@ class Devices:
         return whole
 
     def close(self) -> None:
-        """Ends the threads."""
+        """Ends the devices' threads."""
         self._threads, threads = None, self._threads
         if threads is not None:
             threads.shutdown()
 
 
 class StereoDepthSensorBatch(SensorResults):
-    """E environments with S depth sensors each, all of one configuration. Runs one SensorEngine on each device.
+    """Simulates S depth sensors in each of E environments, all with one configuration. Runs one SensorEngine on each
+    device.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. mounts: Mounts, or another object with a
-    scene and poses (body axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one
-    another's projectors, as real ones do. The frames of the batch differ in noise; under one seed they are the same
-    again. Exposure is 'fixed' or 'settled'. Each settled sensor exposes for its own view, and gain counts as exposure.
-    One thread at a time.
+    scene and poses (body axes). pose: the RGB camera's pose relative to its mount; None: identity. Sensors of one
+    environment see one another's projectors, as real ones do. The sensors' images have independent noise, which a seed
+    repeats exactly. Exposure is 'fixed' or 'settled'. Each settled sensor exposes for its own view, and gain counts as
+    exposure. Use it in one thread at a time.
 
     Several devices: mounts are a sequence, one for each, with a scene on that device and the poses of all environments.
     Make the same calls on all scenes. A scene may lack the objects of other devices' environments; then instances and
     materials are numbered per scene. Device k of D has the environments from k E / D to (k + 1) E / D and a thread.
-    Results are one array in the host's memory. Devices of one kind give the bits that one of them gives. Only if
+    Results are one array in the host's memory. Several devices of one kind give the same bits as a single one. Only if
     config.rgb_exposure is None, each device chooses one exposure for its own RGB pictures. A picture that fails on one
     device still counts there, so all devices stay at the same picture number.
 
@@ -109,10 +111,11 @@ class StereoDepthSensorBatch(SensorResults):
     on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(), and the host reads them from there. Raises
     CudaError if there is no CUDA, or none on this GPU.
 
-    pipelined: pictures are rendered while those before them are matched and read. take_picture() begins them, results
-    are those of the pictures before, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error.
+    pipelined: pictures are rendered while those before them are matched and read. take_picture() begins new pictures;
+    results are those of the previous pictures, with the same bits. Call wait() before changing the scene; otherwise
+    kuafu.Error.
 
-    matcher: as in StereoDepthSensor, for all pairs at once.
+    matcher: as in StereoDepthSensor; it gets all pairs in one call.
     """
 
     def __init__(
@@ -162,7 +165,7 @@ class StereoDepthSensorBatch(SensorResults):
 
     def take_picture(self, infrared_only: bool = False) -> None:
         """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined batch begins
-        new pictures and makes the ones before them current. Raises SensorPoseError if a mount has no pose, after the
+        new pictures and makes the previous ones current. Raises SensorPoseError if a mount has no pose, after the
         others' pictures are taken or begun. A failed picture, here or in wait(), leaves no result."""
         self._on_each_device(lambda engine, _: engine.turn())
         broken, rigs = self._present_places()
@@ -178,23 +181,24 @@ class StereoDepthSensorBatch(SensorResults):
 
     def wait(self) -> None:
         """Waits until the pictures that a pipelined batch has begun are rendered; then the scene may change. Results
-        stay those of the pictures before."""
+        stay those of the previous pictures."""
         self._on_each_device(lambda engine, _: engine.wait())
 
     @property
     def has_picture(self) -> bool:
-        """Whether results exist: from the second take_picture() on for a pipelined batch, else from the first."""
+        """Returns whether results exist: from the second take_picture() on for a pipelined batch, else from the
+        first."""
         return False not in [engine.has_picture for engine in self._engines]
 
     @property
     def has_next(self) -> bool:
-        """Whether a pipelined batch has begun pictures without a failure; the next take_picture() makes them
+        """Returns whether a pipelined batch has begun pictures without a failure; the next take_picture() makes them
         current."""
         return False not in [engine.has_next for engine in self._engines]
 
     def render_true_depth(self) -> NDArray[np.float32]:
-        """Renders float32 [..., height, width] as get_true_depth(), of the scene and the mounts as they are now. Takes
-        no picture."""
+        """Renders depth float32 [..., height, width], metres, as get_true_depth() gives it, for the present scene and
+        mounts. Takes no picture."""
         self.wait()
         broken, rigs = self._present_places()
         depth = self._devices.join(self._on_each_device(lambda engine, k: engine.render_true_depth(rigs[k])))
@@ -202,8 +206,8 @@ class StereoDepthSensorBatch(SensorResults):
         return depth
 
     def compute_depth(self) -> None:
-        """Applies noise, matches and registers all pairs. Maps that were read of earlier pictures are computed at once,
-        others when first read."""
+        """Applies noise, matches all pairs and registers their depth to the RGB cameras. Computes at once those maps
+        that were read for earlier pictures, and any other map when it is first read."""
         if self._results is not None:
             self._results.begin()
         self._on_each_device(lambda engine, _: engine.match())
@@ -217,18 +221,18 @@ class StereoDepthSensorBatch(SensorResults):
         return light[0] if len(light) == 1 else np.concatenate(light, axis=1)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """float32 [..., height, width, 3], metres in the RGB cameras' axes (x right, y down, z forward), 0 = no
-        measurement; with_rgb: 6 numbers, with colours."""
+        """Returns float32 [..., height, width, 3], metres in the RGB cameras' axes (x right, y down, z forward), 0 = no
+        measurement. with_rgb: the last axis has 6 numbers, x, y, z and the colour 0..1."""
         points = np.moveaxis(self.rgb_rays(), 0, -1).astype(np.float32) * self.get_depth()[..., None]
         return np.concatenate([points, self.get_rgb()], axis=-1) if with_rgb else points
 
     def get_cuda(self, name: str, device: int = 0) -> CudaArray:
-        """The array of get_<name>() in CUDA memory, without a copy, as float32, uint8, uint16 or uint32: 'depth',
-        'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8', 'true_depth',
-        'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes. torch.as_tensor(array,
-        device="cuda") takes it. The next take_picture() or compute_depth() writes into the same memory. device: which
-        of several devices', with its environments alone. Raises RuntimeError without on_cuda, ValueError for another
-        name."""
+        """Returns the array of get_<name>() in CUDA memory without a copy, as float32, uint8, uint16 or uint32. Names
+        are 'depth', 'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8',
+        'true_depth', 'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes.
+        torch.as_tensor(array, device="cuda") takes it. The next take_picture() or compute_depth() writes into the same
+        memory. device: number of the device whose environments the array holds. Raises RuntimeError without on_cuda,
+        ValueError for another name."""
         if device not in range(len(self._engines)):
             raise ValueError(f"devices are 0 to {len(self._engines) - 1}, not {device}")
         return self._cuda(self._engines[device], name)
@@ -237,17 +241,17 @@ class StereoDepthSensorBatch(SensorResults):
 
     @property
     def frame_index(self) -> int:
-        """Counts the pictures, from 0; -1 before the first."""
+        """Returns the number of the last picture, counted from 0; -1 before the first."""
         return self._engines[0].frame
 
     @property
     def allocated_bytes(self) -> int:
-        """Bytes in the buffers of this batch's devices now: scene, renderer, depth engine and images."""
+        """Returns the bytes in all buffers of this batch's devices now: scene, renderer, depth engine and images."""
         return sum(e.scene.device.allocated_bytes + e.matcher.device.allocated_bytes for e in self._engines)
 
     @property
     def stage_times(self) -> dict[str, float]:
-        """{stage: milliseconds} of the last take_picture and compute_depth, each of the device that took longest."""
+        """Returns {stage: milliseconds} of the last take_picture() and compute_depth(), each for the slowest device."""
         times = [engine.stage_times for engine in self._engines]
         return {name: max(of[name] for of in times if name in of) for name in times[0]}
 
@@ -257,11 +261,11 @@ class StereoDepthSensorBatch(SensorResults):
     ) -> None:  # fmt: skip
         """Makes the sensors of an environment differ from the configuration, from the next picture on.
 
-        laser_power [S] and exposure [S] are factors on the values without this call. The rotations [S, 3, 3] turn the
-        right cameras in their own axes; the matcher does not know of them. environment: its number; None: all, with
-        arrays of the batch's shape, [E] or [E, S], before the rest. None keeps a value. Raises ValueError, which lists
-        the environments, for a wrong number of sensors, negative or non-finite numbers, and matrices that are no
-        rotation. Nothing has changed then."""
+        laser_power [S] and exposure [S] are factors on the configured values. The rotations [S, 3, 3] turn the right
+        cameras in their own axes; the matcher does not know of them. environment: its number; None: all, and the arrays
+        begin with the batch's shape, [E] or [E, S], in place of [S]. Another argument that is None keeps its values.
+        Raises ValueError, which lists the environments, for a wrong number of sensors, negative or non-finite numbers,
+        and matrices that are no rotation. Nothing has changed then."""
         sensors = self.shape[1:] or (1,)
         first, last, shape, where = 0, self.shape[0], self.shape, "the batch"
         if environment is not None:
@@ -325,7 +329,7 @@ class StereoDepthSensorBatch(SensorResults):
     # ---- inside ----
 
     def _on_each_device(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:
-        """Runs call(engine, device) on all devices."""
+        """Returns [call(engine, device number)] for all devices."""
         return self._devices.each(lambda k: call(self._engines[k], k))
 
     def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
@@ -336,6 +340,7 @@ class StereoDepthSensorBatch(SensorResults):
         return np.concatenate(rigs).reshape(*self.shape, 4, 4)
 
     def _present_places(self) -> tuple[NDArray[np.bool_], list[NDArray[np.float64]]]:
-        """Returns a mask [sensors] of those whose mount has no pose, and the RGB cameras' poses by device."""
+        """Reads the mounts. Returns a mask [sensors], true where a mount has no valid pose, and the RGB cameras' poses
+        [sensors, 4, 4] of each device."""
         broken = np.concatenate([one.read()[own] for one, own in zip(self._places, self._own, strict=True)])
         return broken, [one.rigs(own) for one, own in zip(self._places, self._own, strict=True)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Memory of a GPU that kuafu or simsense exports, as CUDA memory: PyTorch, CuPy and Numba see the same bytes, no copy.
+"""Maps GPU memory that kuafu or simsense exports into CUDA, so that PyTorch, CuPy and Numba use the same bytes.
 
     memory = CudaMemory(kuafu.Buffer(device, 4 * 480 * 640, exportable=True, host_visible=False))
     tensor = torch.as_tensor(memory.array("float32", (480, 640)), device="cuda")
@@ -28,7 +28,7 @@ _OPAQUE_FD, _DEDICATED = 1, 1
 
 
 class CudaError(RuntimeError):
-    """CUDA is absent, or refused a call; the text states the call and the reason."""
+    """CUDA is absent or refused a call; the text states the call and the reason."""
 
 
 class _HandleDesc(c.Structure):
@@ -61,7 +61,7 @@ class _Driver:
             raise CudaError(f"{name} failed with {status} ({(text.value or b'unknown').decode()})")
 
     def device_of(self, uuid: bytes) -> tuple[int, int]:
-        """Number and handle of the CUDA device with this Vulkan UUID."""
+        """Returns (number, handle) of the CUDA device with this Vulkan UUID."""
         count = c.c_int()
         self.call("cuDeviceGetCount", c.byref(count))
         for ordinal in range(count.value):
@@ -74,11 +74,11 @@ class _Driver:
 
 
 class CudaMemory:
-    """An exportable Buffer as CUDA memory, mapped into the primary context of its GPU. It keeps the buffer; close() or
-    the end of the last array lets go of the mapping. Raises CudaError."""
+    """Maps an exportable Buffer into the primary CUDA context of its GPU, and keeps the buffer alive. close() or the
+    end of the last array removes the mapping. Raises CudaError."""
 
     def __init__(self, buffer: Any, *, library: str = "libcuda.so.1") -> None:
-        """buffer: a kuafu.Buffer or simsense.Buffer made with exportable=True. library: CUDA's driver."""
+        """buffer: a kuafu.Buffer or simsense.Buffer made with exportable=True. library: the file of CUDA's driver."""
         self._buffer = buffer
         self._external, self._address = c.c_void_p(), c.c_uint64()
         self._context: c.c_void_p | None = None  # retained
@@ -132,8 +132,8 @@ class CudaMemory:
     __del__ = close
 
     def array(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> CudaArray:
-        """A packed view for torch.as_tensor(..., device="cuda"), cupy.asarray() and numba.cuda.as_cuda_array(). Raises
-        ValueError if it exceeds the buffer."""
+        """Returns a contiguous array over the memory, for torch.as_tensor(..., device="cuda"), cupy.asarray() and
+        numba.cuda.as_cuda_array(). Raises ValueError if it exceeds the buffer."""
         kind = np.dtype(dtype)
         needed = prod(shape) * kind.itemsize
         if offset_bytes < 0 or min(shape, default=1) < 1 or needed > self.size_bytes - offset_bytes:
@@ -143,7 +143,7 @@ class CudaMemory:
 
 
 class CudaArray:
-    """An array in CUDA memory, by the CUDA array interface, version 3."""
+    """An array in CUDA memory that offers the CUDA array interface, version 3."""
 
     def __init__(self, memory: CudaMemory, dtype: np.dtype[Any], shape: tuple[int, ...], address: int) -> None:
         self._memory = memory
@@ -163,13 +163,13 @@ if TYPE_CHECKING:
 
 
 def cuda_tensor(array: CudaArray) -> torch.Tensor:
-    """Returns a torch tensor of the same memory. Call wait_for() on torch's work with it before the engines write
-    again."""
+    """Returns a torch tensor over the array's memory. Call wait_for() after torch's work with it, before the engines
+    write there again."""
     return _torch().as_tensor(array, device=f"cuda:{array.ordinal}")
 
 
 def copied_to_cuda(array: NDArray[Any]) -> torch.Tensor:
-    """A copy of a host's array on torch's current CUDA device."""
+    """Returns a copy of a host array on torch's current CUDA device."""
     return _torch().from_numpy(np.ascontiguousarray(array)).cuda()
 
 
@@ -199,7 +199,7 @@ def _torch() -> Any:
     return torch
 
 
-# get_cuda()'s names: the depth engine's or kuafu's by them.
+# {name that get_cuda() takes: the depth engine's map}, and likewise kuafu's outputs.
 _OF_EVERY_SENSOR = ("disparity", "ir_left", "ir_right")
 MAPS = {"depth": "depth_rgb"} | {name: name for name in (*_OF_EVERY_SENSOR, *DEPTH_MAPS)}
 PICTURES = {
@@ -213,32 +213,33 @@ PICTURES = {
 
 @dataclass(frozen=True)
 class CudaMap:
-    """One map: the image that the engine writes, and CUDA's view of its memory."""
+    """One map: the simsense.Image that the engine writes, and the same memory in CUDA."""
 
     image: simsense.Image
     memory: CudaMemory
 
     def array(self, shape: tuple[int, ...]) -> CudaArray:
-        """The map as an array of another shape with as many elements."""
+        """Returns the map as a CUDA array of this shape, which has as many elements as the image."""
         assert prod(shape) == prod(self.image.shape)
         return self.memory.array(self.image.dtype, shape)
 
     def read(self) -> NDArray[Any]:
-        """A copy in host memory."""
+        """Returns a copy in host memory."""
         return self.image.buffer.read().view(self.image.dtype).reshape(self.image.shape)
 
 
 class CudaMaps:
-    """Memory of each map; every picture overwrites it."""
+    """Computes the depth engine's maps into CUDA memory: one allocation for each map, which every picture
+    overwrites."""
 
     def __init__(self, device: simsense.Device) -> None:
         self._device = device
         self._maps: dict[str, CudaMap] = {}
 
     def compute(self, names: Iterable[str], match: Callable[[Any], Mapping[str, NDArray[Any]]]) -> dict[str, CudaMap]:
-        """Computes the named maps of the last picture. match: computes maps into new arrays if it gets names, else into
-        {name: simsense.Image}. The first arrays of a map tell its type and shape. Raises CudaError without CUDA, or if
-        this GPU lacks it."""
+        """Computes the named maps of the last picture and returns {name: CudaMap}. match(names) returns new arrays,
+        whose type and shape set a map's memory; match({name: simsense.Image}) writes into those images. Raises
+        CudaError without CUDA, or if this GPU lacks it."""
         names = list(names)
         new = [name for name in names if name not in self._maps]
         is_host = self._device.info.kind in ("cpu", "host")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Delays and drops frames between the camera and the program, for each environment separately.
+"""Simulates the transport of frames from camera to program: delays and losses, for each environment separately.
 
 delivery = Delivery(environments=E, latency_ms=33.0, jitter_ms=5.0, drop_share=0.02, seed=0)
-delivery.put(batch.get_depth(), time_s)  # when a frame is taken depth_m, taken_s = delivery.get(time_s)  # at each step
-of the policy
+delivery.put(batch.get_depth(), time_s)  # when a frame is taken
+depth_m, taken_s = delivery.get(time_s)  # at each step of the policy
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _ENVIRONMENTS, _SEED = Limits(1, 1_000_000, whole=True), Limits(0, 2**64 - 1, wh
 
 
 class Delivery:
-    """Draws each frame's delay, and which frames are lost. The same seed draws the same.
+    """Holds frames back for a random delay and drops some of them. The same seed repeats delays and losses.
 
     latency_ms: mean time from the middle of the exposure to the arrival, a number or [E]. jitter_ms: its standard
     deviation, likewise. No frame arrives before it was taken, and none overtakes another. drop_share: share of frames
@@ -38,7 +38,7 @@ class Delivery:
         self.restart(seed)
 
     def restart(self, seed: int) -> None:
-        """Forgets all frames, delivered or on their way."""
+        """Forgets all frames, delivered or on their way, and restarts the random draws under this seed."""
         self._random = np.random.default_rng(int(_SEED.check("the seed", seed)))
         self._under_way: deque[tuple[Any, float, NDArray[np.float64]]] = deque()
         self._last_s = np.full(self._count, -np.inf)  # when each environment's last frame arrives
@@ -46,7 +46,8 @@ class Delivery:
         self._arrived: Any = None
 
     def put(self, images: Any, time_s: float) -> None:
-        """images: [E, ...] of NumPy or torch, which are copied."""
+        """Sends a copy of images [E, ...], NumPy or torch, that were taken at time_s, and draws their delays and
+        losses."""
         if len(images) != self._count:
             raise ValueError(f"images are of {len(images)} environments, expected {self._count}")
         late_s = self._latency_s + self._jitter_s * self._random.standard_normal(self._count)
@@ -57,8 +58,8 @@ class Delivery:
         self._under_way.append((copy, time_s, np.where(is_dropped, np.inf, arrives_s)))
 
     def get(self, time_s: float) -> tuple[Any, NDArray[np.float64]]:
-        """Returns the newest images that have arrived, [E, ...], and when each was taken, [E] seconds. An environment
-        without a frame has 0 and NaN. Raises RuntimeError before the first put()."""
+        """Returns the newest images [E, ...] that have arrived by time_s, and when each was taken, [E] seconds. An
+        environment without a frame has 0 and NaN. Raises RuntimeError before the first put()."""
         if self._arrived is None:
             if not self._under_way:
                 raise RuntimeError("no image was put in yet")

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Eight models of one camera's depth, to compare what a robot learns from each.
+"""Eight models of a depth camera, from the exact depth to full simulation, for comparing policies trained on each.
 
 | mode | depth |
 |--|--|
-| clean | of the first surface, as a z-buffer has it |
-| gaussian | that, with noise that grows with the square of the depth |
-| datasheet | the same by a datasheet's subpixel noise |
-| simkinect | that, shifted and in steps of disparity (Barron and Malik 2013; Handa et al. 2014) |
-| redwood | the same coarser, as Habitat and Open3D have it (Choi et al. 2015) |
-| isaac-like | from one view: noise, steps, occlusion and missing texture, as Isaac Sim's single-view depth sensor |
+| clean | exact depth of the first surface, as a z-buffer has it |
+| gaussian | exact depth with noise that grows with the square of the depth |
+| datasheet | as gaussian, with the noise of a datasheet's subpixel RMS |
+| simkinect | exact depth, shifted and in steps of disparity (Barron and Malik 2013; Handa et al. 2014) |
+| redwood | as simkinect, coarser, as Habitat and Open3D have it (Choi et al. 2015) |
+| isaac-like | noise, steps, occlusion and missing texture, as Isaac Sim's single-view depth sensor |
 | raster | matched stereo of Lambertian surfaces without bounces of light (Planche et al., DepthSynth, 3DV 2017) |
 | full | matched stereo of path-traced images |
 """
@@ -32,9 +32,9 @@ MODES = (*OF_TRUTH, "raster", "full")
 
 
 class DepthCamera:
-    """Depth [E, height, width], float32 metres, of a sensor's RGB camera on each mount. 'raster' makes every material
-    of the scene Lambertian, for good. pose: the RGB camera's, relative to its mount. isaac: settings of 'isaac-like'.
-    By default they are Isaac Sim's, which drop depth below 0.5 m and surfaces without texture."""
+    """Measures depth by one of MODES with the RGB camera of a sensor on each mount. 'raster' makes every material of
+    the scene Lambertian, for good. pose: the RGB camera's pose relative to its mount; None: identity. isaac: settings
+    of 'isaac-like'; None: Isaac Sim's, which drop depth below 0.5 m and surfaces without texture."""
 
     def __init__(
         self, mode: str, config: StereoDepthSensorConfig, mounts: HasPoses, pose: PoseLike | None = None,
@@ -57,7 +57,8 @@ class DepthCamera:
         self.sensors.restart(seed)
 
     def take_depth(self) -> NDArray[np.float32]:
-        """Measures depths now: metres [E, height, width], 0 = no measurement."""
+        """Measures the scene as it is now. Returns float32 [E, height, width], metres in the RGB camera, 0 = no
+        measurement."""
         if self.mode in ("raster", "full"):
             self.sensors.take_picture(infrared_only=True)
             self.sensors.compute_depth()

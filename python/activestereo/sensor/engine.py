@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SensorEngine: depth sensors of one configuration on one device, S in each of E environments, with one render and one
-match for all. StereoDepthSensor and StereoDepthSensorBatch are its views."""
+"""SensorEngine simulates depth sensors of one configuration on one device, S in each of E environments. All share one
+render and one match. StereoDepthSensor and StereoDepthSensorBatch are its public interfaces."""
 
 from __future__ import annotations
 
@@ -29,9 +29,12 @@ from activestereo.sensor.rig_inputs import RigInputs
 
 
 class SensorEngine:
-    """environments: the environment of each sensor. [None] is one sensor in a scene without environments; only it has a
-    velocity, conditions, 'converging' exposure and effects outside the engines. shape: (), (E,) or (E, S). source: the
-    scene's origin. first_view: the first sensor's number among those of all devices. results: as Maps has them.
+    """Renders and matches equal sensors in one scene.
+
+    environments: the environment of each sensor. [None] is one sensor in a scene without environments. Only that one
+    has a velocity, conditions, 'converging' exposure and effects outside the engines. shape: (), (E,) or (E, S).
+    source: the path that the scene was loaded from, or any other object. first_view: number of this engine's first
+    sensor among all devices' sensors. results: (memory for maps, this engine's part of it), as Maps takes them.
     matcher: computes disparities.
 
     Raises ValueError for a model or an exposure mode that does not fit the scene or the sensors. Nothing has changed
@@ -66,7 +69,7 @@ class SensorEngine:
         self._present, self._next = pictures[0], pictures[-1]
         self.ir_memory = self._present.link.memory  # the infrared pairs' way to the depth engine
         self._under_way = UnderWay()
-        # Of the current pictures.
+        # State of the current pictures.
         self.maps = Maps(weakref.proxy(self), on_cuda, results)
         self.light_share = np.ones(self._count)  # factors on each sensor's own exposure
         self._told_signals: list[dict[str, float]] = []
@@ -86,8 +89,8 @@ class SensorEngine:
     # ---- pictures ----
 
     def turn(self) -> None:
-        """Makes the pictures that were begun current. Call it before take_pictures(). Without a pipeline it drops the
-        current ones."""
+        """Waits for the pictures that were begun and makes them current; without a pipeline, drops the current ones.
+        Call it before take_pictures()."""
         self.wait()
         if self.pipelined:
             self._make_current()
@@ -101,8 +104,9 @@ class SensorEngine:
         """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. Call turn() first. A
         pipelined engine only begins them.
 
-        rigs: poses of the RGB cameras, [sensors, 4, 4], body axes. place: static speckle is drawn again if this array
-        differs from the last call's. A failed picture, here or in wait(), leaves no result."""
+        rigs: poses of the RGB cameras, [sensors, 4, 4], body axes. place: poses of all sensors; if this array differs
+        from the last call's, the static speckle is drawn anew. A failed picture, here or in wait(), leaves no
+        result."""
         picture = self._next
         # Exposure, emitter, and static speckle if a sensor has moved.
         if self._next_setting is not None:
@@ -146,7 +150,7 @@ class SensorEngine:
 
     @property
     def has_next(self) -> bool:
-        """Whether new pictures have been begun without a failure."""
+        """Returns whether new pictures have been begun without a failure."""
         return self.pipelined and self._next.taken is not None
 
     def picture(self) -> Picture:
@@ -156,23 +160,25 @@ class SensorEngine:
         return self._present
 
     def rgb_picture(self) -> PictureMemory:
-        """Returns the newest picture with RGB images. Raises RuntimeError if there is none."""
+        """Returns the memory of the newest RGB images, perhaps of an earlier picture. Raises RuntimeError if there are
+        none."""
         if not self.picture().has_rgb:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
         return self._present.rgb
 
     def rgb_output(self, name: str) -> NDArray[Any]:
-        """One of kuafu's outputs of the RGB pictures, [*shape, height, width, channels]."""
+        """Returns one of kuafu's outputs of the RGB pictures, [*shape, height, width, channels]."""
         image = self.rgb_picture().read(name)
         return image.reshape(*self.shape, *image.shape[1:])
 
     def light(self) -> NDArray[np.float32]:
-        """float32 [2, *shape, height, width] W/(sr m^2) at the imagers."""
+        """Returns the current pictures' radiance at the imagers, left then right, float32 [2, *shape, height, width]
+        W/(sr m^2)."""
         images = self.picture().link.images()
         return images.reshape(2, *self.shape, *images.shape[1:])
 
     def render_true_depth(self, rigs: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Renders float32 [*shape, height, width] metres in the RGB cameras, of the scene as it is now. Takes no
+        """Renders depth float32 [*shape, height, width], metres in the RGB cameras, of the scene as it is now. Takes no
         picture."""
         self.wait()
         seen: dict[str, Any] = self.rig.visible() | {"optics": None, "spp": 1}
@@ -182,8 +188,8 @@ class SensorEngine:
     def render_now(
         self, rigs: NDArray[np.float64], names: Sequence[str], side: int | None, **options: Any
     ) -> dict[str, NDArray[Any]]:
-        """Renders {name: [height, width, channels]} of one sensor's camera now: left (0), right (1) or RGB (None).
-        options: those of kuafu.Renderer.render, over the sensor's own."""
+        """Renders {output name: [height, width, channels]} now, with the projectors on, by one sensor's camera. side: 0
+        left, 1 right, None RGB. options: arguments of kuafu.Renderer.render that override the sensor's own."""
         self.wait()
         self.rig.shine(rigs)
         try:
@@ -198,17 +204,17 @@ class SensorEngine:
     # ---- maps ----
 
     def match(self, maps: Sequence[str] = ()) -> None:
-        """Applies noise, matches and registers the current pictures: computes these maps and those that were read
-        before now, others when first read."""
+        """Applies noise to the current pictures, matches them and registers the depth to the RGB cameras. Computes the
+        named maps and those that were read earlier; any other map is computed when first read."""
         self.picture()
         self.maps.begin(maps)
         self._keep_times("depth", self.matcher)
 
     def compute(self, outputs: Any) -> dict[str, NDArray[Any]]:
-        """Computes maps of the current pictures. outputs: their names, or arrays to write into."""
+        """Computes {name: map} of the current pictures. outputs: names, or {name: array to write into}."""
         picture = self._present
         taken = picture.taken or Taken()
-        self._set_signals(picture.signals)  # the next picture's exposure may be another
+        self._set_signals(picture.signals)  # the next picture may have another exposure already
         self.matcher.set_parameters(
             frame_index=taken.frame, scene_index=taken.speckle_draw, first_view=self._first_view
         )
@@ -220,7 +226,8 @@ class SensorEngine:
     def compute_from(
         self, pair: tuple[Any, Any], outputs: tuple[str, ...], lasers: dict[str, Any], frame_index: int
     ) -> dict[str, NDArray[Any]]:
-        """Computes maps of another pair of radiance, with the noise of picture frame_index."""
+        """Computes {name: map} from a given (left, right) pair of radiance, with the noise of picture frame_index.
+        lasers: the engine's keyword arguments for the projector's part."""
         self.wait()
         self.maps.complete()
         self._set_signals(self.rig.signals())
@@ -230,8 +237,8 @@ class SensorEngine:
     # ---- settings between pictures ----
 
     def set(self, matcher: Mapping[str, Any], signal: dict[str, float]) -> None:
-        """Sets the matcher's parameters and the plan's signal, also for present pictures, each under its own exposure.
-        Matched maps stay. simsense.ArgumentError changes nothing."""
+        """Sets parameters of the matcher and the imagers' signal for present and later pictures; each picture keeps its
+        own exposure. Maps that are already matched stay. simsense.ArgumentError changes nothing."""
         self.wait()
         self.maps.complete()
         now = self.rig.setting
@@ -248,19 +255,21 @@ class SensorEngine:
         self._set_signals(self.rig.signals())
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
-        """Calls RigInputs.set_twist() when no picture is under way."""
+        """Waits for pictures under way, then sets the sensor's velocity: [6], m/s and rad/s, as
+        RigInputs.set_twist()."""
         self.wait()
         self.rig.set_twist(twist)
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        """Calls RigInputs.set_conditions() when no picture is under way; matched maps stay."""
+        """Waits for pictures under way, then sets the conditions by RigInputs.set_conditions(); maps of matched
+        pictures stay."""
         self.wait()
         self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
         """Makes the next picture frame 0 under this seed and drops the current one. noise_seeds: a seed for each
-        sensor's imagers."""
+        sensor's imagers; None: all use `seed`."""
         self.wait()
         self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
@@ -285,14 +294,14 @@ class SensorEngine:
         return self.image_effects.depth(self.matcher, pair, outputs, **lasers)
 
     def _settings(self, outputs: Any, frame: int) -> dict[str, Any]:
-        """Keyword arguments of every camera's render."""
+        """Returns the arguments of kuafu.Renderer.render that all cameras share."""
         scales = {"srgb": self.plan.rgb_exposure or 0.0} if "srgb" in outputs else {}
         return self.plan.render | {"seed": (self.plan.render_seed << 32) + frame, "scales": scales}
 
     def _render(
         self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, progress: Any, seen: dict[str, Any]
     ) -> None:
-        """Renders now, or begins to if pictures are pipelined."""
+        """Renders the cameras into targets now; a pipelined engine only submits the render."""
         options = self._settings(targets, taken.frame) | seen
         if self.pipelined:
             self._under_way.add(group, self._renderer.submit(self.scene, cameras, targets, **options))
@@ -301,7 +310,8 @@ class SensorEngine:
             self._keep_times(group, self._renderer)
 
     def _finish(self) -> None:
-        """Finishes rendered pictures: switches the projectors off, exposes and delivers the pairs."""
+        """Finishes rendered pictures: switches the projectors off, scales the pairs to their exposures and hands them
+        to the depth engine."""
         picture = self._next
         try:
             try:
@@ -337,7 +347,7 @@ class SensorEngine:
             return
         self.maps.clear()
         self._present, self._next = self._next, self._present
-        if not self._present.has_rgb:  # those before stay
+        if not self._present.has_rgb:  # the RGB images of the picture before stay
             self._present.rgb, self._next.rgb = self._next.rgb, self._present.rgb
             self._present.has_rgb = self._next.has_rgb
         if self._present is not self._next:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A matcher that is not simsense's behind a sensor, such as a network in an ONNX file (pip install onnxruntime): its
-disparities become the maps that simsense's would."""
+"""Lets a sensor use another matcher than simsense's, such as a network in an ONNX file (pip install onnxruntime). From
+its disparities it computes the same maps as simsense."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from activestereo.camera.registration import registered
 from activestereo.common.input_files import checked_file
 from activestereo.common.nearest import did_you_mean
 
-# Under this name the file's metadata may hold OnnxInterface's fields, as a JSON object.
+# The file's metadata may hold OnnxInterface's fields under this name, as a JSON object.
 METADATA = "activestereo"
 
 
 @dataclass(frozen=True)
 class OnnxInterface:
-    """A network's inputs and outputs. left, right: names of its inputs, float32 [1, channels, height, width], whose
-    values are (counts of 0..255 - mean) / std; multiple: height and width are padded to multiples of it, at the right
-    and below. disparity, confidence: names of its outputs, [1, (1,) height, width]; disparities times scale are pixels,
-    and confidences 0..1; "" = absent."""
+    """Describes a network's inputs and outputs. left, right: names of its inputs, float32 [1, channels, height, width],
+    whose values are (counts of 0..255 - mean) / std; multiple: height and width are padded to multiples of it, at the
+    right and below. disparity, confidence: names of its outputs, [1, (1,) height, width]; disparities times scale are
+    pixels, and confidences 0..1; "" = absent."""
 
     left: str = "left"
     right: str = "right"
@@ -43,9 +43,10 @@ class OnnxInterface:
 
 
 class OnnxMatcher:
-    """interface: the network's inputs and outputs; None reads the file's metadata under `activestereo`, else takes the
-    defaults. providers: onnxruntime's, such as CUDAExecutionProvider; None = all available. Raises ImportError without
-    onnxruntime, and ValueError for a file that it cannot run or with other inputs or outputs."""
+    """Matches rectified pairs with a network in an ONNX file. interface: its inputs and outputs; None reads the file's
+    metadata under `activestereo`, else takes the defaults. providers: onnxruntime's, such as CUDAExecutionProvider;
+    None = all available. Raises ImportError without onnxruntime, and ValueError for a file that it cannot run or with
+    other inputs or outputs."""
 
     def __init__(
         self, path: str | PathLike[str], interface: OnnxInterface | None = None, providers: list[str] | None = None
@@ -121,7 +122,7 @@ class OnnxMatcher:
 
 
 class Matcher(Protocol):
-    """Matches rectified pairs, uint8 or uint16 [pairs, height, width]."""
+    """A callable that matches rectified pairs of images, uint8 or uint16 [pairs, height, width]."""
 
     def __call__(
         self, left: NDArray[Any], right: NDArray[Any]
@@ -133,13 +134,14 @@ class Matcher(Protocol):
 # Matchers that a sensor accepts: simsense's own, OpenCV's, the path of an ONNX file, or a Matcher.
 MatcherLike = str | PathLike[str] | Matcher
 _SGBM_BLOCK = 7
-_SGBM_STEPS = 16  # step of disparities, pixels
-_SGBM_STEP_PX = 16  # disparities come in multiples of this
+_SGBM_STEPS = 16  # OpenCV's disparities are whole numbers of 1/16 pixel
+_SGBM_STEP_PX = 16  # its range of disparities is a multiple of this
 _IMAGES = ("ir_left", "ir_right", "rectified_left", "rectified_right")
 
 
 def as_matcher(given: MatcherLike, engine: simsense.Engine) -> Matcher | None:
-    """Returns the matcher, or None for simsense's own, `engine`. Raises ValueError, which lists the choices."""
+    """Returns the Matcher that `given` names, or None for simsense's own. engine: its parameters set up OpenCV's
+    matcher. Raises ValueError, which lists the choices."""
     if callable(given):
         return given
     if given == "simsense":
@@ -155,8 +157,9 @@ def foreign_maps(
     matcher: Matcher, engine: simsense.Engine, plan: SensorPlan, pair: tuple[Any, Any], outputs: Any,
     lasers: dict[str, Any],
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
-    """simsense.Engine.compute() with this matcher in place of its own: imager and rectification are the engine's.
-    outputs: names, or {name: array to write into}. Raises ValueError if the matcher returns another size."""
+    """Computes the outputs of simsense.Engine.compute() with this matcher; imager and rectification stay the engine's.
+    pair, lasers: compute()'s arguments. outputs: names, or {name: array to write into}. Raises ValueError if the
+    matcher returns another size."""
     images = dict(engine.compute(*pair, _IMAGES, **lasers))
     left, right = images["rectified_left"], images["rectified_right"]
     leading = left.shape[:-2]
@@ -194,8 +197,8 @@ def foreign_maps(
 
 
 class OpenCVMatcher:
-    """SGBM with eight paths, and simsense's disparity range, uniqueness and left-right check. Other parameters follow
-    OpenCV's documentation. Raises ImportError if cv2 is missing."""
+    """Matches with OpenCV's semi-global matcher (SGBM) over eight paths. Disparity range, uniqueness and left-right
+    check are simsense's parameters; others follow OpenCV's documentation. Raises ImportError if cv2 is missing."""
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         import cv2

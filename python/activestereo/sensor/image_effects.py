@@ -30,12 +30,12 @@ _LIGHT = ("ambient", "albedo", "projector_direct", "projector_indirect", "projec
 
 
 class ModelCostWarning(UserWarning):
-    """The model has effects outside the engines, which cost a copy of every picture."""
+    """Warns that the model has effects outside the engines, which cost a copy of every picture."""
 
 
 class ImageEffects:
-    """A StereoDepthSensor's effects, pairs (Effect, {parameter: value}). make_light: whether on_light() renders and
-    writes the whole pair of radiance."""
+    """Applies effects to a StereoDepthSensor's images. effects: pairs (Effect, {parameter: value}). make_light: whether
+    on_light() renders and writes the whole pair of radiance itself."""
 
     def __init__(self, sensor: Any, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor
@@ -45,8 +45,8 @@ class ImageEffects:
         self.make_light = bool(self._of_stages(Stage.PROJECTOR, Stage.OPTICS).effects)
 
     def on_light(self, link: IrLink, is_laser_apart: bool) -> None:
-        """Changes the pair of radiance, up to the charge that it makes. is_laser_apart: the link holds the laser's part
-        separately."""
+        """Applies the effects on light and on charge to the pair of radiance in `link`. is_laser_apart: the link holds
+        the laser's part separately."""
         before, charge = self._of_stages(Stage.PROJECTOR, Stage.OPTICS), self._of_stages(Stage.CHARGE, Stage.CHARGE)
         if not before.effects and not charge.effects:
             return
@@ -80,7 +80,7 @@ class ImageEffects:
     def depth(
         self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any
     ) -> dict[str, NDArray]:
-        """engine.compute() with the effects on counts, disparity and depth."""
+        """Returns engine.compute()'s results, with the effects on counts, disparity and depth applied."""
         counts, matched = self._of_stages(Stage.READOUT, Stage.DIGITAL), self._of_stages(Stage.DISPARITY, Stage.DEPTH)
         wanted = (*outputs, "depth") if matched.effects else outputs
         if not counts.effects:
@@ -93,7 +93,7 @@ class ImageEffects:
                 view = self._view(side, inputs, self._sensor.get_pictures(_GEOMETRY, side))
                 value = counts.digital(image.astype(np.float64) - black, view, black, random=True)
                 changed[f"ir_{side}"] = np.rint(value).astype(image.dtype)
-            # An engine of its own matches counts without changing them.
+            # A second engine, whose imager changes nothing, matches the changed counts.
             self._matcher = self._matcher or self._sensor.make_engine()
             neutral = simsense.signal_preset("neutral") | {"bit_depth": inputs.left.signal["bit_depth"]}
             self._matcher.set_signal(neutral, neutral)
@@ -140,7 +140,8 @@ class ImageEffects:
 
 
 def _light(seen: Pictures, power: float, ambient: float) -> Light:
-    """Returns light for a projector of 1 W/sr and ambient radiance 1. Flat light follows kuafu's projector outputs."""
+    """Returns the scene's light for a projector of 1 W/sr and an ambient radiance of 1 W/(sr m^2), from kuafu's
+    outputs. `flat`, the projector's direct light on Lambertian surfaces, follows kuafu's projector outputs."""
     picture = {name: image[..., 0].astype(np.float64) for name, image in seen.items()}
     room = picture["ambient"] / ambient
     if power == 0.0:

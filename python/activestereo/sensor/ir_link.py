@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hands the infrared pair from kuafu to simsense in memory that both address, so no frame is copied, and checks
-infrared images of one's own.
+"""Hands the infrared pair from kuafu to simsense in shared memory, so that no frame is copied. Checks radiance images
+that a caller supplies.
 
 kuafu exports the buffer once: as an opaque file descriptor if both devices can (GPUs, lavapipe), else as a host
 pointer. simsense imports it. A GPU with its own memory keeps the pair there and copies it for the host on request;
@@ -22,7 +22,7 @@ _CACHED_BYTES = 1 << 22
 
 
 def shared_memory_kind(renderer_device: kuafu.Device, engine_device: simsense.Device) -> Literal["host", "opaque_fd"]:
-    """'opaque_fd' if both devices are one physical device and share file descriptors, else 'host'."""
+    """Returns 'opaque_fd' if both devices are one physical device and can share file descriptors, else 'host'."""
     a, b = renderer_device.info, engine_device.info
     fd = "export_opaque_fd" in a.capabilities and "import_opaque_fd" in b.capabilities
     same = (a.device_uuid, a.driver_uuid) == (b.device_uuid, b.driver_uuid)
@@ -30,13 +30,13 @@ def shared_memory_kind(renderer_device: kuafu.Device, engine_device: simsense.De
 
 
 def has_own_memory(device: kuafu.Device) -> bool:
-    """Whether the host reaches the device's memory over a bus."""
+    """Returns whether the device is a discrete GPU, whose memory the host reaches over a bus."""
     return device.info.kind == "discrete gpu"
 
 
 class IrLink:
-    """Two float32 images [height, width], left then right: kuafu renders into `target`, simsense reads `left` and
-    `right`. With a count above 1 each of the two is [count, height, width]."""
+    """Memory of two float32 radiance images [height, width], left then right: kuafu renders into `target`, simsense
+    reads `left` and `right`. With a count above 1 each of the two is [count, height, width]."""
 
     def __init__(
         self, renderer_device: kuafu.Device, engine_device: simsense.Device, width: int, height: int,
@@ -64,22 +64,22 @@ class IrLink:
         self.left, self.right = (self._sink.image(np.float32, side_shape, side * size_bytes // 2) for side in (0, 1))
 
     def laser(self) -> IrLink:
-        """A second pair of memory for the laser's part of the light, made on first use."""
+        """Returns a second IrLink, for the laser's part of the light; it is made on first use."""
         if self._laser is None:
             self._laser = self._beside()
         return self._laser
 
     def targets(self, is_laser_apart: bool) -> dict[str, kuafu.Image]:
-        """Memory that a render fills, by kuafu's name of the output."""
+        """Returns {kuafu's output: image that a render fills}."""
         return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
-        """Keyword arguments of the depth engine for the laser's light; empty if all light has speckle."""
+        """Returns the depth engine's keyword arguments for the laser's light; empty if all light has speckle."""
         return {"left_laser": self.laser().left, "right_laser": self.laser().right} if is_laser_apart else {}
 
     def images(self, count: int | None = None, first: int = 0) -> np.ndarray:
-        """Images as kuafu wrote them, float32 [count, height, width], the pairs' left ones first: a view, or a copy of
-        a GPU's own memory, which put() writes back. None: all."""
+        """Returns `count` images from number `first` on (None: all) as kuafu wrote them, float32 [count, height,
+        width], all left ones first. They are a view, or a copy of a GPU's own memory, which put() writes back."""
         count = 2 * self.count if count is None else count
         if self._is_on_gpu:
             read = self._source.read(count * self._image_bytes, first * self._image_bytes)
@@ -87,13 +87,13 @@ class IrLink:
         return self.target.array()[first : first + count, ..., 0]
 
     def put(self, images: np.ndarray) -> None:
-        """Sends the changes in `images` to the renderer's memory."""
+        """Writes images from images() back to a GPU's own memory; does nothing where images() is a view."""
         if self._is_on_gpu:
             self._source.write(images)
 
     def brighten(self, factors: np.ndarray) -> None:
-        """Multiplies both images of each pair by its factor, float32 [count]. Images of a GPU's own memory come in
-        pieces that stay in the processor's cache."""
+        """Multiplies both images of each pair by the pair's factor, float32 [count]. Images in a GPU's own memory are
+        changed in pieces that fit into the processor's cache."""
         for_views = np.tile(factors, 2)[:, None, None]
         at_once = max(1, _CACHED_BYTES // self._image_bytes) if self._is_on_gpu else len(for_views)
         for first in range(0, len(for_views), at_once):
@@ -104,7 +104,7 @@ class IrLink:
                 self._source.write(images, first * self._image_bytes)
 
     def deliver(self) -> None:
-        """After a render: makes `left` and `right` current. Costs nothing unless the link copies."""
+        """Makes a finished render visible in `left` and `right`. Costs nothing unless the link copies."""
         if self.memory == "copy":
             self._sink.write(self._source.read())
             if self._laser is not None:
@@ -118,8 +118,8 @@ def checked_radiance(
     left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None, right_laser: ArrayLike | None,
     shape: tuple[int, ...],
 ) -> tuple[Pair, dict[str, NDArray[np.float32]]]:  # fmt: skip
-    """((left, right), keyword arguments of simsense.Engine.compute for the laser's part), float32 of this shape. Raises
-    ValueError with the image, the place and the value that is no radiance."""
+    """Returns ((left, right), keyword arguments of simsense.Engine.compute for the laser's part), float32 arrays of
+    this shape. Raises ValueError, with the image, the place and the value, for negative or non-finite radiance."""
     if (left_laser is None) != (right_laser is None):
         raise ValueError("left_laser and right_laser come together, or not at all: then all light has speckle")
     pair = _checked("left", left, shape), _checked("right", right, shape)

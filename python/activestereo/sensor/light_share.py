@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's share of the infrared light that a sensor sees, and the brightest of the other lights."""
+"""Measures the projector's share of the infrared light that a sensor sees, and finds the brightest of the other
+lights."""
 
 from __future__ import annotations
 
@@ -17,17 +18,17 @@ if TYPE_CHECKING:
     from activestereo.sensor.sensor import StereoDepthSensor
 
 _Record = TypeVar("_Record")
-_SAMPLES = 4  # for each pixel: the middle's mean counts, not one pixel
+_SAMPLES = 4  # few per pixel, because only means over many pixels are used
 _GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDES)}
 
 
 @dataclass(frozen=True)
 class LightShare:
-    """Shares of the infrared light at the dots, the tenth of the pixels in the middle of the left camera's picture that
-    the projector lights most; of all pixels there without a projector.
+    """Shares of the infrared light in the middle of the left camera's picture. They cover the tenth of the pixels there
+    that the projector lights most, or all pixels without a projector.
 
-    distance_m: median distance there. projector: its share. brightest: name of the brightest other light, or None, and
-    its share."""
+    distance_m: median distance there. projector: its share, 0..1. brightest, brightest_share: name and share of the
+    brightest other light; None if there is none."""
 
     distance_m: float
     projector: float
@@ -36,12 +37,12 @@ class LightShare:
 
 
 def light_share(sensor: StereoDepthSensor) -> LightShare | None:
-    """Renders a few samples, with the lights split as in staging.part_light(). Returns None if the picture shows no
-    surface or no infrared light."""
+    """Measures LightShare by a render with few samples and separate outputs for each group of lights. Returns None if
+    the picture shows no surface or no infrared light."""
     has_projector = sensor.get_config().light_pattern is not None
     names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
     seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")
-    # Pixels with a surface in the middle third; if it has none, those of the whole picture.
+    # Measure at surfaces in the middle third of the picture, or in all of it if the middle shows none.
     has_surface = seen["depth"][..., 0] > 0
     height, width = has_surface.shape
     middle = np.zeros(has_surface.shape, bool)
@@ -71,7 +72,8 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
 
 
 def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]]) -> tuple[str, float]:
-    """(name, share of the group's light) of its brightest light, as it falls on the point without shadows."""
+    """Returns (name, share of the group's light) of the brightest light in a group, by its unshadowed irradiance at
+    `point`."""
     if group == ALL_SIDES:
         return "the light from all sides", 1.0
     if group == SURFACES:
@@ -88,7 +90,8 @@ def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]])
 
 
 def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
-    """All records of a kind, without the free numbers of removed ones, such as a model's lights."""
+    """Returns the `count` records that get(number) knows; skips the free numbers of removed ones, such as a model's
+    lights."""
     out: list[_Record] = []
     number = 0
     while len(out) < count:
@@ -101,7 +104,7 @@ def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
 
 
 def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
-    """Irradiance on a surface that faces the light, up to the camera's ir_ambient_scale."""
+    """Returns the light's irradiance at `point` on a surface that faces it, without the camera's ir_ambient_scale."""
     pose = np.asarray(light.light_to_world)
     level = (light.ir_share or 1.0) * light.intensity[0] if light.ir_intensity is None else light.ir_intensity
     if light.kind == "directional":

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth engine's maps of the present pictures, for the host or for CUDA; and arrays for results, reused when nobody
-holds them any more. The kernel clears every page of new memory, which costs more than writing the results."""
+"""Computes the depth engine's maps of the present pictures, for the host or for CUDA. Reuses the arrays of results that
+nobody holds any more: the kernel clears every page of new memory, which costs more than writing the results."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ import simsense
 from activestereo.camera.plan import SensorPlan
 from activestereo.sensor.cuda_memory import CudaArray, CudaMap, CudaMaps
 
-_MOST_FREE = 2  # of a result: the caller holds one during the next computation
+_MOST_FREE = 2  # free arrays kept for a result, as the caller holds one during the next computation
 
 
 class _Lent:
-    """Memory that an array and all its views keep alive."""
+    """Keeps memory marked as in use while an array or a view of it lives."""
 
     def __init__(self, memory: NDArray[Any]) -> None:
         self.__array_interface__ = memory.__array_interface__
@@ -33,8 +33,8 @@ def _give_back(free: list[NDArray[Any]], memory: NDArray[Any]) -> None:
 
 
 class JoinedResults:
-    """Results of several parts, one after another in common arrays. counts: environments in each part. Parts may
-    reserve theirs in threads of their own; arrays may be let go of in any."""
+    """Arrays in which several parts (devices) store their results one after another. counts: environments in each part.
+    Parts may reserve theirs, and arrays may be released, in any thread."""
 
     def __init__(self, counts: Sequence[int]) -> None:
         ends = np.cumsum(counts).tolist()
@@ -51,13 +51,13 @@ class JoinedResults:
         self._whole, self._taken = {}, set()
 
     def learn(self, found: Mapping[str, NDArray[Any]]) -> None:
-        """Keeps the shapes and types of a part's results."""
+        """Stores the shapes and types of a part's results, {name: array}, for reserve()."""
         with self._lock:
             self._kinds |= {name: (image.shape[1:], image.dtype) for name, image in found.items()}
 
     def reserve(self, part: int, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-        """Returns {name: array} of a part, with undefined contents, or {} if a result's shape is not known yet. The
-        caller owns an array as long as it or a view of it lives."""
+        """Returns {name: the part's slice of the common array}, with undefined contents, or {} if a result's shape is
+        not known yet. The caller owns an array as long as it or a view of it lives."""
         own = {(name, part) for name in names}
         with self._lock:
             if any(name not in self._kinds for name, _ in own):
@@ -76,7 +76,7 @@ class JoinedResults:
 
 
 class ComputesMaps(Protocol):
-    """A SensorEngine."""
+    """The part of a SensorEngine that Maps needs."""
 
     plan: SensorPlan
     matcher: simsense.Engine
@@ -86,10 +86,11 @@ class ComputesMaps(Protocol):
 
 
 class Maps:
-    """Computes maps that were read of earlier pictures together, others when first read.
+    """Computes the depth engine's maps and caches them. Maps that were read for earlier pictures are computed together;
+    others when they are first read.
 
     on_cuda: maps lie in memory that CUDA sees, and the host reads them from there. The first computation raises
-    CudaError without CUDA on this GPU. results: memory for maps, and the engine's part of it; None for new arrays."""
+    CudaError without CUDA on this GPU. results: memory for maps, and number of this engine's part; None: new arrays."""
 
     def __init__(
         self, engine: ComputesMaps, on_cuda: bool = False, results: tuple[JoinedResults, int] | None = None
@@ -105,25 +106,26 @@ class Maps:
         self._found, self._has_begun = {}, False
 
     def begin(self, names: Iterable[str] = ()) -> None:
-        """Computes these maps and those that were read of earlier pictures."""
+        """Forgets all maps, then computes the named ones and those that were read for earlier pictures."""
         self.clear()
         self._found = dict(self._compute(list(dict.fromkeys((*self._wanted, *names)))))
         self._has_begun = True
 
     def complete(self) -> None:
-        """Computes all maps of matched pictures, before the engine changes: one engine makes all maps of a picture."""
+        """Computes the missing maps of a matched picture. Call it before the engine changes, so that one engine makes
+        all maps of a picture."""
         names = ("disparity", "ir_left", "ir_right", *self._engine.plan.depth_maps)
         missing = [name for name in names if name not in self._found]
         if self._has_begun and missing:
             self._found |= self._compute(missing)
 
     def read(self, name: str) -> NDArray[Any]:
-        """One map of the depth engine, [*shape, height, width, ...]."""
+        """Returns one map of the depth engine, [*shape, height, width, ...], in host memory."""
         found = self._one(name)
         return found.read().reshape(self._shape_of(found.image)) if isinstance(found, CudaMap) else found
 
     def cuda(self, name: str) -> CudaArray:
-        """The map in CUDA memory."""
+        """Returns one map in CUDA memory, [*shape, height, width, ...]."""
         found = self._one(name)
         return found.array(self._shape_of(found.image))
 
@@ -150,5 +152,6 @@ class Maps:
         return found
 
     def _shape_of(self, image: Any) -> tuple[int, ...]:
-        """The shape of one sensor's map, or of several with their number in front."""
+        """Returns [*shape, height, width, ...] for an image of the engine, which has one leading axis or, for one
+        sensor, none."""
         return (*self._engine.shape, *image.shape[1 if prod(self._engine.shape) > 1 else 0 :])

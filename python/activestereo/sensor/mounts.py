@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mounts of sensors: a scene, and one pose or many in it."""
+"""Mounts of sensors: a scene with one pose for a sensor, or many for a batch."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import kuafu
 from activestereo.common.pose import Pose, PoseLike, PosesLike, as_matrix, host_array, pose_fault, pose_matrices
 from activestereo.scene_io.scene_files import load_scene_file
 
-# At most so many broken poses stand in the error's text; the error object lists all environments.
+# The error's text names at most this many broken poses; the error object lists all environments.
 _MOST_NAMED = 8
 
 
 class HasPose(Protocol):
-    """A place for a sensor, as a Mount or activestereo.integrations.mujoco's mount()."""
+    """A mount of one sensor: a Mount, or the result of activestereo.integrations.mujoco's mount()."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -31,25 +31,26 @@ class HasPose(Protocol):
 
 @dataclass(eq=False)
 class Mount:
-    """A scene and a pose in it that sensors move along with, as an entity does in SAPIEN."""
+    """A scene and a pose in it that a sensor follows, as it follows an entity in SAPIEN."""
 
     scene: kuafu.Scene
     pose: PoseLike = field(default_factory=Pose)
 
 
 class RigPlace:
-    """The place of a sensor at the pose `local` of its mount."""
+    """Combines a mount's pose with `local`, the sensor's pose relative to it."""
 
     def __init__(self, mount: HasPose, local: Pose) -> None:
         self._mount, self.local = mount, local
         self._parts, self._matrix = b"", np.eye(4)
 
     def pose(self) -> Pose:
-        """Pose in the scene. Raises ValueError if the mount has none."""
+        """Returns the sensor's pose in the scene. Raises ValueError if the mount has no valid pose."""
         return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
 
     def matrix(self) -> NDArray[np.float64]:
-        """4x4 of pose(), read-only. Cached until the mount or the local pose moves, because its checks take longest."""
+        """Returns pose() as a read-only 4x4. It is cached until the mount or the local pose moves, because its checks
+        take longest."""
         mount, local = as_matrix(self._mount.pose), as_matrix(self.local)
         parts = mount.tobytes() + local.tobytes()
         if parts != self._parts:
@@ -60,8 +61,8 @@ class RigPlace:
 
 
 def as_mount(scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device: str | int | kuafu.Device) -> HasPose:
-    """Makes a Mount from a scene, a scene file on a device, or an object with a scene and a pose. It takes every file
-    that load_scene_file knows; a USD stage's dome light becomes the environment."""
+    """Returns a mount: a new one for a scene or for a scene file, which it loads on `device`, or the given object if it
+    has a scene. Takes every file that load_scene_file knows; a USD stage's dome light becomes the environment."""
     if isinstance(scene_or_mount, kuafu.Scene):
         return Mount(scene_or_mount)
     if isinstance(scene_or_mount, (str, PathLike)):
@@ -77,7 +78,8 @@ def as_mount(scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device
 
 
 class SensorPoseError(ValueError):
-    """A sensor has no valid pose. The other environments' pictures are taken; this one's show its last place."""
+    """A mount of a batch has no valid pose. All pictures are taken; those of this mount's sensors are from their last
+    place."""
 
     def __init__(self, text: str, environments: list[int]) -> None:
         super().__init__(text)
@@ -86,7 +88,7 @@ class SensorPoseError(ValueError):
 
 
 class HasPoses(Protocol):
-    """Places of a batch, as Mounts or activestereo.integrations.mujoco's mount()."""
+    """Mounts of a batch: Mounts, or the result of activestereo.integrations.mujoco's mount()."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -97,15 +99,16 @@ class HasPoses(Protocol):
 
 @dataclass(eq=False)
 class Mounts:
-    """A scene and the poses in it that a batch of sensors moves along with: [E, 7] or [E, 4, 4], one sensor for each
-    environment, or [E, S, 7] or [E, S, 4, 4]; of NumPy, torch or DLPack. Assign `poses` to move them."""
+    """A scene and the poses in it that a batch of sensors follows: [E, 7] or [E, 4, 4], one sensor for each
+    environment, or [E, S, 7] or [E, S, 4, 4]; NumPy, torch or DLPack. Assign `poses` to move the sensors."""
 
     scene: kuafu.Scene
     poses: PosesLike
 
 
 class Places:
-    """The last poses of a batch's mounts, and the RGB cameras' poses from them. pose: relative to its mount."""
+    """Keeps the last valid poses of a batch's mounts, and computes the RGB cameras' poses from them. pose: 4x4, the RGB
+    camera relative to its mount."""
 
     def __init__(self, mounts: HasPoses, pose: NDArray[np.float64]) -> None:
         if not isinstance(getattr(mounts, "scene", None), kuafu.Scene):
@@ -118,7 +121,8 @@ class Places:
         self.matrices = np.broadcast_to(np.eye(4), (int(np.prod(self.shape)), 4, 4)).copy()
 
     def read(self) -> NDArray[np.bool_]:
-        """Follows the mounts. Returns a mask [sensors] of those whose mount has no pose; they stay in place."""
+        """Reads the mounts' poses. Returns a mask [sensors], true where a mount has no valid pose; such a sensor stays
+        in place."""
         poses = pose_matrices(host_array(self._mounts.poses), "poses of sensors")
         if poses.shape[:-2] != self.shape:
             raise ValueError(f"this batch is of {self.shape} sensors; the poses are of {poses.shape[:-2]}")
@@ -128,12 +132,13 @@ class Places:
         return broken
 
     def rigs(self, own: slice) -> NDArray[np.float64]:
-        """RGB cameras' poses of some sensors, [sensors, 4, 4], body axes."""
+        """Returns the poses of the RGB cameras in the slice `own` of all sensors, [sensors, 4, 4], body axes."""
         return self.matrices[own] @ self._pose
 
 
 def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:
-    """Raises SensorPoseError if sensors of a batch of this shape have no pose."""
+    """Raises SensorPoseError if any sensor of a batch has no pose. broken: mask [sensors]; shape: the batch's, (E,) or
+    (E, S)."""
     if broken.any():
         places = np.argwhere(broken.reshape(shape))
         named = "; environment ".join(", sensor ".join(map(str, place)) for place in places[:_MOST_NAMED].tolist())
@@ -144,7 +149,8 @@ def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:
 
 
 def raise_faults(name: str, environments: NDArray[np.intp], faults: Sequence[str | None]) -> None:
-    """Raises ValueError with the fault of every sensor that has one. environments: of each sensor."""
+    """Raises ValueError with every sensor's fault (None: no fault). environments: the environment of each sensor. name:
+    the faulty quantity."""
     bad = [f"environment {at} {fault}" for at, fault in zip(environments, faults, strict=True) if fault is not None]
     if bad:
         more = f" and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures in their own memory, which stay there until somebody reads one; how each is exposed for its own view; and
-renders that were submitted, with the sensors that a scene's changes wait for."""
+"""Memory of rendered pictures and their settings, renders under way, and the scaling of pictures to each sensor's
+exposure."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ RGB_OUTPUTS = {
 
 
 class PictureMemory:
-    """Images [count, height, width, channels] of several outputs; each picture overwrites the last. After an output is
-    read once, a GPU writes it directly to host memory, which saves a copy. `radiance` stays on the GPU, which reads it
-    itself.
+    """Memory for images [count, height, width, channels] of several outputs; each picture overwrites the last. After an
+    output is read once, a GPU writes it directly to host memory, which saves a copy. `radiance` stays on the GPU, which
+    itself reads it.
 
-    outputs: {kuafu's name: (dtype, channels)}. host_visible: None = no on a GPU. on_cuda: CUDA sees the memory, too;
-    raises CudaError without CUDA on this GPU.
+    outputs: {kuafu's name: (dtype, channels)}. host_visible: None = only on a CPU device. on_cuda: CUDA sees the
+    memory, too; raises CudaError without CUDA on this GPU.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class PictureMemory:
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
-        """Forgets the last picture's outputs, before a render into `targets`."""
+        """Forgets the last picture's copies. Call it before a render into `targets`."""
         for name in self._on_device & self._read.keys():
             image = self.targets[name]
             self.targets[name] = kuafu.Buffer(self._device, image.buffer.size_bytes).image(image.dtype, image.shape)
@@ -64,20 +64,21 @@ class PictureMemory:
         self._read = {}
 
     def read(self, name: str) -> NDArray[Any]:
-        """One output of the last picture; a copy, the same one until forget()."""
+        """Returns a host copy of one output of the last picture, the same array until forget()."""
         if name not in self._read:
             image = self.targets[name]
             self._read[name] = image.buffer.read().view(image.dtype).reshape(image.shape)
         return self._read[name]
 
     def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:
-        """One output of the last picture in this shape, in the memory that it was rendered into. No copy; the next
-        picture overwrites it."""
+        """Returns one output of the last picture in CUDA memory with this shape, without a copy; the next picture
+        overwrites it."""
         return self._cuda[name].array(self.targets[name].dtype, shape)
 
 
 class Taken(NamedTuple):
-    """Facts of a picture, beside its images, that matching depends on."""
+    """Numbers of a picture that matching depends on: its frame, its draw of static speckle, and whether the laser's
+    light was rendered separately."""
 
     frame: int = -1
     speckle_draw: int = -1
@@ -86,9 +87,11 @@ class Taken(NamedTuple):
 
 @dataclass
 class Picture:
-    """Memory of one picture, and the settings of the last one in it. taken: None if there is none. has_rgb: the memory
-    holds RGB images, perhaps of an earlier picture. signals: the imagers' settings, left and right, with exposure and
-    gain. light_share: for each sensor, its light over that of its exposure."""
+    """Memory of one picture, and the settings of the last one rendered there.
+
+    taken: None if there is no picture. has_rgb: the memory holds RGB images, perhaps of an earlier picture. signals:
+    the imagers' parameters, left and right, with exposure and gain. light_share: [sensors], factors on each sensor's
+    exposure."""
 
     link: IrLink
     rgb: PictureMemory
@@ -100,7 +103,7 @@ class Picture:
 
 
 class UnderWay:
-    """Renders in order of submission. False if none is under way."""
+    """A queue of renders that were submitted and may still run, in order. It is false if it is empty."""
 
     def __init__(self) -> None:
         self._submissions: list[tuple[str, kuafu.Submission]] = []
@@ -112,8 +115,8 @@ class UnderWay:
         self._submissions.append((name, submission))
 
     def wait(self, ended: Callable[[str], object]) -> None:
-        """Waits until all have ended and calls ended(name) after each. Raises the first error after the others have
-        ended; an interrupt leaves them running."""
+        """Waits for all renders and calls ended(name) after each. Raises the first error after the others have ended;
+        an interrupt leaves them running."""
         while self._submissions:
             name, submission = self._submissions[0]
             try:
@@ -125,7 +128,7 @@ class UnderWay:
             ended(name)
 
     def let_end(self) -> None:
-        """wait() that ignores failures."""
+        """Waits for all renders and ignores their failures."""
         while self._submissions:
             _, submission = self._submissions.pop(0)
             try:
@@ -135,11 +138,11 @@ class UnderWay:
 
 
 class PipelinedSensors(weakref.WeakSet[Any]):
-    """The pipelined sensors of one scene. Their pictures end before it changes."""
+    """The pipelined sensors of one scene, whose renders must end before the scene changes."""
 
     def wait(self) -> None:
-        """Waits for all pictures. Raises a failed picture's error after the others have ended; the next wait() goes
-        on."""
+        """Waits for all sensors' pictures. Raises the first error after the others have ended; then wait() may be
+        called again."""
         errors: list[Exception] = []
         for sensor in self:
             try:
@@ -151,7 +154,8 @@ class PipelinedSensors(weakref.WeakSet[Any]):
 
 
 def expose_each(picture: Picture, auto: AutoExposure, inputs: EngineInputs) -> None:
-    """Brings rendered pairs to their sensors' exposures. inputs: of each sensor."""
+    """Scales the radiance of each rendered pair to its sensor's exposure. inputs: the engines' inputs, equal for all
+    sensors."""
     link, shares = picture.link, picture.light_share
     if auto.mode == "fixed" and bool((shares == 1.0).all()):
         return

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Domain randomisation of a batch from declared ranges under a seed. Bodies are drawn once; lamps, materials and
-sensors of each environment at every draw.
+"""Randomises a batch's worlds from declared ranges under a seed (domain randomisation). Bodies are drawn once; each
+draw() sets new lamps, materials and sensor settings in each environment.
 
     ranges = WorldRanges(lamps=(1, 2), laser_power=(0.7, 1.0))
     has = drawn_bodies(ranges, environments, len(meshes), seed)  # [E, bodies]: bodies.add(..., environments=...)
     worlds = RandomWorlds(bodies, batch, ranges, seed)
     worlds.draw()  # before an episode
 
-Light from all sides (kuafu.Scene.set_environment) is one for all environments.
+Light from all sides (kuafu.Scene.set_environment) is not drawn: all environments share it.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from activestereo.sensor.batch import StereoDepthSensorBatch
 
 @dataclass(frozen=True)
 class WorldRanges(DeclaredRanges):
-    """Each (low, high), drawn evenly between them, for each environment by itself. The defaults change nothing but
-    lamps; a material that lets light through keeps its roughness."""
+    """Ranges (low, high), from which each environment's values are drawn uniformly and independently. The defaults
+    change only lamps. A material that lets light through keeps its roughness."""
 
     bodies: tuple[float, float] = (1, 1_000_000)  # count out of the bodies
     lamps: tuple[float, float] = (1, 3)  # count
@@ -50,7 +50,8 @@ class WorldRanges(DeclaredRanges):
 
 
 def drawn_bodies(ranges: WorldRanges, environments: int, bodies: int, seed: int) -> NDArray[np.bool_]:
-    """Bodies of each environment, a mask [E, bodies]."""
+    """Draws which bodies each environment contains, a mask [E, bodies]. bodies: their number; seed: repeats the
+    draw."""
     random = np.random.default_rng([seed, 0])
     low, high = (min(int(bound), bodies) for bound in ranges.bodies)
     has = np.zeros((environments, bodies), bool)
@@ -60,7 +61,8 @@ def drawn_bodies(ranges: WorldRanges, environments: int, bodies: int, seed: int)
 
 
 class RandomWorlds:
-    """Draws worlds. It owns the lamps until close(); each environment has its own copies of the bodies' materials."""
+    """Draws lamps, materials and sensor settings of a batch's environments. It owns the lamps until close(); each
+    environment has its own copies of the bodies' materials."""
 
     def __init__(self, bodies: Bodies, batch: StereoDepthSensorBatch, ranges: WorldRanges, seed: int = 0) -> None:
         if bodies.environment_count is None or bodies.environment_count < batch.shape[0]:
@@ -69,8 +71,8 @@ class RandomWorlds:
         self._bodies, self._batch, self._scene, self._ranges = bodies, batch, bodies.scene, ranges
         self._count = bodies.environment_count
         self._seed, self._draws = seed, 0
-        self._base: dict[int, kuafu.Material] = {}  # by the number that a body was given
-        self._own: dict[tuple[int, int], int] = {}  # by environment and that number
+        self._base: dict[int, kuafu.Material] = {}  # {material's number: the body's own material}
+        self._own: dict[tuple[int, int], int] = {}  # {(environment, that number): number of its copy}
         bodies.set_materials(self._own_material)
         self._lamps = [
             [self._scene.add_light(_lamp(environment, 0.0, np.zeros(3))) for _ in range(int(ranges.lamps[1]))]
@@ -78,8 +80,8 @@ class RandomWorlds:
         ]
 
     def draw(self, environments: Iterable[int] | None = None) -> None:
-        """Draws the environments again, by default all. An environment's draw does not depend on the choice of
-        others."""
+        """Draws new values for these environments (None: all). The draw for one environment does not depend on which
+        others are chosen."""
         chosen = set(range(self._count) if environments is None else environments)
         if any(not 0 <= environment < self._count for environment in chosen):
             raise ValueError(f"environments are 0 to {self._count - 1}, not {sorted(chosen)}")

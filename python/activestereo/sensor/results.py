@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of sensors' last pictures: images, maps, and the cameras as their calibration has them."""
+"""Results of sensors' last pictures: images, depth maps, and calibrated cameras."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ CAMERAS = ("rgb", *SIDES)
 
 @dataclass(frozen=True)
 class CameraInfo:
-    """One camera. k: 3x3, pixel centres at integers; distortion: OpenCV's 5 coefficients, or 8 of a rational lens;
-    camera_to_rgb: 4x4 from its axes (x right, y down, z forward) to the RGB camera's, metres."""
+    """A camera's calibration. k: 3x3, pixel centres at integers; distortion: OpenCV's 5 coefficients, or 8 for a
+    rational lens; camera_to_rgb: 4x4 from its axes (x right, y down, z forward) to the RGB camera's, metres."""
 
     width: int
     height: int
@@ -41,7 +41,7 @@ class CameraInfo:
 
 
 def camera_info(config: StereoDepthSensorConfig, camera: str) -> CameraInfo:
-    """camera: 'rgb', 'left' or 'right'; raises ValueError for another."""
+    """Returns the calibration of camera 'rgb', 'left' or 'right'; raises ValueError for another name."""
     if camera not in CAMERAS:
         raise ValueError(unknown("camera", camera, CAMERAS))
     if camera == "rgb":
@@ -57,7 +57,8 @@ _LENSES = {4: "kannala_brandt", 5: "brown_conrady", 8: "rational"}
 
 
 def cameras_json(config: StereoDepthSensorConfig, rgb_to_world: NDArray[np.float64]) -> dict[str, Any]:
-    """The contents of simulate's camera.json. rgb_to_world: 4x4, the RGB camera's axes to the scene's, metres."""
+    """Returns the contents of the file camera.json that `simulate` writes. rgb_to_world: 4x4, from the RGB camera's
+    axes to the scene's, metres."""
     cameras = {}
     for name in CAMERAS:
         camera = camera_info(config, name)
@@ -83,11 +84,11 @@ def cameras_json(config: StereoDepthSensorConfig, rgb_to_world: NDArray[np.float
 
 
 class SensorResults(ABC):
-    """Reads a sensor's results. Arrays have the sensors' shape, (), [E] or [E, S], before [..., height, width]; further
-    axes are named. Raises RuntimeError if the last picture lacks the result. Unread results cost no copy.
-    compute_depth() computes maps that were read before, others are computed when first read."""
+    """Reads the results of one sensor or a batch. Arrays begin with the sensors' shape, (), [E] or [E, S], and continue
+    with [height, width]; a method names further axes. Raises RuntimeError if the last picture lacks the result. Unread
+    results cost no copy. compute_depth() computes maps that were read before; others are computed when first read."""
 
-    # Those that get_depth_map() gives.
+    # The names that get_depth_map() takes.
     _depth_maps: tuple[str, ...] = DEPTH_MAPS
     _config: StereoDepthSensorConfig
 
@@ -103,28 +104,28 @@ class SensorResults(ABC):
 
     @abstractmethod
     def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
-        """Joins all sensors' results; get() reads one device's."""
+        """Returns all sensors' results in one array; get(engine) reads those of one device."""
 
     @abstractmethod
     def _poses(self) -> NDArray[np.float64]:
-        """[..., 4, 4] of the RGB cameras, body axes."""
+        """Returns the RGB cameras' poses [..., 4, 4], body axes."""
 
     def get_config(self) -> StereoDepthSensorConfig:
-        """A copy, with the present exposure and gain."""
+        """Returns a copy of the configuration, with the present exposure and gain."""
         return deepcopy(self._config)
 
     def camera_info(self, camera: str = "rgb") -> CameraInfo:
-        """Size, intrinsics, lens and place of 'rgb', 'left' or 'right', from the calibration."""
+        """Returns image size, intrinsics, lens and place of camera 'rgb', 'left' or 'right', from the calibration."""
         return camera_info(self._config, camera)
 
     def get_intrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
-        """[..., 3, 3] of this camera from the calibration; pixel centres are at integers."""
+        """Returns the calibrated matrix K of this camera, [..., 3, 3]; pixel centres are at integers."""
         k, leading = self.camera_info(camera).k, self._poses().shape[:-2]
         return np.broadcast_to(k, (*leading, 3, 3)).copy()
 
     def get_extrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
-        """Returns [..., 4, 4] camera_to_world of the calibrated camera at the mount's current pose. Camera axes: x
-        right, y down, z forward; metres."""
+        """Returns the camera's calibrated pose at the mount's present pose, [..., 4, 4] from its axes (x right, y down,
+        z forward) to the scene's, metres."""
         return self._poses() @ camera_to_world(Pose()) @ self.camera_info(camera).camera_to_rgb
 
     @computed_once
@@ -135,15 +136,15 @@ class SensorResults(ABC):
         return pixel_rays(u.ravel(), v.ravel(), rgb.k, rgb.distortion).reshape(3, *u.shape)
 
     def get_depth(self) -> NDArray[np.float32]:
-        """float32 metres in the RGB camera, through its lens; 0 = no measurement."""
+        """Returns float32 metres in the RGB camera, through its lens; 0 = no measurement."""
         return self._joined(lambda engine: engine.maps.read("depth_rgb"))
 
     def get_depth_mm(self) -> NDArray[np.int16]:
-        """int16 [..., height, width, 1] millimetres up to 32767 in the RGB camera; 0 = no measurement."""
+        """Returns int16 [..., height, width, 1] millimetres up to 32767 in the RGB camera; 0 = no measurement."""
         return np.rint(np.minimum(self.get_depth() * np.float32(1000.0), 32767.0)).astype(np.int16)[..., None]
 
     def get_disparity(self) -> NDArray[np.float32]:
-        """float32 pixels in the (rectified) left infrared camera; -1 = no measurement."""
+        """Returns float32 pixels in the (rectified) left infrared camera; -1 = no measurement."""
         return self._joined(lambda engine: engine.maps.read("disparity"))
 
     def get_ir_measured(self) -> list[NDArray[Any]]:
@@ -152,8 +153,9 @@ class SensorResults(ABC):
         return [left, self._joined(lambda engine: engine.maps.read("ir_right"))]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
-        """A map of the (rectified) left infrared camera: 'confidence' float32 0..1, 'reason' uint8 an index into
-        simsense.REASONS, 'points' float32 [..., height, width, 3] metres, 'rectified_left', 'rectified_right'."""
+        """Returns a map of the (rectified) left infrared camera: 'confidence' float32 0..1, 'reason' uint8 an index
+        into simsense.REASONS, 'points' float32 [..., height, width, 3] metres, or the images 'rectified_left' and
+        'rectified_right'."""
         self._check_depth_map(name)
         return self._joined(lambda engine: engine.maps.read(name))
 
@@ -163,8 +165,8 @@ class SensorResults(ABC):
         return self._joined(lambda engine: engine.rgb_output("srgb"))
 
     def get_rgb(self) -> NDArray[np.float32]:
-        """float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and copies
-        three times as much."""
+        """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and
+        copies three times as much."""
         return self._joined(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.plan.rgb_exposure))
 
     def get_true_depth(self) -> NDArray[np.float32]:
@@ -172,11 +174,13 @@ class SensorResults(ABC):
         return self._joined(lambda engine: engine.rgb_output("depth")[..., 0])
 
     def get_material_ids(self) -> NDArray[np.uint32]:
-        """uint32 in the RGB camera; scene.material_name() names them, 0xffffffff = nothing there."""
+        """Returns uint32 material ids in the RGB camera; scene.material_name() names them, 0xffffffff = nothing
+        there."""
         return self._joined(lambda engine: engine.rgb_output("material_id")[..., 0])
 
     def get_instance_ids(self) -> NDArray[np.uint32]:
-        """uint32 in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing there."""
+        """Returns uint32 instance ids in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing
+        there."""
         return self._joined(lambda engine: engine.rgb_output("instance_id")[..., 0])
 
     def _check_depth_map(self, name: str) -> None:
@@ -185,7 +189,7 @@ class SensorResults(ABC):
             raise ValueError(f"'{name}' is none of the config's depth_maps {self._depth_maps}{hint}")
 
     def _cuda(self, engine: SensorEngine, name: str) -> CudaArray:
-        """get_cuda() of one device's sensors."""
+        """Returns get_cuda()'s array for the sensors of one device's engine."""
         if not engine.maps.on_cuda:
             raise RuntimeError("these results are the host's: make the sensor with on_cuda=True")
         if name not in MAPS and name not in PICTURES:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sensors' part of a scene: projectors, a model's lights, materials and medium. leave() removes all of it."""
+"""Places the sensors' objects in a scene: projectors, and a model's lights, materials and medium. leave() removes all
+of them."""
 
 from __future__ import annotations
 
@@ -14,14 +15,14 @@ from activestereo.camera.plan import Pattern
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.engines.world import copy_light, copy_record, enter_world
 
-# The environment of a camera that opens later than the other.
+# Number of the environment that the right camera sees if its shutter opens later than the left one's.
 LATER = 1
 
 
 @dataclass
 class _RigLight:
-    """One light of the rig, repeated for each sensor. on_rig: 4x4, its pose with the RGB camera at the origin; visible
-    and infrared: its intensities as in kuafu.Light."""
+    """One light that moves with the sensors, with a record for each sensor. on_rig: 4x4, its pose with the RGB camera
+    at the origin; visible, infrared: its intensities as in kuafu.Light."""
 
     records: list[kuafu.Light]
     on_rig: NDArray[np.float64]
@@ -31,9 +32,9 @@ class _RigLight:
 
 
 class Rig:
-    """The lights and materials of like sensors in their scene. environments: each sensor's; None: all sensors see its
-    lights. A model's materials hold until leave(). laser_power: a factor for each sensor on the inputs' power.
-    """
+    """Owns the lights and materials that equal sensors add to their scene. environments: each sensor's; None: all
+    sensors see its lights. A model's materials hold until leave(). laser_power: [sensors], factors on the projector's
+    power."""
 
     def __init__(self, scene: kuafu.Scene, environments: Sequence[int | None]) -> None:
         self._scene, self._environments = scene, environments
@@ -43,24 +44,24 @@ class Rig:
         self._materials: dict[int, kuafu.Material] = {}
         self._has_medium = False
         self._on_rig: list[_RigLight] = []
-        self._numbers: list[int] = []  # of the lights on the rig
+        self._numbers: list[int] = []  # numbers of the moving lights in the scene
         self._standing: list[int] = []
 
     @property
     def projector(self) -> int | None:
-        """The first sensor's projector among the scene's lights, or None."""
+        """Returns the number of the first sensor's projector among the scene's lights, or None."""
         return self._numbers[0] if self._on_rig and self._on_rig[0].is_laser else None
 
     def material(self, number: int) -> kuafu.Material:
-        """A fresh copy of a scene's material, without any model's changes."""
+        """Returns a new copy of a scene's material, without any model's changes."""
         if number not in self._materials:
             return self._scene.get_material(number)
         return copy_record(self._materials[number])
 
     def enter(self, inputs: EngineInputs, laser_w_sr: float, pattern: Pattern | None) -> None:
-        """Puts the inputs' lights, materials and medium into the scene, in place of the last ones. Lights on the rig
-        stay dark until shine(). laser_w_sr: the projector's intensity before any effect; a light's record rounds it.
-        pattern: the pattern before any effect."""
+        """Puts the inputs' lights, materials and medium into the scene, in place of the earlier ones. Lights on the rig
+        stay dark until shine(). laser_w_sr: the projector's exact intensity before any effect, which a light's float32
+        record rounds. pattern: the projector's pattern before any effect."""
         self._leave_but_pattern()
         own = [] if inputs.projector is None else [inputs.projector]
         for light in (*own, *inputs.rig_lights, *inputs.lights):
@@ -98,7 +99,7 @@ class Rig:
             self._standing.append(self._scene.add_light(light))
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches the lights on at the rigs' poses: [sensors, 4, 4], the RGB cameras', body axes."""
+        """Switches the lights on, with the RGB cameras at these poses: [sensors, 4, 4], body axes."""
         for one in self._on_rig:
             shares = self.laser_power.tolist() if one.is_laser else [1.0] * len(rigs)
             for record, place, share in zip(one.records, rigs @ one.on_rig, shares, strict=True):
@@ -116,7 +117,7 @@ class Rig:
             one.records[0].intensity, one.records[0].ir_intensity = one.visible, one.infrared
 
     def leave(self) -> None:
-        """Removes everything from the scene."""
+        """Removes everything that enter() added from the scene, and restores the scene's materials."""
         self._leave_but_pattern()
         if self._texture is not None:
             self._scene.remove_texture(self._texture)
@@ -126,7 +127,7 @@ class Rig:
         self._scene.set_lights(self._numbers, [record for one in self._on_rig for record in one.records])
 
     def _leave_but_pattern(self) -> None:
-        """Removes all but the pattern's texture, which enter() uses again."""
+        """Removes everything but the pattern's texture, which enter() uses again."""
         for number in (*self._numbers, *self._standing):
             self._scene.remove_light(number)
         if self._changed_texture is not None:

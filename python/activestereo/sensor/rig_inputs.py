@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Both engines' inputs for equal sensors: from plan, model, velocity and conditions, with their cameras and lights."""
+"""Computes the inputs of both engines for equal sensors from plan, model, velocity and conditions, with their cameras
+and lights."""
 
 from __future__ import annotations
 
@@ -27,13 +28,14 @@ from activestereo.effects.engines.world import copy_camera
 from activestereo.model import SensorModel, read_model
 from activestereo.sensor.rig import LATER, Rig
 
-# Media reach so far beyond scene and rig.
+# A medium extends beyond scene and sensor by this margin.
 _MARGIN_M = 0.05
 
 
 class RigInputs:
-    """environments, model, source: as SensorEngine has them. takes_image_effects: whether effects may act outside of
-    the engines. Raises ValueError for a model that does not fit."""
+    """Computes the engines' inputs and cameras for equal sensors, and recomputes them after a change. environments,
+    model, source: as in SensorEngine. takes_image_effects: whether effects may act outside of the engines. Raises
+    ValueError for a model that does not fit."""
 
     def __init__(
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None],
@@ -41,7 +43,7 @@ class RigInputs:
     ) -> None:  # fmt: skip
         self.plan, self.setting = plan, plan.exposure.start
         self.scene, self.is_one = scene, list(environments) == [None]
-        # environments that each sensor's cameras see
+        # The environment that each sensor's cameras see.
         self.environments = [environment or 0 for environment in environments]
         self._takes_image_effects = takes_image_effects
         self._effects, self._scene_measurement, ambient_dn = _fit_model(scene, source, model)
@@ -58,7 +60,8 @@ class RigInputs:
         self._inputs: EngineInputs | None = self._compute_inputs()
 
     def inputs(self) -> EngineInputs:
-        """The engines' inputs, with the RGB camera at the origin. Recomputed after a change of sensor or conditions."""
+        """Returns the engines' inputs, with the RGB camera at the origin. Recomputes them after a change of sensor or
+        conditions."""
         if self._inputs is None:
             inputs = self._compute_inputs()
             if not self._is_closed:
@@ -75,7 +78,7 @@ class RigInputs:
             raise
 
     def make_matcher(self, count: int) -> simsense.Engine:
-        """A depth engine for so many pairs at a time."""
+        """Returns a new depth engine that matches `count` pairs at a time."""
         device = simsense.Device(self.scene.device.info.device_uuid)
         told: dict[str, Any] = self.plan.engine | self.setting.applied_to(self.plan.signal)
         engine = simsense.Engine(device, batch_count=count, **told)
@@ -83,12 +86,12 @@ class RigInputs:
         return engine
 
     def signals(self) -> list[dict[str, float]]:
-        """The imagers' parameters, left and right."""
+        """Returns the parameters of the left and the right imager."""
         return [side.signal for side in self.inputs().sides]
 
     def ir_cameras(self, rigs: NDArray[np.float64]) -> list[kuafu.Camera]:
-        """All left cameras, then all right ones, at their true places; a model may move them off the calibration. rigs:
-        the RGB cameras' poses, [sensors, 4, 4], body axes."""
+        """Returns all left cameras, then all right ones, at their true places; a model may move them off the
+        calibration. rigs: the RGB cameras' poses, [sensors, 4, 4], body axes."""
         self.inputs()
         left, right = (rigs @ side for side in self._cameras_on_rig)
         views = np.concatenate([left, right if self.right_turn is None else right @ self.right_turn])
@@ -105,31 +108,35 @@ class RigInputs:
         return self._rgb_cameras
 
     def visible(self) -> dict[str, Any]:
-        """Keyword arguments of a render of the RGB cameras."""
+        """Returns the arguments of kuafu.Renderer.render that are special to the RGB cameras."""
         return {"band": "visible", "environments": self.environments, "optics": self.plan.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
-        """Keyword arguments of a render of the infrared cameras. side: 0 or 1 for one sensor's camera; None: all."""
+        """Returns the arguments of kuafu.Renderer.render that are special to the infrared cameras. side: 0 (left) or 1
+        (right); None: both."""
         sides = self.inputs().sides if side is None else [self.inputs().sides[side]]
         seen = [LATER if one.delay_s else environment for one in sides for environment in self.environments]
         optics = [one.optics for one in sides for _ in self.environments]
         return {"band": "infrared", "environments": seen, "optics": optics}
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches the projectors and the rigs' other lights on at these poses."""
+        """Switches the projectors and the model's lights on the rigs on. rigs: the RGB cameras' poses, [sensors, 4, 4],
+        body axes."""
         self._rigs = rigs
         self.inputs()
         self.in_scene.shine(rigs)
 
     def darken(self) -> None:
-        """Switches them off, so that other sensors do not see them."""
+        """Switches the lights of shine() off, so that other sensors do not see them, unless the projector is always
+        on."""
         if not self.plan.projector_always_on:
             self.in_scene.darken()
 
     # ---- settings between pictures ----
 
     def begin(self, frame: int) -> EngineInputs:
-        """Returns the inputs of a picture."""
+        """Starts the picture number `frame` and returns its inputs; the laser's power may alternate between
+        pictures."""
         self._frame = frame
         if len(set(self.plan.laser_w_sr)) > 1:
             self._inputs = None
@@ -139,8 +146,8 @@ class RigInputs:
         self.plan, self._inputs = plan, None
 
     def set_exposure(self, setting: Setting) -> None:
-        """Sets the exposure. Recomputes inputs that effects or a scene measurement changed, since these may depend on
-        it."""
+        """Sets exposure and gain. Inputs that effects or a scene measurement changed may depend on the exposure, so
+        these are recomputed."""
         if setting == self.setting:
             return
         self.setting = setting
@@ -152,7 +159,7 @@ class RigInputs:
             side.signal, side.camera.exposure_s = self._signal(), setting.exposure_s
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
-        """Sets the twist of one sensor: [6] m/s and rad/s of the left infrared camera in its own axes."""
+        """Sets the velocity of a single sensor: [6], m/s and rad/s of the left infrared camera in its own axes."""
         self.twist = twist
         if self._inputs is None or any(side.delay_s for side in self._inputs.sides):
             self._inputs = None
@@ -178,7 +185,7 @@ class RigInputs:
 
     def _compute_inputs(self) -> EngineInputs:
         """Computes the inputs under the model, and the cameras from them. Raises ValueError for effects that these
-        sensors have not."""
+        sensors do not support."""
         # 1. The inputs without effects.
         plan, exposure_s, laser_w_sr = self.plan, self.setting.exposure_s, self.plan.laser_w_sr[self._frame % 2]
         temperature_c, time_s = self._conditions
@@ -194,7 +201,7 @@ class RigInputs:
         )
         summary = self.scene.summary
         corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
-        box = np.array([*corners, np.zeros(3)])  # of the scene and the sensor
+        box = np.array([*corners, np.zeros(3)])  # corners of a box around the scene and the sensor
         inputs = EngineInputs(
             left=left,
             right=right,
@@ -236,13 +243,15 @@ class RigInputs:
         return signal if temperature_c is None else signal | {"temperature_c": temperature_c}
 
     def _twist_of(self, name: str) -> NDArray[np.float64]:
-        """[2, 3] linear and angular velocity of a part of the rig in its own camera axes."""
+        """Returns [2, 3], linear and angular velocity (m/s, rad/s) of a part of the rig, such as "rgb", in its own
+        camera axes."""
         if not np.any(self.twist):  # the usual case; automatic exposure asks at each picture
             return np.zeros((2, 3))
         return carried_twist(self.plan.left_to[name], self.twist).reshape(2, 3)
 
     def _give_velocity(self, inputs: EngineInputs) -> None:
-        """Moves everything on the rig with the left camera."""
+        """Sets the velocities of the infrared cameras and the rig's lights in `inputs`, which move rigidly with the
+        left camera."""
         for record, name in ((inputs.left.camera, "left"), (inputs.right.camera, "right")):
             record.linear_velocity, record.angular_velocity = self._twist_of(name)
         for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:
@@ -256,9 +265,9 @@ class RigInputs:
 def _fit_model(
     scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None
 ) -> tuple[Model, SceneMeasurement, float | None]:
-    """Fits a model to this scene. Returns (effects, scene measurement, infrared light of the model's room in counts or
-    None). source: the scene's origin. If it is a file and the model tells two objects of one material apart, each gets
-    a material of its own."""
+    """Binds a model to this scene's materials. Returns (effects, scene measurement, ambient infrared light of the
+    model's room in counts or None). source: the scene file's path, or any other object. If it is a path and the model
+    tells two objects of one material apart, each gets a material of its own."""
     if model is None:
         return Model(), SceneMeasurement(), None
     model = model if isinstance(model, SensorModel) else read_model(Path(model))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that other simulators put on the depth of one view: the baselines that matched stereo is compared with.
+"""Noise models that other simulators apply to the depth of one view: baselines for comparison with matched stereo.
 
 All take depth float32 [E, height, width] in metres, 0 = nothing there, and return the same, 0 = no measurement.
 """
@@ -36,13 +36,15 @@ _TEXTURE_WINDOW, _TEXTURE_LEVELS = 7, 4.0
 
 
 def gaussian(depth: Depth, sigma_m_at_1_m: float, random: np.random.Generator) -> Depth:
-    """Noise that grows with the square of the depth."""
+    """Returns depth with Gaussian noise whose standard deviation grows with the square of the depth. sigma_m_at_1_m:
+    its value at 1 m."""
     noise = random.standard_normal(depth.shape, np.float32)
     return np.where(depth > 0, depth + np.float32(sigma_m_at_1_m) * depth**2 * noise, 0.0).astype(np.float32)
 
 
 def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
-    """Handa et al. 2014, with the noise of Barron and Malik 2013 and the window of Bohg et al. 2014."""
+    """Returns depth with simkinect's noise: Handa et al. 2014, with the noise of Barron and Malik 2013 and the window
+    of Bohg et al. 2014."""
     row, column = _places(depth.shape, _KINECT_SHIFT_PX, random)
     stack = [map_coordinates(image, at, order=1, mode="nearest") for image, *at in zip(depth, row, column, strict=True)]
     with np.errstate(divide="ignore"):
@@ -62,8 +64,8 @@ def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Genera
 def redwood(
     depth: Depth, focal_baseline_px_m: float, random: np.random.Generator, farthest_m: float = _REDWOOD_FARTHEST_M
 ) -> Depth:
-    """Choi et al. 2015: every other pixel's depth from a random neighbour, its disparity jittered and rounded; no depth
-    from farthest_m on."""
+    """Returns depth with Redwood's noise (Choi et al. 2015): each pixel takes the depth of a random neighbour on an
+    even row and column; its disparity is jittered and rounded. Depth from farthest_m on is dropped."""
     row, column = (np.rint(at).astype(np.intp) // 2 * 2 for at in _places(depth.shape, _REDWOOD_SHIFT_PX, random))
     coarse = depth[np.arange(len(depth))[:, None, None], row, column]
     jitter = _REDWOOD_SIGMA_PX * random.standard_normal(depth.shape)
@@ -71,7 +73,7 @@ def redwood(
     return _rounded(near, focal_baseline_px_m, jitter, 1.0 / _REDWOOD_STEPS)
 
 
-# Models of one view's depth, by name.
+# Names of the models that need only the true depth of one view.
 OF_TRUTH = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like")
 # Standard deviation of 'gaussian' at 1 m. A D435's subpixel noise of 0.08 px gives this.
 _SIGMA_M_AT_1_M = 0.004
@@ -81,7 +83,8 @@ def one_view_depth(
     model: str, depth: Depth, gray: NDArray[np.float32] | None, focal_px: float, focal_baseline_px_m: float,
     random: np.random.Generator, settings: IsaacSettings | None = None,
 ) -> Depth:  # fmt: skip
-    """Depth under one of OF_TRUTH. gray, settings: of 'isaac-like', as isaac() has them."""
+    """Returns depth under the model, one of OF_TRUTH. gray, settings: used by 'isaac-like' alone, as isaac() takes
+    them."""
     if model == "clean":
         return depth
     if model == "gaussian":
@@ -98,8 +101,9 @@ def one_view_depth(
 @dataclass(frozen=True)
 class IsaacSettings:
     """Isaac Sim's single-view depth sensor by default (ovrtx 0.7.0, sensors/visual/depth_camera; the numbers by a
-    user's note on Isaac Sim 6.0.1): noiseMean is the step of disparity. needs_texture: confidence 0.70 drops pixels
-    without texture, of an untextured wall at 1 m all; its formula is not published, ours is a contrast."""
+    user's note on Isaac Sim 6.0.1): its noiseMean is our step_px. needs_texture: drops pixels without texture, as its
+    confidence of 0.70 drops all of an untextured wall at 1 m. Its formula is not published; ours is a threshold on the
+    local contrast."""
 
     step_px: float = 0.25
     sigma_px: float = 0.25
@@ -112,7 +116,8 @@ def isaac(
     depth: Depth, gray: NDArray[np.float32] | None, focal_px: float, baseline_m: float, settings: IsaacSettings,
     random: np.random.Generator,
 ) -> Depth:  # fmt: skip
-    """gray: the picture, 0..1, for settings.needs_texture. Drops pixels that the second view does not see."""
+    """Returns depth with the noise of Isaac Sim's single-view depth sensor; drops pixels that its virtual second view
+    does not see. gray: the picture, 0..1, for settings.needs_texture."""
     inverse = inverse_depth(depth)
     disparity = focal_px * baseline_m * inverse
     beside = warped(inverse, focal_px, baseline_m).inverse_depth
@@ -132,7 +137,8 @@ def isaac(
 def _places(
     shape: tuple[int, ...], sigma_px: float, random: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(rows, columns) of places beside each pixel, inside of the image."""
+    """Returns (rows, columns) of a random place near each pixel, inside the image. sigma_px: standard deviation of its
+    offset."""
     count, height, width = shape
     row, column = (random.normal(0.0, sigma_px, shape) for _ in range(2))
     row += np.arange(height)[:, None]
@@ -141,7 +147,7 @@ def _places(
 
 
 def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether simkinect's window accepts each disparity; never at the border, never an infinite one."""
+    """Returns whether simkinect's window accepts each disparity; it refuses all at the border and all infinite ones."""
     is_known = np.isfinite(disparity)
     known = np.where(is_known, disparity, 0.0)
     window, reach = (1, _KINECT_WINDOW, _KINECT_WINDOW), _KINECT_WINDOW // 2
@@ -158,7 +164,7 @@ def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _rounded(depth: Depth, focal_baseline_px_m: float, jitter_px: NDArray[np.float64], step_px: float) -> Depth:
-    """Through disparities in whole steps."""
+    """Adds jitter to the depth's disparities and rounds them to whole steps; returns the depth of these."""
     with np.errstate(divide="ignore", invalid="ignore"):
         disparity = np.rint((focal_baseline_px_m / depth + jitter_px) / step_px) * step_px
         return np.where((depth > 0) & (disparity > 0), focal_baseline_px_m / disparity, 0.0).astype(np.float32)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names
-are SAPIEN's."""
+"""StereoDepthSensor simulates an RGB camera, an infrared pair and a pattern projector in a kuafu scene, and computes
+depth with simsense. Names are SAPIEN's."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from activestereo.sensor.results import CAMERAS, SensorResults
 
 
 def setter(*fields: str) -> Any:
-    """SAPIEN's method that sets these fields of the configuration, by change()."""
+    """Returns a method like SAPIEN's that takes these fields of the configuration and sets them by change()."""
     signature = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in ("self", *fields)])
 
     def set_fields(*given: Any, **named: Any) -> None:
@@ -50,7 +50,7 @@ def setter(*fields: str) -> Any:
 
 
 class StereoDepthSensor(SensorResults):
-    """An active stereo depth sensor: a SensorEngine's view of one sensor alone.
+    """Simulates one active stereo depth sensor, by a SensorEngine.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. scene_or_mount: a kuafu.Scene, a Mount, or
     the path of a scene file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x forward,
@@ -58,7 +58,7 @@ class StereoDepthSensor(SensorResults):
     copy_ir: copies the infrared pair between the libraries instead of sharing its memory. The projector becomes an
     infrared light of the scene. It shines during this sensor's pictures, or always with the config's
     projector_always_on. It leaves the scene at close(), at the end of a `with` block, or with the last reference to the
-    sensor. One thread at a time.
+    sensor. Use it in one thread at a time.
 
     model: a model.SensorModel or the path of a model.json. The engines apply its effects. Effects that no engine field
     expresses change the images, with a ModelCostWarning. Its rig, pattern and imager belong in the config:
@@ -67,8 +67,8 @@ class StereoDepthSensor(SensorResults):
     on_cuda: RGB pictures and maps lie in memory that CUDA sees, for get_cuda(). Raises CudaError without CUDA on this
     GPU.
 
-    pipelined: a picture is rendered while the one before it is matched and read. take_picture() begins it, results are
-    those of the picture before, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error. A
+    pipelined: a picture is rendered while the one before it is matched and read. take_picture() begins it; results are
+    those of the previous picture, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error. A
     model that changes the images raises ValueError, with this or on_cuda.
 
     matcher: 'simsense', 'opencv', the path of an .onnx file, or a sensor.foreign_matcher.Matcher,
@@ -91,7 +91,7 @@ class StereoDepthSensor(SensorResults):
             plan, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
             copy_ir=copy_ir, matcher=matcher,
         )  # fmt: skip
-        # The depth engine; and the infrared pair's way to it: 'opaque_fd', 'host' or 'copy'.
+        # The depth engine, and how it gets the infrared pair: 'opaque_fd', 'host' or 'copy'.
         self.engine: simsense.Engine = self._engine.matcher
         self.ir_memory = self._engine.ir_memory
         self._depth_maps = plan.depth_maps
@@ -107,7 +107,7 @@ class StereoDepthSensor(SensorResults):
 
     def take_picture(self, infrared_only: bool = False, progress: Progress | None = None) -> None:
         """Renders the infrared pair, and before it the RGB picture unless infrared_only. A pipelined sensor begins a
-        new picture and makes the one before it current. progress(fraction) may return True to cancel. A failed or
+        new picture and makes the previous one current. progress(fraction) may return True to cancel. A failed or
         cancelled picture, here or in wait(), leaves no result."""
         if progress is not None and self._engine.pipelined:
             raise ValueError("a picture that is rendered in the background has no progress")
@@ -121,21 +121,24 @@ class StereoDepthSensor(SensorResults):
 
     @property
     def has_picture(self) -> bool:
-        """Whether results exist: from the second take_picture() on for a pipelined sensor, else from the first."""
+        """Returns whether results exist: from the second take_picture() on for a pipelined sensor, else from the
+        first."""
         return self._engine.has_picture
 
     def compute_depth(self, maps: Sequence[str] = ()) -> None:
-        """Applies noise, matches and registers the last picture. The same picture gives the same depth. Computes maps
-        that were read of an earlier picture, and the named ones: 'disparity', 'ir_left', 'ir_right' and the config's
-        depth_maps. Others are computed when they are first read, which matches again."""
+        """Applies noise to the last picture, matches it and registers the depth to the RGB camera. The same picture
+        gives the same depth. Computes maps that were read for an earlier picture, and the named ones: 'disparity',
+        'ir_left', 'ir_right' and the config's depth_maps. Others are computed when they are first read, which matches
+        again."""
         self._engine.match(maps)
 
     def compute_depth_from(
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
         right_laser: ArrayLike | None = None, outputs: tuple[str, ...] = ("disparity",), frame_index: int = 0,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Computes {output of simsense.Engine.compute: array} of given radiance, [height, width] W/(sr m^2), with
-        picture frame_index's noise. *_laser: the projector's part, which alone has speckle; without it all has."""
+        """Computes {output of simsense.Engine.compute: array} from given radiance, [height, width] W/(sr m^2), with
+        picture frame_index's noise. *_laser: the projector's part of it, the only light with speckle; None: all light
+        has speckle."""
         shape = self._config.ir_resolution[::-1]
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, shape)
         return self._engine.compute_from(pair, outputs, lasers, frame_index)
@@ -143,22 +146,23 @@ class StereoDepthSensor(SensorResults):
     # ---- results ----
 
     def get_ir(self) -> list[NDArray[np.float32]]:
-        """Returns [left, right] float32 [height, width] in 0..1: counts of linear imagers without noise and dark
-        current, over full scale."""
+        """Returns [left, right], float32 [height, width] in 0..1: the counts, over full scale, that linear imagers
+        without noise and dark current would give."""
         light, signals = self._engine.light(), self._engine.picture().signals
         return [_linear_counts(*side) for side in zip(light, signals, strict=True)]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
-        """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width]
-        0..1, 'reason' uint8 [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres,
-        'rectified_left', 'rectified_right'; always 'cause', uint8 [height, width] an index into gbuffer.cause.CAUSES:
-        the cause of each hole, from the scene as it is now."""
+        """Returns one of the config's depth_maps in the (rectified) left infrared camera: 'confidence' float32 [height,
+        width] 0..1, 'reason' uint8 [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3]
+        metres, 'rectified_left', 'rectified_right'; or, always, 'cause', uint8 [height, width] an index into
+        gbuffer.cause.CAUSES: why a pixel has no depth, from the scene as it is now."""
         if name == "cause":
             return traced_causes(self, self._engine.maps.read("reason"))
         return super().get_depth_map(name)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: with colours."""
+        """Returns the measured points, float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward).
+        with_rgb: [n, 6], with colours 0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
         points = (self.rgb_rays()[:, v, u] * depth[v, u]).T.astype(np.float32)
@@ -170,13 +174,14 @@ class StereoDepthSensor(SensorResults):
         return self._cuda(self._engine, name)
 
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
-        """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) as camera
-        'rgb', 'left' or 'right' sees it now; projector_* of this sensor's. Needs no take_picture()."""
+        """Renders one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) now, [height, width,
+        channels], by camera 'rgb', 'left' or 'right'. Outputs projector_* are for this sensor's projector. Needs no
+        take_picture()."""
         return self.get_pictures([name], camera)[name]
 
     def get_pictures(self, names: Sequence[str], camera: str = "rgb", **options: Any) -> dict[str, NDArray[Any]]:
-        """Renders {name: image as from get_picture()} at once. options: those of kuafu.Renderer.render, over the
-        sensor's own."""
+        """Renders several of get_picture()'s outputs at once, {name: image}. options: arguments of
+        kuafu.Renderer.render that override the sensor's own."""
         if camera not in CAMERAS:
             raise ValueError(unknown("camera", camera, CAMERAS))
         return self._engine.render_now(self._rigs(), names, None if camera == "rgb" else SIDES.index(camera), **options)
@@ -189,18 +194,18 @@ class StereoDepthSensor(SensorResults):
         return config
 
     def get_pose(self) -> Pose:
-        """The RGB camera's pose in the scene (body axes)."""
+        """Returns the RGB camera's pose in the scene (body axes)."""
         return self._place.pose()
 
     def set_local_pose(self, pose: Pose | NDArray[Any]) -> None:
-        """Sets the pose relative to the mount, or in the scene if there is no mount."""
+        """Sets the RGB camera's pose relative to the mount, or in the scene if there is no mount (body axes)."""
         self._place.local = Pose(as_matrix(pose))
 
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        """Moves the whole sensor, projector included, while its shutters are open: m/s and rad/s in the left infrared
-        camera's own frame (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as
-        camera_velocity of captures; zeros = it stands still. It moves nothing from one picture to the next:
-        set_local_pose() does, and is the pose in the middle of the exposure."""
+        """Sets the velocity of the whole sensor, projector included, while its shutters are open; zeros = it stands
+        still. linear, angular: m/s and rad/s in the left infrared camera's own frame (x right, y down, z forward). The
+        pose during an exposure is pose exp(t [linear, angular]), as camera_velocity of captures. Nothing moves between
+        pictures: set_local_pose() sets the pose in the middle of the exposure."""
         self._engine.set_twist(checked_twist(linear, angular))
 
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
@@ -213,44 +218,45 @@ class StereoDepthSensor(SensorResults):
 
     @property
     def plan(self) -> SensorPlan:
-        """The configuration in the engines' terms."""
+        """Returns the configuration in the engines' terms."""
         return self._engine.plan
 
     def make_engine(self) -> simsense.Engine:
-        """Another depth engine of this rig and these parameters, a simsense.Engine."""
+        """Returns a new depth engine with this sensor's calibration and parameters."""
         return self._engine.rig.make_matcher(1)
 
     def engine_inputs(self) -> EngineInputs:
-        """The engines' inputs for this sensor under its model, with the infrared cameras at their present poses."""
+        """Returns the engines' inputs for this sensor under its model, with the infrared cameras at their present
+        poses."""
         self.ir_cameras()
         return self._engine.rig.inputs()
 
     @property
     def projector_to_world(self) -> NDArray[np.float64]:
-        """4x4, the projector's own axes to the scene's."""
+        """Returns 4x4, from the projector's own axes to the scene's, metres."""
         return self._place.matrix() @ camera_to_world(self._config.pose_rgb_irproj)
 
     @property
     def frame_index(self) -> int:
-        """Counts the pictures, from 0; -1 before the first."""
+        """Returns the number of the last picture, counted from 0; -1 before the first."""
         return self._engine.frame
 
     @property
     def ir_gain(self) -> float:
-        """Counts per W/(sr m^2)."""
+        """Returns the imagers' counts per W/(sr m^2) at the present exposure and gain."""
         setting = self._engine.rig.setting
         return setting.exposure_s * setting.gain * self._config.ir_responsivity_dn
 
     @property
     def stage_times(self) -> dict[str, float]:
-        """{stage: milliseconds} of the last take_picture and compute_depth."""
+        """Returns {stage: milliseconds} of the last take_picture() and compute_depth()."""
         return dict(self._engine.stage_times)
 
     def rgb_camera(self) -> kuafu.Camera:
         return self._engine.rig.rgb_cameras(self._rigs())[0]
 
     def ir_cameras(self) -> list[kuafu.Camera]:
-        """The left and the right camera at their true places; a model may move them off the calibration."""
+        """Returns the left and the right camera at their true places; a model may move them off the calibration."""
         return self._engine.rig.ir_cameras(self._rigs())
 
     def close(self) -> None:
@@ -260,7 +266,7 @@ class StereoDepthSensor(SensorResults):
     # ---- parameters ----
 
     def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
-        """Scales of the default noise; ir_speckle_noise 0 switches both off. It takes the place of ir_signal."""
+        """Sets factors on the default noise, in place of ir_signal; ir_speckle_noise 0 switches both kinds off."""
         self.change(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
 
     set_census_window_size = setter("census_width", "census_height")
@@ -270,7 +276,8 @@ class StereoDepthSensor(SensorResults):
     set_lr_max_diff = setter("lr_max_diff")  # -1 switches the check off
 
     def change(self, **changes: Any) -> None:
-        """Changes fields of the configuration that matcher and noise depend on. ValueError changes nothing."""
+        """Changes those fields of the configuration that the matcher and the noise depend on. An invalid value raises
+        ValueError; nothing has changed then."""
         config = self.get_config()
         for name, value in changes.items():
             setattr(config, name, value)
@@ -287,12 +294,13 @@ class StereoDepthSensor(SensorResults):
         return self._place.matrix()
 
     def _rigs(self) -> NDArray[np.float64]:
-        """[1, 4, 4]."""
+        """Returns the RGB camera's pose, [1, 4, 4], body axes."""
         return self._place.matrix()[None]
 
 
 def _linear_counts(image: NDArray[np.float32], signal: dict[str, float]) -> NDArray[np.float32]:
-    """Counts over full scale, 0..1, of a linear imager without noise and dark current for an image of radiance."""
+    """Returns the counts over full scale, 0..1, that a linear imager without noise and dark current gives for an image
+    of radiance, W/(sr m^2)."""
     full_scale_dn = 2 ** signal["bit_depth"] - 1
     per_radiance = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
     warming_k = signal["temperature_c"] - signal["dark_reference_c"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bodies that a sensor's picture does not show, and why."""
+"""Lists the bodies that a sensor's picture does not show, and why."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ _NOWHERE = "hidden behind others, transparent, or smaller than a pixel"
 
 
 def unseen_bodies(sensor: StereoDepthSensor) -> list[tuple[str, str]]:
-    """(body, why no pixel of the RGB picture shows it within the sensor's range), in the scene's order."""
+    """Returns (body, reason) for each body that no pixel of the RGB picture shows within the sensor's range, in the
+    scene's order."""
     config, scene = sensor.get_config(), sensor.scene
     ids, depth = sensor.get_instance_ids(), sensor.get_true_depth()
     out: dict[int, str] = {}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth sensor on another renderer's images.
+"""Simulates the depth sensor on another renderer's images (G-buffers).
 
-The left infrared camera's depth, normals, albedo and materials go in (buffers.py). The other views are warped from it
-(warp.py) and lit by the projector (light.py). The imager counts and the engine matches (stereo.py); each hole gets a
-cause (cause.py).
+Inputs are depth, normals, albedo and materials that the left infrared camera sees (inputs.py). The right camera's and
+the projector's views are warped from them (warp.py). kuafu lights them; imager and matcher follow (stereo.py). Each
+pixel without depth gets a cause (cause.py).
 """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The physical cause of each unmeasured pixel, also of a path-traced sensor, from G-buffers of its infrared cameras.
-simsense's 'reason' names only the check that refused it."""
+"""Finds the physical cause of each pixel without depth from G-buffers of the infrared cameras, also for a path-traced
+sensor. simsense's 'reason' only names the matcher's check that refused the pixel."""
 
 from __future__ import annotations
 
@@ -23,38 +23,38 @@ Floats = NDArray[np.float64]
 CAUSES = (
     "measured",
     "nothing",  # no surface there
-    "out_of_range",  # of depths or disparities
-    "outside",  # the other camera's image, or at its border
-    "occluded",  # from the other camera
+    "out_of_range",  # depth or disparity beyond the sensor's limits
+    "outside",  # outside the right camera's image, or at its border
+    "occluded",  # hidden from the right camera
     "saturated",
-    "mirror_or_glass",  # light that only paths know
-    "shadow",  # in the projector's light
+    "mirror_or_glass",  # shows light of several reflections
+    "shadow",  # no direct light of the projector
     "edge",  # another surface's depth lies within the matcher's block
     "too_dark",
     "low_contrast",
     "not_unique",
     "checks",  # any other check of the matcher
 )
-# Two depths are two surfaces from so many pixels of disparity on.
+# Depths whose disparities differ by more than this belong to two surfaces.
 _EDGE_PX = 1.0
 # Relative disparity change of a slanted surface within a block; from tests/bench/bench_causes.py.
 _SLANT = 0.1
 _HIDDEN_PX = 1.0
-_SATURATED_SHARE = 0.1  # of the block
+_SATURATED_SHARE = 0.1  # share of the block's pixels
 
 
 def hidden_from_right(
     config: StereoDepthSensorConfig, inverse_depth: Floats, right_inverse_depth: Floats
 ) -> NDArray[np.bool_]:
-    """[E, height, width]: whether something nearer hides the left view's pixel from the right camera. Takes inverse
-    depths, 1/m, of both views."""
+    """Returns [E, height, width]: whether a nearer surface hides the left view's pixel from the right camera. Takes
+    both views' inverse depths, 1/m."""
     column = _right_column(config, inverse_depth)
     in_front_px = config.focal_baseline_px_m * in_front(right_inverse_depth, column, inverse_depth)
     return np.asarray((in_front_px > _HIDDEN_PX) & (column >= 0))
 
 
 def _right_column(config: StereoDepthSensorConfig, inverse_depth: Floats) -> Floats:
-    """Columns of the right image at which the left image's pixels lie."""
+    """Returns the columns of the right image at which the left image's pixels lie, [E, height, width]."""
     k_left, k_right = ir_intrinsics(config, False)[0], ir_intrinsics(config, True)[0]
     disparity = config.focal_baseline_px_m * inverse_depth
     return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))
@@ -65,10 +65,12 @@ def causes(
     is_lit: NDArray[np.bool_], is_hidden: NDArray[np.bool_], counts: NDArray[np.integer], reason: NDArray[np.uint8],
     black_dn: float, max_dn: float,
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """uint8 [E, height, width], an index into CAUSES. counts: the left image; is_hidden: from the right camera."""
+    """Returns the cause of each pixel, uint8 [E, height, width], an index into CAUSES. All images are the left
+    camera's. is_lit: no shadow of the projector. is_hidden: the right camera does not see it. counts: the imager's.
+    reason: the matcher's."""
     own = config.focal_baseline_px_m * inverse_depth
     block = (1, config.block_height, config.block_width)
-    # A block compares census words, which look over its border.
+    # A block compares census words, whose windows reach beyond its border.
     reach = (1, config.block_height + config.census_height - 1, config.block_width + config.census_width - 1)
     steps = maximum_filter(own, reach, mode="nearest") - minimum_filter(own, reach, mode="nearest")
     mean, deviation = mean_and_deviation(np.asarray(counts, np.float64) - black_dn, block)
@@ -98,8 +100,8 @@ _NOTHING = 0xFFFFFFFF
 
 
 def traced_causes(sensor: Any, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Returns uint8 [height, width], an index into CAUSES, of the scene as it is now. sensor: a StereoDepthSensor;
-    reason: the matcher's. Raises ValueError for a sensor that rectifies images before it matches them."""
+    """Returns the cause of each pixel, uint8 [height, width], an index into CAUSES, for the scene as it is now. sensor:
+    a StereoDepthSensor; reason: its matcher's map. Raises ValueError for a sensor that rectifies its images."""
     config = sensor.get_config()
     if not config.rectified or any(is_distorting(ir_intrinsics(config, is_right)[1]) for is_right in (False, True)):
         raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")

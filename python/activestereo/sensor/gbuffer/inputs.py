@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulator's images in the renderer's memory, from NumPy, torch on the host or on CUDA, and DLPack; materials of its
-surfaces: their own numbers, and the scene's ids."""
+"""Copies a simulator's images to the memory that the renderer reads, from NumPy, torch (host or CUDA) or DLPack. Maps
+the simulator's material numbers to the scene's material ids."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _NONE = np.uint32(0xFFFFFFFF)
 
 
 def mirrors_or_is_glass(material: kuafu.Material) -> bool:
-    """Whether the material shows light of several reflections."""
+    """Returns whether the material is a smooth metal or transmits most light, so that it shows other surfaces."""
     return material.transmission > 0.5 or (material.metallic > 0.5 and material.roughness < _MIRROR_ROUGHNESS)
 
 
 class MaterialNumbers:
-    """kuafu.Materials by number, put into the scene.
+    """Adds materials to a scene and maps the caller's numbers to the scene's material ids.
 
-    materials: a sequence or a mapping. None: all surfaces are matt, and only an albedo tells them apart. Raises
-    TypeError for anything but a Material."""
+    materials: a sequence of kuafu.Material, or {number: kuafu.Material} with numbers 0 to 65535. None: all surfaces are
+    matt and only an albedo tells them apart. Raises TypeError for other entries, ValueError for other numbers."""
 
     def __init__(self, scene: kuafu.Scene, materials: Any = None) -> None:
         self.is_given = materials is not None
@@ -39,7 +39,7 @@ class MaterialNumbers:
         if found and (min(found) < 0 or max(found) > 0xFFFF):
             raise ValueError(f"materials have the numbers {sorted(found)}, expected 0 to 65535")
         self.numbers = sorted(found)
-        self._ids = np.full(max(found, default=0) + 2, _NONE)  # the last one: of numbers beyond
+        self._ids = np.full(max(found, default=0) + 2, _NONE)  # the last entry stands for all unknown numbers
         self._is_odd = np.zeros(len(self._ids), bool)
         for number in self.numbers:
             self._ids[number] = 1 + scene.add_material(found[number])
@@ -47,12 +47,12 @@ class MaterialNumbers:
         self._ids_on_cuda: Any = None
 
     def ids(self, numbers: NDArray[Any], unknown: np.uint32 | int = _NONE) -> NDArray[np.uint32]:
-        """Material ids for kuafu's light_gbuffers(); a number that is not there gets `unknown`."""
+        """Returns the material ids that kuafu's light_gbuffers() takes; a number without a material gets `unknown`."""
         ids = self._ids[self._places(numbers)]
         return np.where(ids == _NONE, np.uint32(unknown), ids)
 
     def ids_of_tensor(self, numbers: Any) -> Any:
-        """ids() of a torch tensor, on its device."""
+        """Returns ids() for a torch tensor of numbers, int32 on its device."""
         if self._ids_on_cuda is None:
             import torch
 
@@ -62,11 +62,12 @@ class MaterialNumbers:
         return self._ids_on_cuda[places.where((places >= 0) & (places < last), places.new_tensor(last))]
 
     def are_odd(self, numbers: NDArray[Any]) -> NDArray[np.bool_]:
-        """Whether they are mirrors or glass."""
+        """Returns for each number whether its material mirrors or is glass."""
         return self._is_odd[self._places(numbers)]
 
     def require_known(self, numbers: NDArray[Any], depth: NDArray[Any]) -> None:
-        """Raises ValueError with the environment and the pixel of a surface whose material is unknown."""
+        """Raises ValueError if a surface (depth > 0) has a material number that is unknown, with its environment and
+        pixel."""
         is_bad = (self.ids(numbers) == _NONE) & (depth > 0) & np.isfinite(depth)
         if is_bad.any():
             environment, v, u = (int(i) for i in np.unravel_index(int(np.argmax(is_bad)), is_bad.shape))
@@ -86,8 +87,8 @@ _FURTHEST_NEAR_M = 50.0  # no sensor of this kind measures there
 
 
 def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
-    """An array of this shape on the host; adds a missing axis for one environment. Raises ValueError for another shape,
-    TypeError for anything but an array of numbers."""
+    """Returns the values as an array of this shape on the host; for one environment the first axis may be missing.
+    Raises ValueError for another shape, TypeError for anything but numbers."""
     image = np.asarray(_on_host(values))
     if image.dtype.kind not in "fiub":
         raise TypeError(f"{name} is of {image.dtype}, expected numbers")
@@ -95,8 +96,8 @@ def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def require_metres(name: str, depth: NDArray[Any]) -> None:
-    """Raises ValueError for depth that can only be in millimetres: nothing is nearer than 50 m, and not all is one
-    far plane."""
+    """Raises ValueError if depth [...] is likely in millimetres: every surface is beyond 50 m, and their depths
+    differ."""
     there = depth[np.isfinite(depth) & (depth > 0)]
     if there.size and there.min() > _FURTHEST_NEAR_M and there.max() > 1.01 * there.min():
         raise ValueError(
@@ -113,14 +114,15 @@ def _checked_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
 
 
 def _red(name: str, image: Any, shape: tuple[int, ...]) -> Any:
-    """The first channel of an image with three or four, a guess of the infrared."""
+    """Returns an albedo image; of RGB(A) it takes the red channel, as a guess of the infrared albedo. uint8 becomes
+    0..1."""
     is_rgb = image.ndim > 2 and image.shape[-1] in (3, 4) and tuple(image.shape[-3:-1]) == shape[1:]
     image = _checked_shape(name, image[..., 0] if is_rgb else image, shape)
     return image / 255.0 if str(image.dtype).endswith("uint8") else image
 
 
 class InputImages:
-    """Images of one camera, [E, height, width]; each one's memory is made when it is first given."""
+    """Memory for one camera's images [E, height, width], each allocated when it is first given."""
 
     def __init__(self, device: kuafu.Device, shape: tuple[int, ...], materials: MaterialNumbers) -> None:
         self._device, self._shape, self._materials = device, shape, materials
@@ -129,7 +131,8 @@ class InputImages:
         self._seen_by_cuda: dict[str, Any] = {}
 
     def put(self, given: Mapping[str, Any]) -> dict[str, kuafu.Buffer]:
-        """Copies the images that are not None to the memory that kuafu's light_gbuffers() reads."""
+        """Copies the images that are not None to the memory that kuafu's light_gbuffers() reads, and returns {name:
+        buffer}."""
         found = {}
         for name, values in given.items():
             if values is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""GBufferStereo: active stereo depth on the images of any renderer, many environments at once.
+"""GBufferStereo simulates active stereo depth on the images of any renderer, for many environments at once.
 
 sensor = GBufferStereo("D435", environments=4096, materials={7: kuafu.Material(ir_albedo=0.4, roughness=0.3)})
 out = sensor(depth=depth, normal=normal, albedo=albedo, material=material)  # [E, height, width]
@@ -44,8 +44,8 @@ _IMAGES = ("depth", "normal", "albedo", "material")
 
 
 class StereoImages(TypedDict):
-    """One frame of all environments, [E, height, width]; it has only the outputs that were asked for. On CUDA the first
-    four are arrays that torch and CuPy take."""
+    """The outputs of one frame that were asked for, [E, height, width] each. With on_cuda they are arrays that torch
+    and CuPy take."""
 
     depth: NDArray[np.float32]  # metres in the left infrared camera, 0 = no measurement
     disparity: NDArray[np.float32]  # pixels, -1 = none
@@ -56,10 +56,10 @@ class StereoImages(TypedDict):
 
 
 class GBufferStereo:
-    """An active stereo sensor on depth, normals and albedo of its left infrared camera in E environments.
+    """Simulates an active stereo sensor in E environments from images that another renderer made for its left camera.
 
-    config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure is 'settled'. device:
-    where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a
+    config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure becomes 'settled'.
+    device: where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a
     SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine act. Light bounces only
     between surfaces that the images show; 'cause' names mirroring metal and glass. on_cuda: the depth engine's results
     stay on the GPU, in arrays that torch and CuPy take without a copy. The next call overwrites them. The first call
@@ -101,17 +101,17 @@ class GBufferStereo:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """(environments, height, width) of all images."""
+        """Returns (environments, height, width) of all images."""
         width, height = self._config.ir_resolution
         return self._count, height, width
 
     def get_config(self) -> StereoDepthSensorConfig:
-        """A copy."""
+        """Returns a copy of the configuration."""
         return deepcopy(self._config)
 
     def restart(self, seed: int | Sequence[int]) -> None:
         """Makes the next call frame 0 under this seed; noise repeats after the same restart. seed: a number, or one for
-        each environment. With one for each, an environment's noise does not depend on its place."""
+        each environment. With one for each, an environment's noise does not depend on its index."""
         given = np.asarray(seed, dtype=object)
         if given.ndim == 0:
             self._engine.set_parameters(noise_seed=int(_SEED.check("the seed", given.item())))
@@ -129,17 +129,18 @@ class GBufferStereo:
         right: Mapping[str, Any] | None = None, projector: Any = None, ambient: ArrayLike | None = None,
         laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[Output] | None = None,
     ) -> StereoImages:  # fmt: skip
-        """One frame. All images are [E, height, width], of NumPy, torch or DLPack, of the left infrared camera.
+        """Simulates one frame and returns its outputs. Images are [E, height, width] of the left infrared camera, from
+        NumPy, torch or DLPack.
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
         unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: infrared, 0..1 or
         uint8, or [..., 3] of RGB, whose red serves as a guess; needed without materials. material: numbers of the
-        sensor's materials; their ir_albedo overrides the albedo image. right: the same images of the right camera, a
-        mapping; None = warped from the left camera's, and parts that it does not see are extrapolated. projector: depth
-        of a camera like the left one in the projector's place, for its shadows; None = warped. ambient: the room's
-        radiance, W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure: over the
-        configuration's, a number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause' takes time on the
-        host; 'cause' and 'valid' never stay on CUDA.
+        sensor's materials; their ir_albedo overrides the albedo image. right: {name: the same image of the right
+        camera}; None = warped from the left camera's images, and parts that these do not show are extrapolated.
+        projector: depth of a camera like the left one in the projector's place, for its shadows; None = warped.
+        ambient: the room's radiance, W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure:
+        factors on the configured values, a number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause'
+        takes time on the host; 'cause' and 'valid' never stay on CUDA.
 
         Raises ValueError with the environment and the invalid value, also for depth on the host that can only be in
         millimetres; no frame is taken then. Raises RuntimeError while torch captures a CUDA graph.
@@ -216,7 +217,7 @@ class GBufferStereo:
                 np.asarray(
                     image
                     if isinstance(image, np.ndarray)
-                    else image.buffer.read().view(image.dtype).reshape(image.shape)  # of GPU memory
+                    else image.buffer.read().view(image.dtype).reshape(image.shape)  # a copy of GPU memory
                 )[..., 0]
                 for image in (seen["depth"], seen["projector_visibility"])
             )
@@ -237,8 +238,9 @@ class GBufferStereo:
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
         right_laser: ArrayLike | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Computes depth, disparity, ir_left, ir_right and the matcher's reason of given radiance, [E, height, width]
-        W/(sr m^2), as the next frame. *_laser: the projector's part, which alone has speckle; without it all has."""
+        """Computes depth, disparity, ir_left, ir_right and the matcher's reason from given radiance, [E, height, width]
+        W/(sr m^2), as the next frame. *_laser: the projector's part of it, the only light with speckle; None: all light
+        has speckle."""
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, self.shape)
         self._frame += 1
         self._rig.begin(self._frame)
@@ -253,7 +255,8 @@ class GBufferStereo:
     # ---- inside ----
 
     def _require(self, given: Mapping[str, Any], whose: str) -> None:
-        """Raises ValueError unless the images give each surface an albedo or a material."""
+        """Raises ValueError unless depth is there in metres, and an albedo or a known material for each surface. whose:
+        the camera's name in the message."""
         if given.get("depth") is None:
             raise ValueError(f"{whose}depth is missing")
         if not getattr(given["depth"], "is_cuda", False):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warps a camera's depth to the projector's and the right camera's views: rows shift by disparity, and near surfaces
-hide far ones."""
+"""Warps a camera's depth to the projector's and the right camera's views: pixels shift along rows by their disparity,
+and near surfaces hide far ones."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from activestereo.common.pose import PoseLike, camera_to_camera
 
-# A view may stand so far beside the row, or be turned so far, and still be warped along rows.
+# Largest offset from the row, and largest rotation, of a view that is still warped along rows.
 _ASIDE_M, _TURNED_RAD = 5e-3, 0.02
 
 
 def require_row(here: PoseLike, there: PoseLike, what: str) -> None:
-    """Raises ValueError if a camera's rows are not aligned with those of the camera `here`."""
+    """Raises ValueError if the view `there` is turned from, or stands above, below, before or behind, the camera
+    `here`: then rows do not align. what: its name in the message."""
     place = np.linalg.inv(camera_to_camera(here, there))
     turned = float(np.arccos(np.clip((np.trace(place[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
     x, y, z = place[:3, 3].tolist()
@@ -26,7 +27,7 @@ def require_row(here: PoseLike, there: PoseLike, what: str) -> None:
 
 
 def inverse_depth(depth: NDArray[Any]) -> NDArray[np.float64]:
-    """1 / depth, 0 for no surface. Raises ValueError for invalid depth."""
+    """Returns 1 / depth, with 0 where depth is 0 or infinite. Raises ValueError for negative depth or NaN."""
     if not ((depth >= 0.0) | np.isposinf(depth)).all():
         raise ValueError(f"a depth is {float(np.nanmin(depth)):g} m or no number, expected depths of 0 or more")
     with np.errstate(divide="ignore", over="ignore"):
@@ -36,13 +37,13 @@ def inverse_depth(depth: NDArray[Any]) -> NDArray[np.float64]:
 
 # Largest slant (tangent) of one surface: neighbours whose depths differ by more are two surfaces.
 _STEEPEST = 8.0
-# A pixel's stretch beyond this many is torn.
+# A surface that stretches over more target pixels between two source pixels is torn there.
 _MOST_PIXELS = 3
 
 
 class Warped(NamedTuple):
-    """[E, height, width] each. seen: the source camera sees this pixel; elsewhere the background is continued. pixel:
-    flat index of the source pixel that shows this surface."""
+    """A warped view, each array [E, height, width]. pixel: flat index of the source pixel that shows this surface.
+    seen: whether the source camera sees it; elsewhere the background is continued."""
 
     inverse_depth: NDArray[np.float64]
     pixel: NDArray[np.intp]
@@ -50,8 +51,9 @@ class Warped(NamedTuple):
 
 
 def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: float, shift_px: float = 0.0) -> Warped:
-    """The view baseline_m to the right (negative: left) of a rectified camera with the same focal length, whose
-    principal point lies shift_px further right. inverse_depth [E, height, width], 1/m, 0 = infinitely far.
+    """Returns the view of a camera baseline_m to the right (negative: left) of a rectified one. Both have one focal
+    length; the new principal point lies shift_px further right. inverse_depth [E, height, width], 1/m, 0 = infinitely
+    far.
 
     If two pixels land on one and the shift is to the left, the nearer one comes later in its row. Writing in row order
     therefore keeps the nearer one (McMillan 1997, occlusion-compatible order)."""
@@ -103,14 +105,15 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
 def in_front(
     beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """1/m: inverse depth in another camera's view at each surface's column, less the surface's own. beside: that view.
-    Columns beside the image read the last column."""
+    """Returns how much nearer the surface in another view is, 1/m: its inverse depth at `column` less inverse_depth.
+    beside: the other view's inverse depth. Columns outside the image read its nearest column."""
     place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
     return np.take_along_axis(beside, place, axis=-1) - inverse_depth
 
 
 def _filled(inverse: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Columns of the nearest seen pixel; a hole takes the farther of its two neighbours."""
+    """Returns for each pixel the column to copy from: its own if seen; in a hole, the farther of the nearest seen
+    pixels to the left and right."""
     width = inverse.shape[-1]
     u = np.broadcast_to(np.arange(width), inverse.shape)
     before = np.maximum.accumulate(np.where(seen, u, -1), axis=-1)
