@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other simulators: SAPIEN, ManiSkill, MuJoCo, URDF files and Gymnasium. Nothing else imports them."""
+"""Bridges to other simulators and formats: SAPIEN, ManiSkill, MuJoCo, RealSense's API, URDF files and Gymnasium.
+Nothing else in activestereo imports them."""

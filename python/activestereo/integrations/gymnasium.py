@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Any Gymnasium environment with a depth camera: its depth as an active stereo camera measures it, so that a policy is
-evaluated on the depth that it was trained on.
+"""Wraps a Gymnasium environment with a depth camera so that its depth is measured by an active stereo camera. A policy
+is then evaluated on the kind of depth that it was trained on.
 
     env = StereoDepth(env, depth=("pixels", "wrist_depth"), color=("pixels", "wrist"), fovy_deg=75.0)
 
@@ -39,14 +39,14 @@ Images = Callable[[NDArray[Any]], NDArray[Any]]
 
 
 class StereoDepth(gymnasium.ObservationWrapper):
-    """Replaces the depth of a Dict observation by the measured one, float32 metres, 0 = no measurement.
+    """Replaces the depth in a Dict observation by simulated stereo depth, float32 metres, 0 = no measurement.
 
     depth, color: the keys of planar depth [H, W] or [H, W, 1] and of the colour image, whose red stands for the
     infrared albedo; without color all surfaces have albedo_of_all. fovy_deg: the camera's vertical field of view, as
-    MuJoCo has it. camera: a preset or a configuration. metres: makes metres of the environment's depth, seen upright;
-    back: turns the result as the environment has it. rendered: the upright planar depth [H, W] in metres of an
-    environment whose observation has none; color then has its size. coded: makes of metres [H, W] what the policy
-    takes, float or bytes. Noise follows the seed of reset(). Raises ValueError without the keys.
+    MuJoCo has it. camera: a preset or a configuration. metres: converts the environment's depth to upright metres.
+    back: turns an upright image to the environment's orientation. rendered(env): returns upright planar depth [H, W] in
+    metres, for an environment whose observation has none; its size is the colour image's. coded: converts metres [H, W]
+    to the policy's input, float or bytes. Noise follows the seed of reset(). Raises ValueError without the keys.
     """
 
     def __init__(
@@ -91,7 +91,8 @@ class StereoDepth(gymnasium.ObservationWrapper):
         return _with_entry(observation, self._depth, self._observed(found.reshape(self._shape[:2])), dict)
 
     def _observed(self, depth_m: NDArray[np.float32]) -> NDArray[Any]:
-        """Upright metres [H, W] as the observation has them, contiguous: torch takes no negative strides."""
+        """Converts upright metres [H, W] to the observation's form; the array is contiguous, because torch takes no
+        negative strides."""
         return np.ascontiguousarray(
             self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
         )
@@ -107,6 +108,7 @@ def _entry(values: Any, keys: Sequence[str]) -> Any:
 
 
 def _with_entry(values: Any, keys: Sequence[str], new: Any, kind: Callable[[dict[str, Any]], Any]) -> Any:
-    """A copy of nested mappings with another value in one place."""
+    """Returns a copy of nested mappings with the value at `keys` replaced by `new`. kind: makes each mapping from a
+    dict."""
     own = new if len(keys) == 1 else _with_entry(values[keys[0]], keys[1:], new, kind)
     return kind({**dict(values.items()), keys[0]: own})

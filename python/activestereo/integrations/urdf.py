@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot's URDF file: its links as bodies of a scene, and their poses for given joint positions.
+"""Reads a robot's URDF file, adds its links to a scene as bodies, and computes their poses from joint positions.
 
     robot = Urdf("arm.urdf")
     robot.add_to(bodies)  # activestereo.scene_io.bodies
     bodies.move(robot.poses(joints))  # [links, 4, 4] of [joints], or [E, links, 4, 4] of [E, joints]
 
 Reads visual elements: boxes, spheres, cylinders, colours, and meshes with their own materials and textures. A
-<material> with a colour covers them. Collisions, inertias and a <material>'s texture are not read.
+<material> with a colour replaces these. Collisions, inertias and a <material>'s texture are not read.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ _MOVES = ("revolute", "continuous", "prismatic")
 class _Visual:
     parts: Sequence[Part]
     to_link: NDArray[np.float64]  # 4x4, scale included
-    colour: Colour | None  # the URDF material's, which covers those of the parts
+    colour: Colour | None  # the URDF material's colour, which replaces the parts' own materials
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """driver, factor, offset: its position is factor * (position of the joint `driver`) + offset."""
+    """A joint between two links (parent, child: their numbers). Its position is factor * (position of the joint
+    `driver`) + offset. to_parent: 4x4, the joint's origin in the parent link."""
 
     name: str
     kind: str
@@ -57,8 +58,10 @@ class _Joint:
 
 
 class Urdf:
-    """packages: {name: folder} for meshes at package://name/...; others are looked for in the folders above the file.
-    Raises ValueError with the file and the fault."""
+    """A robot's links, joints and visual shapes from a URDF file.
+
+    packages: {name: folder} for meshes at package://name/...; other packages are looked for in the folders above the
+    file. Raises ValueError with the file and the fault."""
 
     def __init__(self, path: str | Path, packages: Mapping[str, str | Path] | None = None) -> None:
         self._path = Path(path)
@@ -81,7 +84,8 @@ class Urdf:
             raise ValueError(f"{path}: joint '{unknown.name}' mimics '{unknown.driver}', which does not move by itself")
 
     def add_to(self, bodies: Bodies, prefix: str = "") -> list[int]:
-        """Adds a body for each link, in the order of link_names, and returns the bodies' numbers."""
+        """Adds a body for each link, in the order of link_names and with `prefix` before its name. Returns the bodies'
+        numbers."""
         out = []
         for name, visuals in zip(self.link_names, self._visuals, strict=True):
             shapes = []
@@ -98,8 +102,9 @@ class Urdf:
         return out
 
     def poses(self, joints: Mapping[str, ArrayLike] | ArrayLike, base: ArrayLike | None = None) -> NDArray[np.float64]:
-        """[..., links, 4, 4] link to world. joints: [..., joints] in the order of joint_names, radians and metres, or
-        {name: [...]} with the others at 0. base: 4x4 or [..., 4, 4] of the root link."""
+        """Computes the links' poses in the world, [..., links, 4, 4]. joints: [..., joints] in the order of
+        joint_names, radians and metres, or {name: [...]} with the others at 0. base: the root link's pose, 4x4 or [...,
+        4, 4]; None: identity."""
         position: dict[str, NDArray[np.float64]]
         if isinstance(joints, Mapping):
             unknown = [name for name in joints if name not in self.joint_names]
@@ -160,7 +165,7 @@ class Urdf:
         return _Joint(name, kind, ends[0], ends[1], self._origin(element), axis / length, driver, factor, offset)
 
     def _in_order(self, joints: list[_Joint]) -> list[_Joint]:
-        """Parents before children."""
+        """Returns the joints sorted, parents before children. Raises ValueError if they form no tree."""
         children = [joint.child for joint in joints]
         placed = set(range(len(self.link_names))) - set(children)
         out: list[_Joint] = []
@@ -197,7 +202,8 @@ class Urdf:
         return _Visual([Part(mesh)], self._origin(element) @ np.diag([*scale, 1.0]), own)
 
     def _mesh(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
-        """The parts of a file, and the 4x4 from its coordinates: URDF's scale is their unit."""
+        """Reads a mesh file's parts, and returns them with the 4x4 from its coordinates to the visual's; URDF's scale
+        sets the unit."""
         path, scale = self._file(kind.get("filename", "")), self._numbers(kind.get("scale", "1 1 1"), 3)
         try:
             parts = read_parts(path)
@@ -218,7 +224,7 @@ class Urdf:
         return parts, to_visual
 
     def _origin(self, element: xml.Element) -> NDArray[np.float64]:
-        """4x4 of <origin xyz rpy>: roll, pitch and yaw about fixed axes."""
+        """Returns the 4x4 of an element's <origin xyz rpy>: roll, pitch and yaw about fixed axes."""
         out, found = np.eye(4), element.find("origin")
         if found is None:
             return out

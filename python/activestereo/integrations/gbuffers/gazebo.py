@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Image messages of Gazebo (gz.msgs.Image) and ROS 2 (sensor_msgs/Image): an RGB-D camera's come in, depth goes out."""
+"""Converts image messages of Gazebo (gz.msgs.Image) and ROS 2 (sensor_msgs/Image): reads those of an RGB-D camera,
+writes measured depth."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# By Gazebo's number and by ROS' name.
+# {Gazebo's number or ROS' name of the format: (NumPy type, channels)}.
 _FORMATS: dict[int | str, tuple[str, int]] = {
     1: ("u1", 1), 3: ("u1", 3), 8: ("u1", 3), 4: ("u1", 4), 13: ("f4", 1), 2: ("u2", 1),
     "mono8": ("u1", 1), "rgb8": ("u1", 3), "bgr8": ("u1", 3), "rgba8": ("u1", 4),
@@ -17,7 +18,8 @@ _FORMATS: dict[int | str, tuple[str, int]] = {
 
 
 def image_of(message: Any) -> NDArray[Any]:
-    """[height, width] or [height, width, channels], RGB. Raises ValueError for another format."""
+    """Returns a message's image, [height, width] or [height, width, channels], RGB. Raises ValueError for another
+    format."""
     form = getattr(message, "encoding", None) or message.pixel_format_type
     if form not in _FORMATS:
         raise ValueError(f"an image message is of the format {form!r}, expected one of {list(_FORMATS)}")
@@ -30,15 +32,15 @@ def image_of(message: Any) -> NDArray[Any]:
 
 
 def gazebo_gbuffers(depth: Any, image: Any) -> dict[str, Any]:
-    """Reads the messages of one RGB-D camera. Takes the picture's red for the albedo, a guess. uint16 depth is
-    millimetres."""
+    """Converts the messages of one RGB-D camera to GBufferStereo's arguments. The picture's red becomes the albedo, a
+    guess of the infrared one; uint16 depth is in millimetres."""
     depth_m, picture = image_of(depth), image_of(image)
     depth_m = depth_m * 1e-3 if depth_m.dtype.kind == "u" else np.nan_to_num(depth_m, nan=0.0, posinf=0.0, neginf=0.0)
     return {"depth": depth_m, "albedo": picture}
 
 
 def fill_depth(message: Any, depth_m: NDArray[np.float32]) -> None:
-    """Writes depth [height, width] into a message of either kind, as 32-bit floats."""
+    """Writes depth [height, width], metres, into a Gazebo or ROS message, as 32-bit floats."""
     message.height, message.width = depth_m.shape
     message.step, message.data = 4 * depth_m.shape[1], np.ascontiguousarray(depth_m, "<f4").tobytes()
     if hasattr(message, "encoding"):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Isaac Lab 3: a renderer that measures 'depth' with an active stereo camera in another renderer's images.
+"""A renderer for Isaac Lab 3 that simulates an active stereo camera's 'depth' on the images of another renderer.
 
     CameraCfg(..., data_types=["depth", "distance_to_image_plane", "normals", "albedo"],
               renderer_cfg=ActiveStereoRendererCfg(source=NewtonWarpRendererCfg(), camera="D435"))
 
-'distance_to_image_plane' stays the truth.
+'distance_to_image_plane' keeps the true depth.
 """
 
 from __future__ import annotations
@@ -32,12 +32,13 @@ def _forwarded(name: str) -> Any:
 
 
 _names = [name for name in dir(BaseRenderer) if not name.startswith("_") and name not in _OWN]
-# All else that an Isaac Lab's version has its renderers do, the other renderer does.
+# The source renderer answers all other calls, whichever this version of Isaac Lab makes.
 _Forwarding: Any = type("_Forwarding", (BaseRenderer,), {name: _forwarded(name) for name in _names})
 
 
 class ActiveStereoRenderer(_Forwarding):
-    """source: the renderer that sees, from where left infrared cameras are, principal points in the middle."""
+    """Measures depth on the images of another renderer, `source`, and replaces its 'depth'. The cameras stand in the
+    left infrared cameras' places, with principal points in the middle."""
 
     def __init__(self, cfg: ActiveStereoRendererCfg) -> None:
         self.cfg, self.source = cfg, cfg.source.class_type(cfg.source)
@@ -49,7 +50,8 @@ class ActiveStereoRenderer(_Forwarding):
         self._cameras[id(render_data)] = _tensor(orientations), float(_tensor(intrinsics)[0, 0, 0])
 
     def read_output(self, render_data: Any, camera_data: Any) -> None:
-        """Reads the camera's output. Raises ValueError if it lacks one of the data types above."""
+        """Reads the source's images and replaces 'depth' by the measured depth. Raises ValueError if the camera lacks
+        one of the data types NEEDS."""
         self.source.read_output(render_data, camera_data)
         missing = [name for name in NEEDS if name not in camera_data.output]
         if missing:
@@ -63,7 +65,7 @@ class ActiveStereoRenderer(_Forwarding):
             config = StereoDepthSensorConfig(self.cfg.camera).resized(width, height, fov_deg)
             self._sensors[key] = GBufferStereo(centred(config), environments=count)
             self._sensors[key].restart(self.cfg.seed)
-        # The world's normals in the axes of cameras with quaternions x, y, z, w of axes x forward, y left, z up.
+        # Turns normals from the world's axes to the cameras' (x forward, y left, z up) by their quaternions x, y, z, w.
         axis, w = -turns[:, None, None, :3].expand_as(normal), turns[:, None, None, 3:]
         twice = 2.0 * axis.cross(normal, dim=-1)
         forward, left, up = (normal + w * twice + axis.cross(twice, dim=-1)).unbind(-1)
@@ -78,7 +80,8 @@ def _tensor(values: Any) -> Any:
 
 @configclass
 class ActiveStereoRendererCfg(RendererCfg):
-    """source: the configuration of the renderer that sees. camera: a preset's name or a camera's .toml file."""
+    """Configures an ActiveStereoRenderer. source: the configuration of the renderer whose images it measures. camera: a
+    preset's name or a camera's .toml file."""
 
     class_type: type = ActiveStereoRenderer
     source: RendererCfg = MISSING

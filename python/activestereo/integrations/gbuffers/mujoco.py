@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo: the materials of its geoms, a camera with the sensor's matrix, and depth and geoms of mujoco.Renderer."""
+"""Makes GBufferStereo's arguments with mujoco.Renderer: depth, and the geoms' numbers as materials."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
-    """Materials of each geom, without textures."""
+    """Returns {geom number: its material, without textures}, as GBufferStereo's materials."""
     return {geom: kuafu.Material(**geom_surface(model, geom)) for geom in range(model.ngeom)}
 
 
 def set_camera(model: mujoco.MjModel, camera: int, sensor: GBufferStereo) -> None:
-    """Gives a camera of the model the sensor's matrix."""
+    """Gives the model's camera number `camera` the sensor's resolution and matrix K."""
     k, (_, height, width) = sensor.k, sensor.shape
     model.cam_resolution[camera] = model.cam_sensorsize[camera] = width, height
     model.cam_intrinsic[camera] = k[0, 0], k[1, 1], 0.5 * (width - 1) - k[0, 2], 0.5 * (height - 1) - k[1, 2]
 
 
 class MujocoGBuffers:
-    """One environment. camera: of the model, prepared by set_camera(); the sensor's materials are geom_materials()."""
+    """Renders GBufferStereo's arguments for one environment. camera: number of a camera of the model, prepared by
+    set_camera(). The sensor's materials are geom_materials()."""
 
     def __init__(self, model: mujoco.MjModel, sensor: GBufferStereo, camera: int = 0) -> None:
         self._camera, (_, height, width) = camera, sensor.shape

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo Warp's renderer: depth and geoms of all worlds, on its device."""
+"""Makes GBufferStereo's arguments with MuJoCo Warp's renderer: depth and geom numbers of all worlds, on its device."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 class MujocoWarpGBuffers:
-    """camera: its number in `context`, an mjw.create_render_context() with render_depth and render_seg of a model that
-    set_camera() has prepared; the sensor's materials are geom_materials()."""
+    """Renders GBufferStereo's arguments for all worlds. context: from mjw.create_render_context(), with render_depth
+    and render_seg, for a model that set_camera() has prepared. camera: its number there. The sensor's materials are
+    geom_materials()."""
 
     def __init__(self, context: Any, sensor: GBufferStereo, camera: int = 0) -> None:
         self._context, self._camera, self._shape = context, camera, sensor.shape
@@ -22,7 +23,8 @@ class MujocoWarpGBuffers:
         self._geoms = wp.zeros(sensor.shape, wp.vec2i, device=context.depth_data.device)
 
     def __call__(self, model: Any, data: Any) -> dict[str, Any]:
-        """model, data: mujoco_warp's, after a step or forward()."""
+        """Renders the state of mujoco_warp's model and data, after a step or forward(), and returns depth and
+        material."""
         mjw.refit_bvh(model, data, self._context)
         mjw.render(model, data, self._context)
         mjw.get_segmentation(self._context, self._camera, self._geoms)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Newton's SensorCamera: depth, normals and colours of all worlds, on the model's device."""
+"""Makes GBufferStereo's arguments with Newton's SensorCamera: depth, normals and albedo of all worlds, on the model's
+device."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ def _to_camera(camera_to_world: wp.array(dtype=wp.transformf), normal: wp.array3
 
 
 class NewtonGBuffers:
-    """A model with as many worlds as the sensor has environments."""
+    """Renders GBufferStereo's arguments for a model with as many worlds as the sensor has environments."""
 
     def __init__(self, model: newton.Model, sensor: GBufferStereo) -> None:
         (count, height, width), k = sensor.shape, sensor.k
@@ -35,7 +36,8 @@ class NewtonGBuffers:
         self._packed = wp.array(ptr=self._albedo.ptr, dtype=wp.uint32, shape=self._depth.shape, device=model.device)
 
     def __call__(self, state: newton.State, camera_to_world: wp.array) -> dict[str, Any]:
-        """camera_to_world: transformf [E], of cameras that look along -z with y up, as all of Newton's."""
+        """Renders a state and returns depth, normal and albedo. camera_to_world: transformf [E], of cameras that look
+        along -z with y up, as all of Newton's do."""
         self._model.bvh_refit_shapes(state)
         images = {"forward_depth_image": self._depth, "normal_image": self._normal, "albedo_image": self._packed}
         self._camera.update(state, camera_to_world, self._rays, **images)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of simulators that know a field of view and no principal point."""
+"""Adapts sensors to simulators whose cameras have a field of view but no principal point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CENTRED_PX = 0.01
 
 
 def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """A copy with the infrared cameras' principal points in the middle of the image."""
+    """Returns a copy of the configuration with the infrared cameras' principal points in the middle of the image."""
     out = deepcopy(config)
     middle = (np.array(config.ir_resolution) - 1.0) / 2.0
     for name in ("ir_intrinsic", "ir_intrinsic_right"):
@@ -26,8 +26,8 @@ def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
 
 
 def vertical_fov_deg(sensor: GBufferStereo) -> float:
-    """Field of view from the upper edge to the lower one. Raises ValueError for a principal point that is not in the
-    middle and for pixels that are no squares."""
+    """Returns the sensor's vertical field of view, degrees. Raises ValueError if the principal point is not in the
+    middle or pixels are not square."""
     k, (_, height, width) = sensor.k, sensor.shape
     off_px = k[:2, 2] - (np.array([width, height]) - 1.0) / 2.0
     if np.abs(off_px).max() > _CENTRED_PX or abs(k[0, 0] / k[1, 1] - 1.0) > 1e-3:

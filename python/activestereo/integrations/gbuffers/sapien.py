@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of SAPIEN and ManiSkill: their position, normal and albedo pictures, of the host or of CUDA."""
+"""Reads position, normal and albedo pictures from cameras of SAPIEN and ManiSkill, on the host or on CUDA."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ _PICTURES = ("Position", "Normal", "Albedo")  # RGBA, floats; x right, y up, z b
 
 
 def sapien_gbuffers(camera: Any) -> dict[str, Any]:
-    """camera: sapien.render.RenderCameraComponent for one environment, or ManiSkill's RenderCamera (`camera.camera` of
-    its Camera) for all. It has taken its pictures, with shader pack 'default' or 'rt' and the sensor's matrix."""
+    """Returns GBufferStereo's arguments from the pictures that a camera has taken, with shader pack 'default' or 'rt'
+    and the sensor's matrix. camera: a sapien.render.RenderCameraComponent for one environment, or ManiSkill's
+    RenderCamera (`camera.camera` of its Camera) for all."""
     pictures = []
     for name in _PICTURES:
         picture = camera.get_picture(name)

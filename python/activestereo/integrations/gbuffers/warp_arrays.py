@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays of Warp as GBufferStereo takes them."""
+"""Converts Warp's arrays to those that GBufferStereo takes."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ import warp as wp
 
 
 def as_array(values: wp.array) -> Any:
-    """A view without a copy: NumPy's on a processor, torch's on CUDA."""
+    """Returns a view without a copy: a NumPy array on a CPU, a torch tensor on CUDA."""
     return values.numpy() if values.device.is_cpu else wp.to_torch(values)

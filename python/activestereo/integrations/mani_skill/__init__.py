@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras of ManiSkill 3 environments as active stereo sensors. Needs the package mani_skill.
+"""Replaces the depth cameras of ManiSkill 3 environments by active stereo sensors. Needs the package mani_skill.
 
     import activestereo.integrations.mani_skill
     env = gymnasium.make("PickCube-v1", obs_mode="rgb+depth", sensor_configs={"use_stereo_depth": True})

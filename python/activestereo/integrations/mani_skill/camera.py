@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ManiSkill's StereoDepthCamera and its configuration: observations of an active stereo sensor in ManiSkill's shapes,
-types and units."""
+"""Replacements for ManiSkill's StereoDepthCamera and its configuration. Observations come from an active stereo sensor,
+in ManiSkill's shapes, types and units."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from activestereo.integrations.mani_skill.world import ManiSkillWorld
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.cuda_memory import CudaError, cuda_tensor, wait_for
 
-# Below this width the infrared images have twice the depth's size, since the matcher's windows would blur objects of
-# ten pixels. The windows are small then, too.
+# Below this width the infrared images have twice the depth's size and the matcher small windows, because its usual
+# windows would blur objects of ten pixels.
 _SMALL_PX = 256
-# The matcher looks for no nearer things than disparities of this share of the width have.
+# Largest disparity that the matcher looks for, as a share of the image's width.
 _MOST_DISPARITY = 0.5
 
 
 class StereoDepthCameraConfig(ManiSkillConfig):
-    """A CameraConfig and: model, a preset's name; samples_per_pixel; min_depth and max_depth in metres; device, 'auto',
-    'cpu' or an index; sensor, an activestereo.StereoDepthSensorConfig, with the RGB camera's size and intrinsics from
-    the CameraConfig; pipelined, whether observations are a picture late; on_cuda, whether observations stay on the
-    rendering GPU, None: if the simulation is on CUDA."""
+    """A CameraConfig with further fields: model, a preset's name; samples_per_pixel; min_depth and max_depth in metres;
+    device, 'auto', 'cpu' or an index; sensor, an activestereo.StereoDepthSensorConfig, with the RGB camera's size and
+    intrinsics from the CameraConfig; pipelined, whether observations are a picture late; on_cuda, whether observations
+    stay on the rendering GPU, None: if the simulation is on CUDA."""
 
     def __init__(
         self, *args: Any, min_depth: float = 0.1, max_depth: float = 10.0, model: str = "sapien-D435",
@@ -50,12 +50,12 @@ class StereoDepthCameraConfig(ManiSkillConfig):
 
     @classmethod
     def fromCameraConfig(cls, cfg: CameraConfig) -> StereoDepthCameraConfig:
-        """The name is ManiSkill's."""
+        """Returns a stereo configuration with the fields of a CameraConfig; the method's name is ManiSkill's."""
         return cls(**cfg.__dict__)
 
     def native(self, intrinsic: NDArray[np.float64]) -> StereoDepthSensorConfig:
-        """The sensor's configuration. intrinsic: 3x3 in SAPIEN's convention, the middle of the first pixel at (0.5,
-        0.5)."""
+        """Returns the configuration for activestereo's sensor. intrinsic: 3x3 in SAPIEN's convention, the middle of the
+        first pixel at (0.5, 0.5)."""
         config = deepcopy(self.sensor) or self._preset_config(intrinsic)
         config.rgb_resolution = (self.width, self.height)
         config.rgb_intrinsic = _centred(intrinsic)
@@ -76,19 +76,19 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         if self.width < _SMALL_PX:
             config.block_width = config.block_height = 3
             config.p1, config.p2 = 4, 16
-            # Dots of more than a pixel.
+            # A scale at which the projector's dots are larger than a pixel.
             dots = 0.5 * focal_px / config.ir_intrinsic[0, 0]
             config.light_pattern_scale = max(config.light_pattern_scale, dots)
         return config
 
 
 def _tangents(config: StereoDepthSensorConfig) -> NDArray[np.float64]:
-    """The tangents of half the infrared cameras' fields of view, horizontal and vertical."""
+    """Returns the tangents of half the infrared cameras' horizontal and vertical fields of view."""
     return 0.5 * np.array(config.ir_resolution) / np.diag(config.ir_intrinsic)[:2]
 
 
 def _centred(intrinsic: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Moves SAPIEN's pixel centres at halves to ours at integers."""
+    """Converts K [3, 3] from SAPIEN's pixel centres at halves to ours at integers."""
     k = np.array(intrinsic, np.float64)
     k[:2, 2] -= 0.5
     return k
@@ -99,40 +99,43 @@ _FARTHEST_MM = 32767.0
 
 
 class Observations:
-    """Observations of a batch's last picture and depth, made on the GPU that renders (on_cuda) or on the host."""
+    """Makes observations from a batch's last picture and depth, on the rendering GPU (on_cuda) or on the host."""
 
     def __init__(self, sensors: StereoDepthSensorBatch, on_cuda: bool) -> None:
         self.sensors, self._on_cuda = sensors, on_cuda
 
     def rgb(self) -> torch.Tensor:
-        """uint8 [E, height, width, 3]."""
+        """Returns the colour images, uint8 [E, height, width, 3]."""
         return self._image("rgba8")[..., :3].contiguous()
 
     def depth_mm(self) -> torch.Tensor:
-        """Whole millimetres [E, height, width], as float32."""
+        """Returns depth in whole millimetres, float32 [E, height, width]."""
         return (self._image("depth") * _MM).clamp(max=_FARTHEST_MM).round()
 
     def positions(self, depth_mm: torch.Tensor) -> torch.Tensor:
-        """int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right, y up, z backward."""
+        """Returns the points of depth_mm, int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right,
+        y up, z backward."""
         points = self._rays() * depth_mm[..., None]
         return points.clamp(-_FARTHEST_MM, _FARTHEST_MM).round().to(torch.int16)
 
     def segmentation(self, semantic_ids: NDArray[np.integer]) -> torch.Tensor:
-        """int16 [E, height, width, 1]: ManiSkill's per_scene_id, 0 = nothing there. semantic_ids: of each instance."""
+        """Returns ManiSkill's per_scene_id at each pixel, int16 [E, height, width, 1], 0 = nothing there. semantic_ids:
+        the id of each instance number; the last entry is for no instance."""
         ids = torch.from_numpy(semantic_ids.astype(np.int16))
         instances = self._image("instance_ids").view(torch.int32)  # values above 2^31 are negative
         known = torch.where(instances < 0, len(ids) - 1, instances.clamp(max=len(ids) - 1))
         return ids.to(instances.device)[known][..., None]
 
     def _image(self, name: str) -> torch.Tensor:
-        """Reads the sensors' get_<name>() on the device of the observations."""
+        """Returns the sensors' get_<name>() on the device of the observations."""
         if self._on_cuda:
             return cuda_tensor(self.sensors.get_cuda(name))
         return torch.from_numpy(getattr(self.sensors, f"get_{name}")())
 
     @computed_once
     def _rays(self) -> torch.Tensor:
-        """Ray directions, float32 [height, width, 3], in the same axes, with z = -1."""
+        """Returns ray directions through the pixels, float32 [height, width, 3], in the camera's OpenGL axes, with z =
+        -1."""
         config = self.sensors.get_config()
         k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
         v, u = np.indices((height, width))
@@ -141,19 +144,20 @@ class Observations:
 
 
 class _CameraMounts:
-    """The poses of a ManiSkill camera in all environments."""
+    """Reads the poses of a ManiSkill camera in all environments, as a batch's mounts."""
 
     def __init__(self, camera: Any, scene: kuafu.Scene) -> None:
         self._camera, self.scene = camera, scene
 
     @property
     def poses(self) -> torch.Tensor:
-        """[E, 7], x forward, y left, z up."""
+        """Returns the poses [E, 7], position and quaternion, axes x forward, y left, z up."""
         return self._camera.get_global_pose().raw_pose
 
 
 class _Begun(NamedTuple):
-    """A pipelined camera's picture: its reset() number, whether it includes RGB, and its poses."""
+    """A picture that a pipelined camera has begun. reset: ManiSkill's reset mask at that time, a new object after each
+    reset(). has_rgb: whether it includes RGB. params: the camera's parameters at its pose."""
 
     reset: torch.Tensor
     has_rgb: bool
@@ -161,13 +165,13 @@ class _Begun(NamedTuple):
 
 
 class StereoDepthCamera(Camera):
-    """One sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's shapes, types and
-    units; depth 0 = no measurement; position follows the depth. ManiSkill's normal and albedo are absent.
+    """An active stereo sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's
+    shapes, types and units; depth 0 = no measurement; position follows the depth. ManiSkill's normal and albedo are
+    absent.
 
-    With config.pipelined each observation begins a picture and returns the one before. The picture renders while
-    ManiSkill simulates and the picture before is matched. The first observation after reset(), also of some
-    environments, has a present picture, as of a camera that has long stood there. The observation after it shows the
-    same.
+    With config.pipelined each observation begins a picture and returns the previous one. The picture renders while
+    ManiSkill simulates and the previous one is matched. The first observation after a reset(), even of a few
+    environments, shows the present state, and the next observation shows the same state.
 
     With config.on_cuda observations stay on the sensors' GPU, and no image passes through the host. Raises CudaError
     without CUDA on this GPU. If on_cuda is None and the simulation is on CUDA, a UserWarning replaces the error and
@@ -184,14 +188,14 @@ class StereoDepthCamera(Camera):
 
     @property
     def sensors(self) -> StereoDepthSensorBatch:
-        """The sensors behind it, which have more: the infrared pair, true depth. Raises RuntimeError before the first
-        capture()."""
+        """Returns the batch of sensors behind the camera, which gives more: the infrared pair, true depth. Raises
+        RuntimeError before the first capture()."""
         if self._observations is None:
             raise RuntimeError("no picture yet: call capture() first")
         return self._observations.sensors
 
     def capture(self) -> None:
-        """Brings the sensors' scene to the present state. Images are rendered when get_obs() asks for them."""
+        """Brings the mirrored scene to ManiSkill's present state. Images are rendered when get_obs() asks for them."""
         if self._world is None:
             self._world = ManiSkillWorld.for_scene(self._scene, self.config.device)
             self._observations = self._make_observations(self._world)
@@ -203,7 +207,7 @@ class StereoDepthCamera(Camera):
         self, rgb: bool = True, depth: bool = True, position: bool = True, segmentation: bool = True,
         normal: bool = False, albedo: bool = False, apply_texture_transforms: bool = True,
     ) -> dict[str, torch.Tensor]:  # fmt: skip
-        """{modality: [E, height, width, channels]} on the simulation's device. Raises ValueError for normal and
+        """Returns {modality: [E, height, width, channels]} on the simulation's device. Raises ValueError for normal and
         albedo."""
         if normal or albedo:
             raise ValueError("a stereo depth camera has rgb, depth, position and segmentation, not normal or albedo")
@@ -224,8 +228,8 @@ class StereoDepthCamera(Camera):
         return {name: wait_for(image).to(self._scene.device) for name, image in out.items()}
 
     def get_params(self) -> dict[str, torch.Tensor]:
-        """ManiSkill's parameters; a pipelined camera returns those of the next observation's picture, because ManiSkill
-        asks for parameters before pictures."""
+        """Returns ManiSkill's camera parameters. A pipelined camera returns those of the next observation's picture,
+        because ManiSkill asks for parameters before pictures."""
         begun = self._begun
         return begun.params if begun is not None and self._serves(begun) else super().get_params()
 
@@ -243,8 +247,8 @@ class StereoDepthCamera(Camera):
             return Observations(StereoDepthSensorBatch(config, mounts, pipelined=pipelined), False)
 
     def _serves(self, begun: _Begun) -> bool:
-        """Whether the next observation can use the picture that was begun: not after a reset(), which makes a new
-        mask, or a failure."""
+        """Returns whether the next observation can use the picture that was begun: not after a reset(), which makes a
+        new mask, or a failure."""
         return begun.reset is self._scene._reset_mask and self.sensors.has_next
 
     def _take_picture(self, with_rgb: bool) -> None:

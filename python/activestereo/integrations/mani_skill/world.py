@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ManiSkill scene, with all its parallel environments, as one kuafu scene."""
+"""Mirrors a ManiSkill scene, with all its parallel environments, in one kuafu scene."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ _AMBIENT = (0.3, 0.3, 0.3)
 
 
 class ManiSkillWorld:
-    """The actors and links of a ManiSkillScene, whose parallel scenes are environments of `scene`, a kuafu.Scene.
+    """Mirrors the actors and links of a ManiSkillScene in `scene`, a kuafu.Scene with an environment for each parallel
+    scene.
 
     Poses come from ManiSkill's own batched structs, so a simulation on a GPU gathers them there and the host reads them
-    once. Hidden objects stay unseen. The ambient light is the first scene's. device: 'auto', 'cpu' or an index.
+    once. Hidden objects are left out. The ambient light is the first scene's. device: 'auto', 'cpu' or an index.
     """
 
     _known: weakref.WeakValueDictionary[int, ManiSkillWorld] = weakref.WeakValueDictionary()
@@ -53,7 +54,7 @@ class ManiSkillWorld:
 
     @classmethod
     def for_scene(cls, scene: Any, device: str | int = "auto") -> ManiSkillWorld:
-        """The world of a ManiSkill scene; makes one at the first call."""
+        """Returns the world that mirrors a ManiSkill scene; makes one at the first call."""
         known = cls._known.get(id(scene))
         return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known
 
@@ -72,7 +73,7 @@ class ManiSkillWorld:
         known = {id(struct) for struct, _ in self._places.values()}
         for number in [number for number in seen if number not in known]:
             name, struct = seen[number]
-            # Its objects are of one geometry; materials are each environment's own.
+            # A struct's objects share their geometry; each environment has its own materials.
             entities = [getattr(thing, "entity", thing) for thing in struct._objs]
             environments = struct._scene_idxs.tolist()
             own: dict[int, list[Shape]] = {}

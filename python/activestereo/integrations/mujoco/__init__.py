@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A depth sensor in MuJoCo: the scene from the model, the poses from the state. Needs the package mujoco."""
+"""Simulates a depth sensor in MuJoCo: the scene comes from the model, poses from the state. Needs the package
+mujoco."""
 
 from activestereo.integrations.mujoco.scene import MujocoMount as MujocoMount
 from activestereo.integrations.mujoco.scene import MujocoScene as MujocoScene

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The geoms of a MuJoCo model as meshes in the geom's own frame, with texture coordinates; its materials, textures and
-lights in kuafu's terms.
+"""Converts a MuJoCo model's geoms to meshes in each geom's own frame, and its materials, textures and lights to
+kuafu's.
 
-A light whose `intensity` is set has candela, which LUMENS_PER_WATT makes W/sr. Others have no unit: a Lambertian
-surface that faces a light of `diffuse` d shines with d times its colour. The irradiance of such a light is pi d. A spot
-light gives this irradiance at the middle of the model (`statistic/center`) and falls off with the square of the
-distance; MuJoCo's lights have no fall-off by default."""
+A light's `intensity`, if set, is in candela; LUMENS_PER_WATT converts it to W/sr. Other lights have no unit: a
+Lambertian surface that faces a light of `diffuse` d has a radiance of d times its colour. The irradiance of such a
+light is pi d. A spot light gives this irradiance at the middle of the model (`statistic/center`) and falls off with the
+square of the distance; MuJoCo's lights have no fall-off by default."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from activestereo.scene_io import solids
 from activestereo.scene_io.meshes import Mesh
 from activestereo.scene_io.staging import LUMENS_PER_WATT
 
-# MJCF's default for a geom without a colour; such a geom takes its material's.
+# MJCF's default colour: a geom with it has no colour of its own and takes its material's.
 _DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
-# A geom without a material shines as MJCF's default material does.
+# A geom without a material has the gloss of MJCF's default material.
 _DEFAULT_SPECULAR, _DEFAULT_SHININESS = 0.5, 0.5
 
 
 class Looks:
-    """The materials and textures of a model that are in the scene, each once."""
+    """Adds a model's materials and textures to the scene, each once."""
 
     def __init__(self, model: mujoco.MjModel, scene: kuafu.Scene) -> None:
         self._model, self._scene = model, scene
@@ -37,7 +37,7 @@ class Looks:
         self._materials: dict[tuple[int, tuple[float, ...]], int] = {}
 
     def material(self, geom: int) -> int:
-        """The scene's material of a geom."""
+        """Returns the number of the geom's material in the scene."""
         key = (int(self._model.geom_matid[geom]), _rgba(self._model, geom))
         if key not in self._materials:
             fields, texture = geom_surface(self._model, geom), self._colour_texture(key[0])
@@ -47,7 +47,7 @@ class Looks:
         return self._materials[key]
 
     def texture_kind(self, geom: int) -> int | None:
-        """MuJoCo's kind of the colour texture on a geom, or None."""
+        """Returns MuJoCo's kind (mjtTexture) of the geom's colour texture; None without one."""
         texture = self._colour_texture(int(self._model.geom_matid[geom]))
         return None if texture is None else int(self._model.tex_type[texture])
 
@@ -73,7 +73,7 @@ class Looks:
 
 
 def geom_surface(model: mujoco.MjModel, geom: int) -> dict[str, Any]:
-    """Fields of a kuafu.Material without textures."""
+    """Returns the fields of a kuafu.Material for a geom, without textures."""
     number, rgba = int(model.geom_matid[geom]), _rgba(model, geom)
     red, green, blue, alpha = (min(max(v, 0.0), 1.0) for v in rgba)
     if number < 0:
@@ -91,7 +91,7 @@ def geom_surface(model: mujoco.MjModel, geom: int) -> dict[str, Any]:
 
 
 def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
-    """A geom's own colour, or its material's."""
+    """Returns the geom's own colour, or its material's if it has none of its own."""
     number, rgba = int(model.geom_matid[geom]), tuple(float(v) for v in model.geom_rgba[geom])
     if number >= 0 and np.allclose(rgba, _DEFAULT_RGBA):
         return tuple(float(v) for v in model.mat_rgba[number])
@@ -99,7 +99,8 @@ def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
 
 
 def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
-    """Uniform radiance from all sides: MuJoCo's ambient terms and its headlight, which is no light of the room."""
+    """Returns the model's uniform radiance from all sides: MuJoCo's ambient terms and the headlight, which is no light
+    of the room."""
     head = model.vis.headlight
     total = (np.asarray(head.ambient) + np.asarray(head.diffuse)) * bool(head.active) + np.zeros(3)
     for light in range(model.nlight):
@@ -109,7 +110,8 @@ def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
 
 
 def light(model: mujoco.MjModel, data: mujoco.MjData, number: int, environment: int | None) -> kuafu.Light | None:
-    """One of the model's lights, posed by the state; None if it is off or gives no diffuse light."""
+    """Returns the model's light `number` at its pose in the state; None if it is off or gives no diffuse light.
+    environment: number of the only environment that sees it; None: all see it."""
     diffuse = np.asarray(model.light_diffuse[number], dtype=np.float64)
     if not model.light_active[number] or not diffuse.any():
         return None
@@ -137,12 +139,12 @@ def light(model: mujoco.MjModel, data: mujoco.MjData, number: int, environment: 
 # Half the side of a plane that the model calls infinite, in extents of the model.
 _ENDLESS_EXTENTS = 10.0
 _CUBE_FACES = 6
-# Texels of the next square are not to be blended in.
+# Coordinates end short of the square's edge, so that filtering blends no texels of the next square in.
 _INSIDE = 0.999
 
 
 def geom_mesh(model: mujoco.MjModel, geom: int) -> Mesh | None:
-    """The geom's surface in metres; None for kinds without a body's surface."""
+    """Returns the geom's surface in metres, in its own frame; None for kinds of geoms without a surface."""
     kinds = mujoco.mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
     if kind == kinds.mjGEOM_PLANE:
@@ -170,7 +172,7 @@ def geom_mesh(model: mujoco.MjModel, geom: int) -> Mesh | None:
 
 
 def has_own_uvs(model: mujoco.MjModel, geom: int) -> bool:
-    """Whether a geom's mesh came with texture coordinates."""
+    """Returns whether the geom's mesh came with texture coordinates."""
     mesh = model.geom_dataid[geom]
     kinds = mujoco.mjtGeom
     is_mesh = kinds(int(model.geom_type[geom])) in (kinds.mjGEOM_MESH, kinds.mjGEOM_SDF)
@@ -178,16 +180,17 @@ def has_own_uvs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh:
-    """Texture coordinates of a 2D texture over x and y, repeated `repeat` times over the geom, or per metre if it is
-    uniform."""
+    """Returns the mesh with coordinates of a 2D texture over x and y. repeat: [2], repetitions over the geom, or per
+    metre if is_uniform."""
     at = mesh.positions[:, :2] * [1.0, -1.0]
     half = 1.0 if is_uniform else 2.0 * np.abs(mesh.positions[:, :2]).max(axis=0).clip(1e-9)
     return replace(mesh, uvs=np.ascontiguousarray(at / half * repeat + 0.5 * (not is_uniform), np.float32))
 
 
 def cube_uvs(mesh: Mesh, is_uniform: bool) -> Mesh:
-    """Texture coordinates of a cube texture, seen from the geom's middle (OpenGL's rule for cube maps). Its six squares
-    lie below one another (+x, -x, +y, -y, +z, -z). Each triangle takes the square of its own middle."""
+    """Returns the mesh with coordinates of a cube texture, projected from the geom's middle (OpenGL's rule for cube
+    maps). Its six squares lie below one another (+x, -x, +y, -y, +z, -z). Each triangle takes the square of its own
+    middle."""
     half = 1.0 if is_uniform else np.abs(mesh.positions).max(axis=0).clip(1e-9)
     corners = (mesh.positions / half)[mesh.indices].astype(np.float64)
     middle = corners.mean(axis=1)
@@ -216,7 +219,8 @@ def _scaled(mesh: Mesh, scale: NDArray[np.float64] | list[float]) -> Mesh:
 
 
 def _model_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
-    """MuJoCo numbers positions, normals and texture coordinates apart; here a vertex is one of each."""
+    """Returns a mesh of the model. MuJoCo indexes positions, normals and texture coordinates separately; here each
+    vertex has one of each."""
     faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     vertex, normal = model.mesh_face[faces], model.mesh_facenormal[faces]
     has_uvs = model.mesh_texcoordadr[mesh] >= 0

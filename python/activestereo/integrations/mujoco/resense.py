@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stored demonstrations seen by a depth sensor: states of MuJoCo are replayed, and their pictures taken again.
+"""Replays the MuJoCo states of stored demonstrations and takes a depth sensor's pictures of them.
 
 A file is in robosuite's layout, which LIBERO and robomimic have too (robosuite, "Human Demonstrations"): a group
 data/NAME for each demonstration, with the model's MJCF as the attribute model_file, and states [T, 1 + nq + nv or
@@ -31,7 +31,7 @@ class Demo:
 
 
 def packages() -> tuple[Any, Any]:
-    """The modules mujoco and h5py. Raises ImportError if one is missing."""
+    """Imports and returns the modules mujoco and h5py. Raises ImportError if one is missing."""
     import h5py
     import mujoco
 
@@ -39,7 +39,8 @@ def packages() -> tuple[Any, Any]:
 
 
 def read_demos(path: str | Path) -> Iterator[Demo]:
-    """Reads demonstrations. Raises ValueError if a part of robosuite's layout is absent."""
+    """Reads the demonstrations of an HDF5 file one by one. Raises ValueError if a part of robosuite's layout is
+    absent."""
     _, h5py = packages()
     try:
         file = h5py.File(checked_file(path), "r")
@@ -58,11 +59,11 @@ def resense(
     demo: Demo, config: StereoDepthSensorConfig, out: Path, camera: str | None = None, every: int = 1,
     device: str | int = "auto", progress: Progress | None = None,
 ) -> int:  # fmt: skip
-    """Takes every `every`-th state from the model's camera (the first by default) and writes into `out`, by number of
-    the state: depth and depth_true (uint16 millimetres, of the RGB camera), ir_left and ir_right (as measured), and
-    cause (uint8 of the left infrared camera, an index into sensor.gbuffer.cause.CAUSES). Returns the number of
-    pictures. Raises ValueError for a model that MuJoCo cannot load, and for states of another size or without
-    numbers."""
+    """Takes a picture of every `every`-th state from the model's camera (None: the first). Writes into the folders
+    `out`/KIND, as PNG files named by the state's number: depth and depth_true (uint16 millimetres in the RGB camera),
+    ir_left and ir_right (as measured), and cause (uint8 of the left infrared camera, an index into
+    sensor.gbuffer.cause.CAUSES). Returns the number of pictures. Raises ValueError for a model that MuJoCo cannot load,
+    and for states of a wrong size or with non-finite values."""
     from activestereo.integrations.mujoco.scene import MujocoScene
 
     mujoco, _ = packages()
@@ -80,7 +81,7 @@ def resense(
         raise ValueError(f"{demo.name}: its model has no camera")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    # robosuite has shapes to see in group 1, and in group 0 those that collide.
+    # robosuite puts visual geoms into group 1 and collision geoms into group 0.
     groups = (1, 2) if (model.geom_group == 1).any() else (0, 1, 2)
     world = MujocoScene(model, data, groups, device)
     numbers = range(0, len(demo.states), every)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A MuJoCo model as a kuafu scene. Its bodies follow the state.
+"""Mirrors a MuJoCo model in a kuafu scene whose bodies follow the state.
 
     world = MujocoScene(model, data)
     sensor = StereoDepthSensor(StereoDepthSensorConfig("D435"), world.mount("wrist"))
@@ -38,15 +38,15 @@ _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 class MujocoMirrorWarning(UserWarning):
-    """A part of a model has no counterpart in the scene."""
+    """Warns that a part of a model has no counterpart in the scene."""
 
 
 class MujocoScene:
-    """The visible geoms, materials, textures and lights of a model.
+    """Mirrors the visible geoms, materials, textures and lights of a model.
 
     data: the state, after mj_forward(); a list of states is a batch of environments. groups: the geoms' groups that are
-    seen (MuJoCo's viewer shows 0 to 2). device: 'auto', 'cpu', an index or a kuafu.Device. scene: one to put the model
-    into, in place of a new one. Skins, flexes and tendons are left out, with a MujocoMirrorWarning.
+    seen (MuJoCo's viewer shows 0 to 2). device: 'auto', 'cpu', an index or a kuafu.Device. scene: the scene that the
+    model is added to; None: a new one. Skins, flexes and tendons are left out, with a MujocoMirrorWarning.
     """
 
     def __init__(
@@ -101,8 +101,8 @@ class MujocoScene:
         return self.bodies.move(poses if self.is_batch else poses[0])
 
     def mount(self, camera: str | None = None, body: str | None = None) -> MujocoMount:
-        """A place for a sensor: a camera of the model, with the camera's direction, or a body, with axes x forward, y
-        left, z up. Raises ValueError if the model has neither of this name."""
+        """Returns a mount for a sensor: a camera of the model (x forward along its direction), or a body (axes x
+        forward, y left, z up). Raises ValueError unless exactly one is named and exists."""
         if (camera is None) == (body is None):
             raise ValueError("a mount is on a camera or on a body: name one of them")
         kind = mujoco.mjtObj.mjOBJ_CAMERA if body is None else mujoco.mjtObj.mjOBJ_BODY
@@ -115,11 +115,13 @@ class MujocoScene:
         return MujocoMount(self, number, is_camera=body is None)
 
     def geom_of(self, semantic_id: int) -> str:
-        """The name of a geom in the picture 'semantic_id', which stores geom + 1 (0 = no geom)."""
+        """Returns the name of a geom by its value in the picture 'semantic_id', which stores the geom's number + 1 (0 =
+        no geom)."""
         return self._name(semantic_id - 1)
 
     def _mesh(self, geom: int) -> int | None:
-        """The scene's mesh of a geom; geoms of one shape, textured alike, share one."""
+        """Returns the number of a geom's mesh in the scene; geoms of the same shape and texturing share one. None: it
+        has no surface."""
         model, material = self.model, int(self.model.geom_matid[geom])
         kind = self._looks.texture_kind(geom)
         shape = (int(model.geom_type[geom]), int(model.geom_dataid[geom]), model.geom_size[geom].tobytes())
@@ -141,7 +143,7 @@ class MujocoScene:
 
 
 class MujocoMount:
-    """A place on a moving MuJoCo camera or body, for StereoDepthSensor and StereoDepthSensorBatch."""
+    """A mount on a moving MuJoCo camera or body, for StereoDepthSensor and StereoDepthSensorBatch."""
 
     def __init__(self, world: MujocoScene, number: int, is_camera: bool) -> None:
         self._world, self._number, self._is_camera = world, number, is_camera
@@ -149,7 +151,7 @@ class MujocoMount:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """[E, 4, 4] of the present states, body axes (x forward, y left, z up)."""
+        """Returns the mount's poses in the present states, [E, 4, 4], body axes (x forward, y left, z up)."""
         states, n = self._world._states, self._number
         out = np.zeros((len(states), 4, 4))
         out[:, 3, 3] = 1.0
@@ -160,7 +162,7 @@ class MujocoMount:
 
     @property
     def pose(self) -> NDArray[np.float64]:
-        """Pose [4, 4] of a single state."""
+        """Returns the mount's pose [4, 4] in a single state. Raises ValueError for a batch of states."""
         if self._world.is_batch:
             raise ValueError("this world is a batch of states: use poses")
         return np.asarray(self.poses[0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's names on a simulated camera; `import activestereo.realsense as rs` takes them from here."""
+"""Offers pyrealsense2's names for a simulated camera; `import activestereo.realsense as rs` takes them from here."""
 
 from typing import NoReturn
 

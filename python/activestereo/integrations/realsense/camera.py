@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated camera behind a device: a scene, and a sensor that the options configure."""
+"""Simulates the camera behind a device: a scene, and a sensor that librealsense's options configure."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from activestereo.scene_io.example_scene import write_table_top
 from activestereo.sensor.mounts import as_mount
 from activestereo.sensor.sensor import StereoDepthSensor
 
-_GAIN_STEPS = 16  # of librealsense's gain per unit of ours
+_GAIN_STEPS = 16  # librealsense's gain is 16 times ours
 _LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
-# From the middle of the exposure to the arrival, measured on D400s.
+# Time from the middle of the exposure to the arrival, measured on D400s.
 LATENCY_MS: dict[stream, float] = {stream.depth: 9.0, stream.infrared: 9.0, stream.color: 66.0}
 
 
 @dataclass
 class World:
-    """The world in a simulated camera's view, and its delivery of frames. scene: a scene file, or None for the
-    example's table top. pose: the RGB camera's, in body axes; None: that of the scene's first camera. before_frame:
-    called with the sensor and the time in seconds before each picture, to move objects. jitter_ms: standard deviation
-    of the latency, by seed. drop_share: of each stream's frames, by seed. frames: after this number no frame arrives,
-    and waiting fails as with an unplugged camera; None: no end."""
+    """Describes the world that a simulated camera sees, and how its frames are delivered. scene: a scene file, or None
+    for the example's table top. pose: the RGB camera's pose in the scene, body axes; None: that of the scene's first
+    camera. before_frame: called with the sensor and the time in seconds before each picture, to move objects.
+    jitter_ms: standard deviation of the latency. drop_share: share of each stream's frames that are lost. seed: repeats
+    both. frames: after this number no frame arrives, and waiting fails as with an unplugged camera; None: no end."""
 
     scene: str | os.PathLike[str] | kuafu.Scene | None = None
     sensor: str = "D435"
@@ -62,7 +62,7 @@ class World:
 
 
 def sensor_ranges(config: StereoDepthSensorConfig) -> dict[option, option_range]:
-    """The depth sensor's options, as a D400 has them."""
+    """Returns {option: its range} for the depth sensor, with the options of a D400."""
     low, high, step = config.laser_power_limits_mw
     exposure = round(1e6 * config.ir_camera_exposure)
     return {
@@ -79,7 +79,8 @@ def sensor_ranges(config: StereoDepthSensorConfig) -> dict[option, option_range]
 
 
 class SimulatedCamera:
-    """Takes pictures of a world. depth_size, color_size: (width, height) of the streams."""
+    """Takes pictures of a world under librealsense's options. depth_size, color_size: (width, height) of the
+    streams."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -100,7 +101,8 @@ class SimulatedCamera:
     # ---- settings of the options ----
 
     def set_option(self, which: option, value: float) -> None:
-        """Takes effect in the next picture."""
+        """Sets an option from the next picture on. A preset sets the advanced-mode settings; exposure and gain end
+        automatic exposure."""
         if which == option.visual_preset:
             self.set_settings(visual_preset(rs400_visual_preset(int(value)).name))
         if which in (option.exposure, option.gain):
@@ -109,16 +111,16 @@ class SimulatedCamera:
         self._config = None
 
     def set_settings(self, settings: AdvancedSettings) -> None:
-        """Advanced-mode settings, from the next picture on."""
+        """Sets advanced-mode settings from the next picture on."""
         table = depth_table(settings)  # refuses clamps that exclude all
         if "param-depthunits" in settings.values:
             self.values[option.depth_units] = table.unit_m
         self.settings, self._config = settings, None
 
     def config(self) -> StereoDepthSensorConfig:
-        """The sensor's configuration under the present options."""
+        """Returns the sensor's configuration under the present options."""
         if self._config is None:
-            # A mode of another shape is cut out of the camera's own image.
+            # A mode with another aspect ratio is a crop of the camera's own image.
             config, colored = _cut(self.base, "ir", self.depth_size), _cut(self.base, "rgb", self.color_size)
             for name in ("rgb_resolution", "rgb_intrinsic", "rgb_line_time_s", "rgb_optics"):
                 setattr(config, name, getattr(colored, name))
@@ -139,7 +141,7 @@ class SimulatedCamera:
         return self._config
 
     def profile(self, request: StreamRequest) -> video_stream_profile:
-        """Returns a request's stream; without a size it takes the present size."""
+        """Returns the stream profile for a request; a request without a size takes the present size."""
         name, size = ("rgb", self.color_size) if request.stream == stream.color else ("ir", self.depth_size)
         size = (request.width, request.height) if request.width and request.height else size
         c, left_to_stream = _cut(self.base, name, size), np.eye(4)
@@ -158,14 +160,14 @@ class SimulatedCamera:
     # ---- pictures ----
 
     def take_picture(self, time_s: float, with_color: bool) -> None:
-        """The picture of a moment; the results stay until the next."""
+        """Takes the picture at time_s, seconds, and computes its depth; the results stay until the next picture."""
         sensor = self._ready()
         self.world.before_frame(sensor, time_s)
         sensor.take_picture(infrared_only=not with_color)
         sensor.compute_depth()
 
     def depth(self) -> NDArray[np.uint16]:
-        """Depth in the left infrared camera, counts of unit_m; 0 = no measurement."""
+        """Returns depth in the left infrared camera, uint16 counts of the option depth_units; 0 = no measurement."""
         sensor, table = self._ready(), depth_table(self.settings)
         disparity = sensor.get_disparity()
         with np.errstate(divide="ignore"):
@@ -175,7 +177,7 @@ class SimulatedCamera:
         return np.where(counts <= np.iinfo(np.uint16).max, counts, 0).astype(np.uint16)
 
     def pixels(self, profile: video_stream_profile) -> NDArray[Any]:
-        """The last picture's image of a stream, as the imagers count."""
+        """Returns a stream's image from the last picture, in the profile's format."""
         if profile.stream_type() == stream.depth:
             return self.depth()
         if profile.stream_type() == stream.infrared:
@@ -190,7 +192,8 @@ class SimulatedCamera:
         return np.dstack([rgba[..., order], np.full(rgba.shape[:2], 255, np.uint8)])
 
     def light(self) -> dict[frame_metadata_value, int]:
-        """The infrared cameras' exposure in microseconds and gain, and the laser, in the last picture."""
+        """Returns metadata of the last picture: the infrared cameras' exposure in microseconds and gain, and the
+        laser's state."""
         sensor = self._ready()
         used, is_lit = sensor.get_config(), sensor.plan.laser_w_sr[sensor.frame_index % 2] > 0
         return {
@@ -207,7 +210,7 @@ class SimulatedCamera:
         self._sensor = None
 
     def _ready(self) -> StereoDepthSensor:
-        """The sensor of the present configuration; makes a new one after a change."""
+        """Returns the sensor for the present configuration; makes a new one after a change."""
         config = self.config()
         if self._sensor is None or self._made_for is not config:
             self.close()

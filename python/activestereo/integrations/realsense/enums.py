@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's enumerations, with librealsense's numbers (SDK 2.59, include/librealsense2/h)."""
+"""Defines pyrealsense2's enumerations, with librealsense's numbers (SDK 2.59, include/librealsense2/h)."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class option(_Enum):
 
 
 class camera_info:
-    """Plain numbers: a member of an IntEnum may not be called `name`."""
+    """Plain integers in place of an IntEnum, whose members may not be called `name`."""
 
     (
         name, serial_number, firmware_version, recommended_firmware_version, physical_port, debug_op_code,

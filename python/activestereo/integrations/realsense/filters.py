@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """pyrealsense2's processing blocks: filters of depth (librealsense's doc/post-processing-filters), align, point clouds
-and colours. Each takes a depth frame, or a frameset whose depth it processes."""
+and colours. Each takes a depth frame, or a frameset, of which it processes the depth frame."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from activestereo.integrations.realsense.options import Options, option_range
 
 
 class filter(Options):
-    """One filter. process() returns its input, filtered. arguments: the options that a filter is made with, by name in
-    librealsense's order, and their defaults."""
+    """Base of the filters. ranges: each option's range. arguments: {parameter of the constructor: (option, default)},
+    in librealsense's order."""
 
     ranges: dict[option, option_range] = {}
     arguments: dict[str, tuple[option, float]] = {}
@@ -41,7 +41,7 @@ class filter(Options):
             self.set_option(which, given.get(name, default))
 
     def process(self, given: frame) -> frame:
-        """A frame, or a frameset with its depth filtered."""
+        """Returns the filtered frame; from a frameset, a frameset with its depth filtered."""
         if isinstance(given, composite_frame):
             parts = [self._filtered(one) if one.profile.stream_type() == stream.depth else one for one in given]
             return composite_frame(parts)
@@ -52,7 +52,8 @@ class filter(Options):
 
 
 class decimation_filter(filter):
-    """Fewer pixels: each square becomes the median of its measured pixels, from side 4 on their mean."""
+    """Reduces resolution: each square of pixels becomes the median of its measured pixels, or their mean from a side of
+    4 pixels on."""
 
     ranges = {option.filter_magnitude: option_range(1, 8, 1, 2)}
 
@@ -83,7 +84,7 @@ class decimation_filter(filter):
 
 
 class threshold_filter(filter):
-    """Depth between two distances, metres."""
+    """Keeps depth between min_distance and max_distance, metres, and sets other pixels to 0."""
 
     ranges = {option.min_distance: option_range(0, 16, 0.1, 0.1), option.max_distance: option_range(0, 16, 0.1, 4)}
 
@@ -100,8 +101,8 @@ _DISPARITY_STEPS = 32
 
 
 class disparity_transform(filter):
-    """Depth as disparities, or back; disparities are float32, 1/32 pixel of the depth stream at the camera's own
-    baseline. As in librealsense, depth of a camera that tells no baseline stays depth."""
+    """Converts depth to disparities, or back. Disparities are float32, in 1/32 pixel of the depth stream at the
+    camera's own baseline. As in librealsense, depth stays depth if the camera's baseline is unknown."""
 
     def __init__(self, transform_to_disparity: bool = True) -> None:
         super().__init__()
@@ -126,8 +127,9 @@ _FILL_RADIUS_PX = (0, 2, 4, 8, 16, 10**6)
 
 
 class spatial_filter(filter):
-    """Smooths without crossing edges: a recursion along rows, then columns, forth and back (Gastal and Oliveira, Domain
-    Transform, ACM TOG 30(4), 2011). An edge is a step of more than filter_smooth_delta counts, or disparities."""
+    """Smooths depth without crossing edges, by a recursive filter along rows, then columns, forth and back (Gastal and
+    Oliveira, Domain Transform, ACM TOG 30(4), 2011). An edge is a step of more than filter_smooth_delta counts, or
+    disparities."""
 
     ranges = {
         option.filter_magnitude: option_range(1, 5, 1, 2),
@@ -161,7 +163,8 @@ class spatial_filter(filter):
 
 
 def _smooth(values: NDArray[np.float32], alpha: float, delta: float, half: float) -> None:
-    """Along the first axis, in place: each measured value moves towards the one before it, unless there is an edge."""
+    """Filters along the first axis, in place: moves each measured value towards the one before it, unless they differ
+    by delta or more. half: 0.5 rounds each result, 0 does not."""
     before = values[0].copy()
     for row in values[1:]:
         is_smooth = (row > 0) & (before > 0) & (np.abs(row - before) < delta)
@@ -171,7 +174,7 @@ def _smooth(values: NDArray[np.float32], alpha: float, delta: float, half: float
 
 
 def _fill_rows(values: NDArray[np.float32], radius_px: int) -> None:
-    """Holes of at most so many pixels take the value on their left, in place."""
+    """Fills holes of each row in place with the value on their left, up to radius_px pixels away from it."""
     since = np.zeros(values.shape[0], np.int64)
     for x in range(1, values.shape[1]):
         is_hole = values[:, x] == 0
@@ -180,14 +183,14 @@ def _fill_rows(values: NDArray[np.float32], radius_px: int) -> None:
         values[takes, x] = values[takes, x - 1]
 
 
-# Persistence: of the last frames so many must have measured a pixel for its last value to stand in a hole.
+# {persistence: (least, count)}: a hole keeps its last value if at least `least` of the last `count` frames measured it.
 _PERSISTENCE = {1: (8, 8), 2: (2, 3), 3: (2, 4), 4: (2, 8), 5: (1, 2), 6: (1, 5), 7: (1, 8)}
 _ALWAYS = 8
 
 
 class temporal_filter(filter):
-    """Averages each pixel over frames if it changes by less than filter_smooth_delta. holes_fill, the persistence,
-    keeps values in holes."""
+    """Averages each pixel over frames if it changes by less than filter_smooth_delta. Its persistence (option
+    holes_fill) decides when a hole keeps the last value."""
 
     ranges = {
         option.filter_smooth_alpha: option_range(0, 1, 0.01, 0.4),
@@ -230,7 +233,8 @@ class temporal_filter(filter):
 
 
 class hole_filling_filter(filter):
-    """Each hole takes a neighbour: 0 the one on its left, 1 the farthest and 2 the nearest of those around it."""
+    """Fills each hole with a neighbour's value. Mode 0 takes the left one, 1 the farthest and 2 the nearest of those
+    around it."""
 
     ranges = {option.holes_fill: option_range(0, 2, 1, 1)}
 
@@ -258,13 +262,13 @@ _WIDEST_PX = 15
 
 
 class align:
-    """Frames of a frameset in the image of `to`: depth into colour, or colour into depth."""
+    """Transfers the frames of a frameset to the image of `to`: depth to colour, or colour to depth."""
 
     def __init__(self, to: stream) -> None:
         self._to = to
 
     def process(self, frames: composite_frame) -> composite_frame:
-        """Aligns a frameset. Raises RuntimeError if it lacks depth or the target stream."""
+        """Returns the aligned frameset. Raises RuntimeError if the frameset lacks depth or the target stream."""
         depth, target = frames.first(stream.depth), frames.first(self._to).profile
         if self._to == stream.depth:  # the other frames' pixels at each measured depth; 0 elsewhere
             aligned = [depth]
@@ -306,7 +310,8 @@ class align:
 
 
 def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
-    """[2, n] pixels of the target that a corner of each measured pixel falls into."""
+    """Returns the target's pixels, [2, n], that a corner of each measured depth pixel falls into. corner_px: the
+    corner's offset from the pixel's centre."""
     counts = np.asarray(depth.get_data())
     v, u = np.nonzero(counts)
     rays = deprojected(depth.profile.intrinsics, u + corner_px, v + corner_px)
@@ -323,7 +328,7 @@ _TEXEL = np.dtype([("u", "<f4"), ("v", "<f4")])
 
 
 class points(frame):
-    """A point for each pixel of a depth frame, 0 = not measured; texture coordinates 0..1."""
+    """A point, metres, for each pixel of a depth frame, 0 = not measured, with texture coordinates 0..1."""
 
     def __init__(
         self, of: frame | None = None, vertices: NDArray[np.float32] | None = None,
@@ -338,15 +343,16 @@ class points(frame):
         return len(self._vertices)
 
     def get_vertices(self, dims: int = 1) -> NDArray[Any]:
-        """[n] of x, y, z; dims 2: [n, 3]."""
+        """Returns the points as a structured array [n] with x, y, z, metres; with dims 2 as [n, 3]."""
         return self._vertices if dims == 2 else self._vertices.view(_VERTEX).reshape(-1)
 
     def get_texture_coordinates(self, dims: int = 1) -> NDArray[Any]:
-        """[n] of u, v; dims 2: [n, 2]."""
+        """Returns texture coordinates as a structured array [n] with u, v; with dims 2 as [n, 2]."""
         return self._texels if dims == 2 else self._texels.view(_TEXEL).reshape(-1)
 
     def export_to_ply(self, path: str | PathLike[str], texture: frame | None) -> None:
-        """The measured points, coloured by the texture."""
+        """Writes the measured points, with the colours of `texture`, into a PLY file. texture: the frame given to
+        map_to(); None: no colours."""
         measured = self._vertices[:, 2] > 0
         colors = None
         if texture is not None:
@@ -362,13 +368,13 @@ class points(frame):
 
 
 class pointcloud:
-    """Points of depth frames."""
+    """Computes the points of depth frames."""
 
     def __init__(self) -> None:
         self._mapped: frame | None = None
 
     def map_to(self, mapped: frame) -> None:
-        """The frame that the next points have texture coordinates in."""
+        """Sets the frame to which the texture coordinates of the next points refer."""
         self._mapped = mapped
 
     def calculate(self, depth: frame) -> points:
@@ -389,12 +395,13 @@ class pointcloud:
         return points(depth, vertices, texels)
 
     def process(self, frames: frame) -> points:
-        """The points of a frameset's depth, or of a depth frame."""
+        """Returns the points of a depth frame, or of a frameset's depth."""
         return self.calculate(frames.first(stream.depth) if isinstance(frames, composite_frame) else frames)
 
 
 class save_to_ply(filter):
-    """Writes each frameset's points into one file; its options of format are taken and change nothing."""
+    """Writes the points of each frame or frameset into the same PLY file, in place of the previous ones. Options of its
+    format are accepted without effect."""
 
     option_ignore_color, option_ply_mesh, option_ply_binary, option_ply_normals, option_ply_threshold = range(100, 105)
 
@@ -423,7 +430,8 @@ _SCHEMES = {
 
 
 class colorizer(filter):
-    """Depth as rgb8; depths have equal shares of the colours where histogram_equalization_enabled is 1."""
+    """Colours depth as rgb8. With histogram_equalization_enabled all colours have equal shares of the pixels; otherwise
+    they are linear in depth."""
 
     ranges = {
         option.color_scheme: option_range(0, 9, 1, 0),
@@ -435,7 +443,7 @@ class colorizer(filter):
     arguments = {"color_scheme": (option.color_scheme, 0)}
 
     def process(self, given: frame) -> frame:
-        """The coloured depth; of a frameset, the frameset with it at its end."""
+        """Returns the coloured depth; from a frameset, the frameset with the coloured depth at its end."""
         if isinstance(given, composite_frame):
             return composite_frame([*given, self._filtered(given.first(stream.depth))])
         return self._filtered(given)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's intrinsics, extrinsics and functions on points (metres; x right, y down, z forward); its frames, with
-their stream profiles. get_data() returns a NumPy array, which scripts' np.asanyarray() takes without a copy."""
+"""pyrealsense2's frames with their stream profiles, intrinsics, extrinsics and functions on points (metres; x right, y
+down, z forward). get_data() returns a NumPy array, which scripts' np.asanyarray() takes without a copy."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ class intrinsics:
 
 @dataclass
 class extrinsics:
-    """rotation: 9 numbers, column after column; translation: metres."""
+    """A transform between streams. rotation: 9 numbers, column after column; translation: metres."""
 
     rotation: list[float] = field(default_factory=lambda: np.eye(3).ravel().tolist())
     translation: list[float] = field(default_factory=lambda: [0.0] * 3)
 
     def matrix(self) -> NDArray[np.float64]:
-        """4x4."""
+        """Returns the transform as 4x4."""
         out = np.eye(4)
         out[:3, :3], out[:3, 3] = np.reshape(self.rotation, (3, 3)).T, self.translation
         return out
 
 
 def deprojected(camera: intrinsics, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (x, y) at depth 1 through pixels [2, ...]."""
+    """Returns x and y at depth 1 of the rays through pixels (u, v), [2, ...]."""
     x, y = (u - camera.ppx) / camera.fx, (v - camera.ppy) / camera.fy
     if any(camera.coeffs):
         x, y = undistort(x, y, camera.coeffs)
@@ -53,7 +53,7 @@ def deprojected(camera: intrinsics, u: NDArray[np.float64], v: NDArray[np.float6
 
 
 def projected(camera: intrinsics, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels [2, ...] of points [3, ...] with z > 0."""
+    """Returns the pixels [2, ...] of points [3, ...] with z > 0, through the lens."""
     x, y = points[0] / points[2], points[1] / points[2]
     if any(camera.coeffs):
         x, y = distort(x, y, camera.coeffs)
@@ -78,18 +78,19 @@ _NAMES = {stream.depth: "Depth", stream.color: "Color", stream.infrared: "Infrar
 
 
 def getter(path: str) -> Any:
-    """A method that returns an attribute of its object. pyrealsense2 has such methods in place of attributes."""
+    """Returns a method that returns the attribute `path` of its object: pyrealsense2 has methods in place of
+    attributes."""
     read = attrgetter(path)
     return lambda self: read(self)
 
 
 def ignored(self: Any, *values: Any, **named: Any) -> None:
-    """Does nothing: a simulated camera has no use for it."""
+    """Does nothing; stands in for methods that have no effect on a simulated camera."""
 
 
 @dataclass(frozen=True)
 class StreamRequest:
-    """A stream that a config asks for; 0 and format.any: whatever there is."""
+    """A stream that a config asks for; 0 and format.any accept any value."""
 
     stream: stream
     index: int = 0
@@ -100,8 +101,8 @@ class StreamRequest:
 
 
 class video_stream_profile:
-    """One stream. left_to_stream: 4x4, from the left infrared camera, which depth belongs to. baseline_m: between the
-    infrared cameras; None if unknown."""
+    """Describes one stream. left_to_stream: 4x4, from the axes of the left infrared camera, which are depth's, to the
+    stream's. baseline_m: distance of the infrared cameras; None if unknown."""
 
     def __init__(
         self, request: StreamRequest | video_stream_profile, lens: intrinsics | None = None,
@@ -140,7 +141,7 @@ class video_stream_profile:
         return extrinsics(transform[:3, :3].T.ravel().tolist(), transform[:3, 3].tolist())
 
     def seen(self, lens: intrinsics, form: pixel_format | None = None) -> video_stream_profile:
-        """The same stream through other intrinsics, or in another format."""
+        """Returns the profile of the same stream with other intrinsics, or in another format."""
         form = self.request.format if form is None else form
         request = replace(self.request, width=lens.width, height=lens.height, format=form)
         return video_stream_profile(request, lens, self.left_to_stream, self.baseline_m)
@@ -150,7 +151,8 @@ stream_profile = video_stream_profile
 
 
 class frame:
-    """An image of a stream. timestamp: milliseconds at the middle of the exposure."""
+    """An image of a stream. timestamp: milliseconds at the middle of the exposure. unit_m: metres per count of
+    depth."""
 
     def __init__(
         self, pixels: NDArray[Any], profile: video_stream_profile, number: int, timestamp: float,
@@ -163,7 +165,7 @@ class frame:
     get_frame_number, get_timestamp = getter("frame_number"), getter("timestamp")
 
     def changed(self, pixels: NDArray[Any], profile: video_stream_profile | None = None) -> frame:
-        """A frame of the same moment with other pixels."""
+        """Returns a frame of the same moment with other pixels, and another profile if one is given."""
         profile = self.profile if profile is None else profile
         kind = depth_frame if profile.stream_type() == stream.depth else video_frame
         if profile.format() == pixel_format.disparity32:
@@ -193,22 +195,22 @@ class depth_frame(video_frame):
     get_units = getter("unit_m")  # metres per count
 
     def get_distance(self, x: int, y: int) -> float:
-        """Metres, 0 = not measured."""
+        """Returns the depth at a pixel, metres, 0 = not measured."""
         if not (0 <= x < self.width and 0 <= y < self.height):
             raise RuntimeError(f"pixel {x}, {y} is outside of {self.width}x{self.height}")
         return float(self.data[y, x]) * self.unit_m
 
 
 class disparity_frame(depth_frame):
-    """float32 disparities, 1/32 px."""
+    """A frame of float32 disparities in 1/32 px."""
 
     def get_baseline(self) -> float:
-        """Millimetres between the infrared cameras."""
+        """Returns the distance between the infrared cameras, millimetres."""
         return 1e3 * (self.profile.baseline_m or 0.0)
 
 
 class composite_frame(frame):
-    """Frames of one moment, one of each stream."""
+    """A frameset: frames of one moment, one of each stream."""
 
     def __init__(self, frames: Sequence[frame]) -> None:
         first = frames[0]
@@ -216,7 +218,7 @@ class composite_frame(frame):
         self._frames = list(frames)
 
     def first_or_default(self, s: stream, f: pixel_format = pixel_format.any, index: int = 0) -> frame | None:
-        """The stream's first frame, in this format and with this index if they are given."""
+        """Returns the stream's first frame, with this format and index if they are given; None if there is none."""
         for one in self._frames:
             r = one.profile.request
             if r.stream == s and f in (pixel_format.any, r.format) and index in (0, r.index):
@@ -236,7 +238,7 @@ class composite_frame(frame):
         return self.first_or_default(stream.color)
 
     def get_infrared_frame(self, index: int = 0) -> frame | None:
-        """The infrared frame of an index; index 0 gives the first one."""
+        """Returns the infrared frame with this index, or the first one for index 0; None if there is none."""
         return self.first_or_default(stream.infrared, index=index)
 
     def __len__(self) -> int:
@@ -259,7 +261,8 @@ for _name in ("frame", "video_frame", "depth_frame", "frameset"):
 
 
 class frame_queue:
-    """The newest frames. source: the pipeline that was started with the queue; each call takes a picture of it."""
+    """Holds the newest frames. source: a pipeline that was started with this queue; wait_for_frame() then takes a
+    picture with it."""
 
     def __init__(self, capacity: int = 1, keep_frames: bool = False) -> None:
         self._ready: deque[frame] = deque(maxlen=max(1, capacity))
@@ -269,7 +272,8 @@ class frame_queue:
         self._ready.append(one)
 
     def wait_for_frame(self, timeout_ms: int = 5000) -> Any:
-        """The oldest frame. Raises RuntimeError at once if there is none, since none arrives later."""
+        """Returns the oldest frame, or the pipeline's next frameset. Raises RuntimeError at once if the queue is empty,
+        since no frame arrives later."""
         if self.source is not None:
             return self.source.wait_for_frames(timeout_ms)
         if not self._ready:
@@ -281,7 +285,7 @@ _MOST_WAITING = 16  # framesets that lack a stream
 
 
 class syncer(frame_queue):
-    """Framesets of frames of one number; a set is whole when each of `streams` has sent one."""
+    """Joins frames with the same number to framesets; a set is complete when each of `streams` has sent a frame."""
 
     def __init__(self, queue_size: int = 16) -> None:
         super().__init__(queue_size)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options with ranges, as sensors and filters of pyrealsense2 have them, and the advanced mode's groups of controls
-over the keys of its JSON.
+"""Implements the options of pyrealsense2's sensors and filters, and groups the advanced mode's JSON keys by control.
 
 Names, keys and scales are librealsense's (src/ds/advanced_mode/json_loader.hpp)."""
 
@@ -23,7 +22,7 @@ class option_range:
 
 
 class Described:
-    """A thing with texts by the numbers of camera_info."""
+    """An object with information texts, {number of camera_info: text}."""
 
     info: dict[int, str] = {}
 
@@ -34,8 +33,8 @@ class Described:
 
 
 class Options:
-    """ranges: each option's range, None for a read-only one. on_change: called before an option takes a value; it may
-    refuse it."""
+    """An object with options. ranges: range of each option that can be set. read_only: values of the others.
+    on_change(option, value): called before an option takes a value; raises an error to refuse it."""
 
     def __init__(
         self, ranges: Mapping[option, option_range], read_only: Mapping[option, float] | None = None,
@@ -87,7 +86,7 @@ class Options:
 
 @cache
 def controls() -> dict[str, dict[str, Key]]:
-    """The advanced mode's groups of controls: {group: {number's name: key of the JSON}}."""
+    """Returns the advanced mode's groups of controls: {group: {field of the control: key of the JSON}}."""
     groups: dict[str, dict[str, Key]] = {}
     for key in keys().values():
         group, _, name = key.control.partition(".")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's context, devices and sensors of one simulated camera, and its pipeline: framesets of the streams that
-a config asks for, one simulated picture each."""
+"""pyrealsense2's context, devices and sensors of one simulated camera, and its pipeline. Each frameset of the pipeline
+is one simulated picture."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _worlds: list[World] = []
 
 
 def simulate(world: World) -> None:
-    """Sets the world for cameras of this module; running pipelines keep theirs."""
+    """Sets the world that cameras of this module see from now on; existing devices keep theirs."""
     _worlds[:] = [world]
 
 
 class sensor(Options, Described):
-    """One of a device's sensors. modes: of each stream and index, its formats."""
+    """One of a device's sensors. modes: {(stream, index): its formats}."""
 
     modes: dict[tuple[stream, int], tuple[format, ...]] = {(stream.color, 0): (format.rgb8, format.bgr8)}
 
@@ -47,7 +47,7 @@ class sensor(Options, Described):
         self.name, self._camera, self.info = name, camera, {camera_info.name: name}
 
     def get_stream_profiles(self) -> list[video_stream_profile]:
-        """The usual modes; a pipeline takes any size."""
+        """Returns profiles of the usual modes; a pipeline also takes any other size."""
         return [
             self._camera.profile(StreamRequest(kind, index, *size, form, _FPS))
             for (kind, index), forms in self.modes.items()
@@ -65,13 +65,13 @@ class depth_sensor(sensor):
         super().__init__("Stereo Module", camera, ranges, {option.stereo_baseline: baseline_mm}, camera.set_option)
 
     def set_option(self, which: option, value: float) -> None:
-        """As in librealsense, setting an exposure or gain ends automatic exposure."""
+        """Sets an option; exposure and gain end automatic exposure, as in librealsense."""
         super().set_option(which, value)
         if which in (option.exposure, option.gain):
             self._values[option.enable_auto_exposure] = 0.0
 
     def get_depth_scale(self) -> float:
-        """Metres per count."""
+        """Returns metres per count of depth."""
         return self._camera.values[option.depth_units]
 
 
@@ -100,7 +100,7 @@ class device(Described):
     query_sensors, first_depth_sensor, first_color_sensor = getter("sensors"), getter("_depth"), getter("_color")
 
     def hardware_reset(self) -> None:
-        """Resets all options to their defaults."""
+        """Resets all options to their defaults; the script's object stays the same."""
         self.camera.close()
         self.__init__(SimulatedCamera(self.camera.world))  # type: ignore[misc]  # the object stays the script's
 
@@ -110,7 +110,7 @@ class device_list(list[device]):
 
 
 class context:
-    """A host with one simulated camera."""
+    """pyrealsense2's context of a host with one simulated camera."""
 
     def __init__(self) -> None:
         self.devices = device_list([device()])
@@ -119,8 +119,8 @@ class context:
 
 
 class rs400_advanced_mode:
-    """A device's settings as JSON, and as groups of controls: get_depth_table(mode) and set_depth_table(group), and so
-    on for each of options.controls()."""
+    """Reads and sets a device's advanced settings, as JSON or by group: get_depth_table(mode), set_depth_table(group)
+    and likewise for each group of options.controls()."""
 
     def __init__(self, of: device) -> None:
         self._device = of  # whose hardware_reset() makes another camera
@@ -131,14 +131,16 @@ class rs400_advanced_mode:
     toggle_advanced_mode = ignored  # it is always on
 
     def load_json(self, text: str) -> None:
-        """Raises RuntimeError, as librealsense does, if a key is unknown or out of range."""
+        """Sets the settings in a JSON text. Raises RuntimeError, as librealsense does, if a key is unknown or out of
+        range."""
         try:
             self._device.camera.set_settings(parse_settings(json.loads(text), "the settings"))
         except ValueError as error:
             raise RuntimeError(str(error)) from error
 
     def serialize_json(self) -> str:
-        """Every key of the matcher and the depth table, as librealsense writes them, and the others that were given."""
+        """Returns as JSON every key of the matcher and the depth table, as librealsense writes them, and the other keys
+        that were set."""
         return json.dumps(self._device.camera.settings.as_text(), indent=4)
 
     def __getattr__(self, name: str) -> Any:
@@ -148,7 +150,7 @@ class rs400_advanced_mode:
         fields, camera = controls()[group], self._device.camera
 
         def get_numbers(mode: int = 0) -> SimpleNamespace:
-            """The group's numbers; mode 1 and 2, as librealsense's: the least and the largest ones."""
+            """Returns the group's values; mode 1 and 2 give their minima and maxima, as in librealsense."""
             found = {}
             for field, key in fields.items():
                 values = (camera.settings.number(key.name),) if mode == 0 else key.range
@@ -157,7 +159,7 @@ class rs400_advanced_mode:
             return SimpleNamespace(**found)
 
         def set_numbers(numbers: SimpleNamespace) -> None:
-            """Sets the group; numbers that are the camera's default stay as they were."""
+            """Sets the group's changed values; those equal to the present settings stay as they are."""
             changed = {}
             for field, key in fields.items():
                 value = (float(getattr(numbers, field)) - key.control_offset) / key.control_scale + 0.0  # no -0
@@ -182,14 +184,14 @@ _DEFAULT = (StreamRequest(stream.depth), StreamRequest(stream.color))
 
 
 class config:
-    """The streams that a pipeline starts."""
+    """Collects the streams that a pipeline is to start."""
 
     def __init__(self) -> None:
         self.requests: dict[tuple[stream, int], StreamRequest] = {}
 
     def enable_stream(self, stream_type: stream, *args: Any, **names: Any) -> None:
-        """Any of librealsense's forms: [index,] [width, height,] [format,] [framerate]. Raises RuntimeError for a
-        stream or a format that is not simulated."""
+        """Requests a stream. Takes any of librealsense's argument lists: [index,] [width, height,] [format,]
+        [framerate]. Raises RuntimeError for a stream or a format that is not simulated."""
         forms = [a for a in args if isinstance(a, format)]
         before = [int(a) for a in (args[: args.index(forms[0])] if forms else args)]
         after = [int(a) for a in args[args.index(forms[0]) + 1 :]] if forms else []
@@ -229,8 +231,8 @@ class config:
 
 
 class pipeline_profile:
-    """The streams of a pipeline, and its device. Raises RuntimeError if streams that are one image here are asked for
-    in two sizes."""
+    """Resolves the requested streams of a pipeline on its device. Raises RuntimeError if depth and infrared, which
+    share one image size, are requested in two sizes."""
 
     def __init__(self, of: device, asked: config) -> None:
         self.device = of
@@ -245,7 +247,7 @@ class pipeline_profile:
         self.streams: list[video_stream_profile] = []
         for r in requests:
             form = _FORMATS[r.stream][0] if r.format == format.any else r.format
-            # Streams of one image have one size, also those that were asked for without one.
+            # The size is left to the camera, so that streams of one image have one size even if requested without it.
             self.streams.append(of.camera.profile(StreamRequest(r.stream, r.index, 0, 0, form, r.fps or _FPS)))
 
     get_device, get_streams = getter("device"), getter("streams")
@@ -258,13 +260,13 @@ class pipeline_profile:
 
 
 def pipeline_wrapper(of: pipeline) -> pipeline:
-    """Returns the pipeline: scripts wrap it for config.resolve()."""
+    """Returns the pipeline itself; scripts wrap a pipeline for config.resolve()."""
     return of
 
 
 class pipeline:
-    """One simulated camera's framesets. Time follows the pictures: each comes 1 / framerate after the last, for any
-    duration of its simulation."""
+    """Delivers one simulated camera's framesets. Simulated time advances by 1 / framerate with each picture, however
+    long its computation takes."""
 
     def __init__(self, ctx: context | None = None) -> None:
         self._device: device | None = None
@@ -278,7 +280,8 @@ class pipeline:
         return self._device
 
     def start(self, *args: Any) -> pipeline_profile:
-        """With a config or without; a frame_queue takes the framesets as they come."""
+        """Starts the streams of a config, or depth and colour without one, and returns their profile. A frame_queue, if
+        given, delivers the framesets."""
         if self._profile is not None:
             raise RuntimeError("start() cannot be called before stop()")
         asked = next((a for a in args if isinstance(a, config)), config())
@@ -302,8 +305,8 @@ class pipeline:
         return self._profile
 
     def wait_for_frames(self, timeout_ms: int = 5000) -> composite_frame:
-        """The next frameset with every stream. A picture takes as long as the simulation needs; timeout_ms matters only
-        after the world's last frame."""
+        """Returns the next frameset with every stream. It takes as long as the simulation needs; timeout_ms matters
+        only for the RuntimeError after the world's last frame."""
         arrived, frames = self.try_wait_for_frames(timeout_ms)
         if not arrived or frames is None:
             raise RuntimeError(f"Frame didn't arrive within {timeout_ms}")

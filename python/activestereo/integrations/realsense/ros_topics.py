@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Framesets as messages and topics of ROS 2's realsense2_camera 4.5x: into an MCAP file by rosbags (pip install
-rosbags), and live by rclpy, which ROS 2 has.
+"""Converts framesets to messages and topics of ROS 2's realsense2_camera 4.5x. Writes them into an MCAP file with
+rosbags (pip install rosbags), or publishes them with rclpy, a part of ROS 2.
 
-Names, frames and fields are those of its ros2-development branch (github.com/IntelRealSense/realsense-ros), qualities
-of service those that the recording in its issue 3472 lists for the topics it holds, and alike for the others."""
+Names, frames and fields are those of its ros2-development branch (github.com/IntelRealSense/realsense-ros). Qualities
+of service are those in the recording of its issue 3472; topics that it lacks get the same."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from activestereo.integrations.realsense.enums import format, frame_metadata_val
 from activestereo.integrations.realsense.frames import composite_frame, video_stream_profile
 
 Key = tuple[stream, int]
-# In the order of the device's sensors and their streams: the stream's name, and its image's.
+# {stream: (its name in topics, its image's name)}, in the order of the device's sensors and their streams.
 _STREAMS: dict[Key, tuple[str, str]] = {
     (stream.depth, 0): ("depth", "image_rect_raw"),
     (stream.infrared, 1): ("infra1", "image_rect_raw"),
@@ -45,21 +45,21 @@ OWN_TYPES = {
 }
 
 
-# Quality of service, which is reliable for all: how many messages are kept, and whether who comes late gets the last.
+# Quality of service, reliable for all: how many messages are kept, and whether a late subscriber gets the last one.
 _IMAGE, _INFO, _LATCHED = (1, False), (10, False), (1, True)
 # topic, kind, message, time in nanoseconds, and the quality of service
 Published = tuple[str, str, Any, int, int, bool]
 
 
 class Maker(Protocol):
-    """Makes a message of a kind such as sensor_msgs/msg/Image from its fields; arrays are NumPy's."""
+    """Makes a message of a kind such as sensor_msgs/msg/Image from its fields; arrays are NumPy arrays."""
 
     def __call__(self, kind: str, **fields: Any) -> Any: ...
 
 
 def published(frames: composite_frame, is_first: bool, make: Maker) -> Iterator[Published]:
-    """A frameset's messages; the first one also gets the streams' places, which are published once. Raises ValueError
-    for a format without an encoding."""
+    """Yields a frameset's messages. is_first: also yields the streams' extrinsics, which are published once. make:
+    makes a message from its kind and fields. Raises ValueError for a format without an encoding."""
     own = {(one.profile.stream_type(), one.profile.stream_index()): one for one in frames}
     streams = {key: own[key] for key in _STREAMS if key in own}
     if is_first:
@@ -76,7 +76,7 @@ def published(frames: composite_frame, is_first: bool, make: Maker) -> Iterator[
             pixels = np.clip(np.rint(pixels * (one.unit_m / _DEPTH_UNIT_M)), 0, 65535).astype(np.uint16)
         message = image_message(make, header, pixels, _ENCODINGS[profile.format()])
         yield f"{topic}/{image_topic}", "sensor_msgs/msg/Image", message, time_ns, *_IMAGE
-        # 2. The camera; the right one's P is of the pair, in the left one's frame.
+        # 2. The camera. The right camera's P contains the baseline, in the left camera's frame.
         lens, info_header, tx, ty = profile.get_intrinsics(), header, 0.0, 0.0
         if key == _RIGHT and _LEFT in streams:
             there = profile.get_extrinsics_to(streams[_LEFT].profile).translation
@@ -108,7 +108,8 @@ def _header(time_ns: int, axes: str, make: Maker) -> Any:
 
 
 def _places(profiles: dict[Key, video_stream_profile], make: Maker) -> Iterator[Published]:
-    """Depth's extrinsics to each other stream, and the frames' tree below camera_link, which is depth's."""
+    """Yields the extrinsics from depth to each other stream, and the tree of frames below camera_link, which is depth's
+    frame."""
     from scipy.spatial.transform import Rotation
 
     base = profiles.get(_DEPTH)
@@ -139,9 +140,8 @@ def _places(profiles: dict[Key, video_stream_profile], make: Maker) -> Iterator[
 
 
 def write_topics(path: str | Path, frames: Iterable[composite_frame]) -> int:
-    """Writes framesets into the folder `path`, which must not exist, as `ros2 bag record` does of the camera's topics;
-    returns how many framesets there were. Raises ImportError if rosbags is missing; raises ValueError for a format that
-    has no encoding."""
+    """Writes framesets as topics into the new folder `path`, as `ros2 bag record` does, and returns their number.
+    Raises ImportError if rosbags is missing; raises ValueError for a format that has no encoding."""
     count = 0
     with McapFile(path, OWN_TYPES) as file:
         for frameset in frames:
@@ -165,7 +165,7 @@ class TopicPublisher:
         self.missing: set[str] = set()
 
     def publish(self, frames: composite_frame) -> None:
-        """A frameset's messages; with the first one its streams' places."""
+        """Publishes a frameset's messages; with the first frameset also the streams' extrinsics."""
         for topic, _, message, _, depth, is_latched in published(frames, not self._publishers, _message):
             if message is None:
                 self.missing.add(topic)
@@ -179,7 +179,7 @@ class TopicPublisher:
 
 
 def _message(kind: str, **fields: Any) -> Any:
-    """Makes a message of ROS' own Python packages; None if its package is missing."""
+    """Makes a message with ROS' own Python packages; returns None if its package is missing."""
     package, _, name = kind.split("/")
     try:
         made = getattr(import_module(f"{package}.msg"), name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's software device: it makes frames of a user's NumPy arrays for align, filters and point clouds."""
+"""pyrealsense2's software device, which makes frames from a user's NumPy arrays for align, filters and point clouds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _KINDS: dict[format, tuple[type, int]] = {
 
 @dataclass
 class video_stream:
-    """A stream that a sensor is to have; bpp: bytes of a pixel."""
+    """Describes a stream to add to a sensor. bpp: bytes per pixel."""
 
     type: stream = stream.any
     index: int = 0
@@ -45,8 +45,8 @@ class video_stream:
 
 @dataclass
 class software_video_frame:
-    """One image. pixels: an array of the stream's shape and type, or the same bytes in any other. stride: bytes of a
-    row, 0 for rows without padding. timestamp: milliseconds."""
+    """An image to send as a frame. pixels: an array of the stream's shape and type, or the same bytes in another shape.
+    stride: bytes per row, 0 for rows without padding. timestamp: milliseconds."""
 
     pixels: Any = None
     stride: int = 0
@@ -59,7 +59,7 @@ class software_video_frame:
 
 
 class software_sensor(Options):
-    """A sensor with frames from its user."""
+    """A sensor whose frames the user supplies."""
 
     def __init__(self, name: str) -> None:
         super().__init__({})
@@ -69,7 +69,7 @@ class software_sensor(Options):
         self._target: Any = None
 
     def add_video_stream(self, stream_of: video_stream, is_default: bool = False) -> video_stream_profile:
-        """Raises RuntimeError for a stream in a format that is not simulated."""
+        """Adds a stream and returns its profile. Raises RuntimeError for a format that is not simulated."""
         if stream_of.fmt not in _KINDS:
             known = ", ".join(form.name for form in _KINDS)
             raise RuntimeError(f"a video stream has one of the formats {known}: {stream_of}")
@@ -91,7 +91,7 @@ class software_sensor(Options):
         self._open = profiles if isinstance(profiles, list) else [profiles]
 
     def start(self, target: Any) -> None:
-        """target: a syncer, a frame_queue, or a function that takes frames."""
+        """Sends frames to `target` from now on: a syncer, a frame_queue, or a function that takes a frame."""
         self._target = target
         if isinstance(target, syncer):
             target.streams |= {profile.unique_id() for profile in self._open}
@@ -105,7 +105,8 @@ class software_sensor(Options):
         self._open = []
 
     def on_video_frame(self, given: software_video_frame) -> None:
-        """Sends a frame. Raises RuntimeError with the part that does not fit the stream."""
+        """Sends an image to the target as a frame. Raises RuntimeError, with the sizes, if its bytes do not fit the
+        stream."""
         if given.profile is None or self._target is None:
             raise RuntimeError("a software frame needs a profile, and its sensor open() and start() before")
         profile = given.profile
@@ -129,7 +130,7 @@ class software_sensor(Options):
 
 @dataclass
 class software_device:
-    """A device with sensors from its user."""
+    """A device whose sensors the user adds."""
 
     sensors: list[software_sensor] = field(default_factory=list)
 

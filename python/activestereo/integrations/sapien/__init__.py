@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN 3's StereoDepthSensor on a live SAPIEN scene, without CUDA and without SAPIEN's renderer. Needs the package
-sapien.
+"""Replaces SAPIEN 3's StereoDepthSensor on a live SAPIEN scene; needs neither CUDA nor SAPIEN's renderer, but the
+package sapien.
 
     from activestereo.integrations.sapien import StereoDepthSensor, StereoDepthSensorConfig  # for sapien.sensor's
 """

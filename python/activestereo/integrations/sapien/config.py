@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Converts SAPIEN's configuration of a depth sensor to ours, and changes its parameters. Refuses the same values as
+"""Converts SAPIEN's configuration of a depth sensor to ours, and sets its parameters. Refuses the same values as
 SAPIEN."""
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _NATIVE_NAMES = {given: own for own, given in SAPIEN_NAMES.items()}
 
 
 class Parameters:
-    """A configuration, and the sensor that follows it once it is there. Raises TypeError for values that SAPIEN
-    refuses."""
+    """Holds a configuration, and passes changes on to the sensor once it exists. Raises TypeError for values that
+    SAPIEN refuses."""
 
     _config: Any
     _sensor: activestereo.StereoDepthSensor | None
@@ -37,7 +37,7 @@ class Parameters:
     set_lr_max_diff = setter("lr_max_diff")
 
     def change(self, **changes: Any) -> None:
-        """Changes fields of the configuration, and the sensor's."""
+        """Changes fields, by SAPIEN's names, of the configuration and of the sensor."""
         changed = deepcopy(self._config)
         for name, value in changes.items():
             setattr(changed, name, value)
@@ -50,8 +50,8 @@ class Parameters:
 
 
 class StereoDepthSensorConfig(NativeConfig):
-    """SAPIEN's configuration, with its two models and values, and with all other fields of ours. activestereo's own
-    StereoDepthSensorConfig("D435") errs as the device does, and may be given to the sensor, too."""
+    """SAPIEN's configuration for its two models, with SAPIEN's default values and all other fields of ours. The sensor
+    also takes activestereo's own StereoDepthSensorConfig("D435"), which has the real device's errors."""
 
     SUPPORTED_MODELS = ("D415", "D435")
 
@@ -63,7 +63,7 @@ class StereoDepthSensorConfig(NativeConfig):
 
 
 def native_config(config: Any) -> NativeConfig:
-    """The configuration of our sensor: pixel centres at integers, our Pose."""
+    """Converts a configuration in SAPIEN's conventions to ours: pixel centres at integers, our Pose."""
     out = NativeConfig("sapien-D435")
     for name in NativeConfig._FIELDS:
         given = name if hasattr(config, name) else SAPIEN_NAMES.get(name, name)
@@ -83,14 +83,15 @@ def native_config(config: Any) -> NativeConfig:
 
 
 def own_value(name: str, value: Any) -> Any:
-    """SAPIEN's ways to switch a check off are a difference of 255 pixels and a ratio of 100 % and more."""
+    """Converts a field's value from SAPIEN's convention to ours: a difference of 255 pixels, or a ratio of 100 % and
+    more, switches a check off there."""
     if name == "lr_max_diff":
         return -1 if value == 255 else value
     return min(value, 100) if name == "uniqueness_ratio" else value
 
 
 def check_config(c: Any) -> None:
-    """Raises TypeError if SAPIEN's SimSenseComponent raises it."""
+    """Raises TypeError for the configurations for which SAPIEN's SimSenseComponent raises it."""
     noise = ("ir_speckle_noise", "ir_thermal_noise")
     census, block = ("census_width", "census_height"), ("block_width", "block_height")
     is_quiet = c.ir_speckle_noise == 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live SAPIEN scene as a kuafu scene: its visible entities and lights, at their present poses."""
+"""Mirrors a live SAPIEN scene in a kuafu scene: its visible entities and lights, at their present poses."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ _AMBIENT = (0.3, 0.3, 0.3)
 
 
 class SapienScene:
-    """The scene's entities. Their looks come from render components if SAPIEN has a renderer, else from VisualRecords
-    of activestereo.integrations.sapien.ActorBuilder, else from collision shapes in grey.
+    """Mirrors the scene's entities and lights. Shapes and materials come from render components if SAPIEN has a
+    renderer, else from VisualRecords of activestereo.integrations.sapien.ActorBuilder, else from collision shapes in
+    grey.
 
-    update() follows entities that come, go, hide (visibility 0) or move. `scene` is the kuafu.Scene; lights and
-    materials of one's own may be added to it. device: 'auto', 'cpu', an index or a kuafu.Device.
+    update() follows entities that come, go, hide (visibility 0) or move. `scene` is the kuafu.Scene; you may add lights
+    and materials to it. device: 'auto', 'cpu', an index or a kuafu.Device.
     """
 
     _known: weakref.WeakValueDictionary[int, SapienScene] = weakref.WeakValueDictionary()
@@ -44,13 +45,13 @@ class SapienScene:
 
     @classmethod
     def for_scene(cls, scene: sapien.Scene) -> SapienScene:
-        """The mirror of a SAPIEN scene; makes one at the first call."""
+        """Returns the mirror of a SAPIEN scene; makes one at the first call."""
         known = cls._known.get(id(scene))
         return cls(scene) if known is None or known.sapien_scene is not scene else known
 
     def update(self) -> int:
-        """Waits for the `pipelined` sensors' pictures and brings the scene up to date; returns how many shapes
-        moved."""
+        """Waits for the `pipelined` sensors' pictures and brings the scene up to date. Returns the number of shapes
+        that moved."""
         self.pipelined.wait()
         seen = {entity.per_scene_id: entity for entity in self.sapien_scene.entities if is_visible(entity)}
         for number in [n for n in self._names if n not in seen]:
@@ -78,6 +79,6 @@ class SapienScene:
                 is_there = np.array_equal(before.light_to_world, record.light_to_world)
                 if not is_there or before.intensity != record.intensity:
                     self.scene.set_light(number, record)
-        # Bodies and names are in one order: both lose and gain at the same places.
+        # Bodies and names have the same order, because entries are removed and added in both alike.
         poses = [seen[number].pose.to_transformation_matrix() for number in self._names]
         return self.bodies.move(np.array(poses, np.float64).reshape(-1, 4, 4))

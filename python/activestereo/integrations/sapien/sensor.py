@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN 3's StereoDepthSensor, method by method. The table in examples/sapien/README.md lists the common parts."""
+"""Replaces SAPIEN 3's StereoDepthSensor, method by method. The table in examples/sapien/README.md lists the common
+parts."""
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
 
 class CudaResults:
-    """The results of a sensor's last picture on a CUDA device, with the bits of the host's methods. on_cuda: they lie
-    in memory that the sensor shares with CUDA; without it they are copies of the host's, on torch's device."""
+    """Gives the results of a sensor's last picture on a CUDA device, with the same bits as the host's methods. on_cuda:
+    they lie in memory that the sensor shares with CUDA; otherwise they are copies of the host's results."""
 
     def __init__(self, sensor: activestereo.StereoDepthSensor, on_cuda: bool) -> None:
         self._sensor, self._on_cuda = sensor, on_cuda
@@ -31,19 +32,20 @@ class CudaResults:
         self._rays: torch.Tensor | None = None
 
     def depth(self) -> torch.Tensor:
-        """Depth [height, width]; with on_cuda in the depth engine's memory, which the next compute overwrites."""
+        """Returns depth [height, width], metres; with on_cuda in the depth engine's memory, which the next
+        compute_depth() overwrites."""
         sensor = self._sensor
         return cuda_tensor(sensor.get_cuda("depth")) if self._on_cuda else copied_to_cuda(sensor.get_depth())
 
     def rgba(self) -> torch.Tensor:
-        """[height, width, 4]."""
+        """Returns the colours 0..1 with an alpha of 1, float32 [height, width, 4]."""
         import torch
 
         rgb = self._rgb()
         return wait_for(torch.cat([rgb, torch.ones_like(rgb[..., :1])], dim=2))
 
     def pointcloud(self, with_rgb: bool) -> torch.Tensor:
-        """[n, 3] or [n, 6]."""
+        """Returns the measured points, metres in the RGB camera, [n, 3]; with_rgb: [n, 6], with colours."""
         import torch
 
         if not self._on_cuda:
@@ -56,7 +58,8 @@ class CudaResults:
         return wait_for(torch.cat([points, self._rgb()[v, u]], dim=1) if with_rgb else points.contiguous())
 
     def _rgb(self) -> torch.Tensor:
-        """As auto_exposure.encoded_rgb(), on CUDA. Only the exposure factor passes through the host."""
+        """Encodes the RGB picture on CUDA, as auto_exposure.encoded_rgb() does on the host; only the exposure factor
+        passes through the host."""
         if not self._on_cuda:
             return copied_to_cuda(self._sensor.get_rgb())
         light = cuda_tensor(self._sensor.get_cuda("radiance"))
@@ -65,14 +68,14 @@ class CudaResults:
             green = light[::STRIDE, ::STRIDE, 1]
             lit = green[(green >= float(DARKEST)) & (green < np.inf)]
             exposure = exposure_of_median(np.float32(lit.median().item())) if lit.numel() else 1.0
-        # By float64, for not every torch's root of float32 is the nearest one.
+        # float64, because not every torch rounds the square root of float32 correctly.
         root = (light * float(np.float32(exposure))).clamp(0.0, 1.0).double().sqrt().float()
         place = (root * (len(SRGB) - 1) + 0.5).int().clamp(0, len(SRGB) - 1)
         return light.new_tensor(SRGB)[place]
 
 
 class DeviceArray:
-    """A float32 torch tensor with the members of sapien.CudaArray. strides: in bytes."""
+    """Wraps a float32 torch tensor with the members of sapien.CudaArray. strides: in bytes."""
 
     def __init__(self, tensor: torch.Tensor) -> None:
         self._tensor, self.typestr = tensor, "<f4"
@@ -86,7 +89,7 @@ class DeviceArray:
         return dict(self._tensor.__cuda_array_interface__)
 
     def torch(self) -> torch.Tensor:
-        """The torch tensor itself."""
+        """Returns the torch tensor itself."""
         return self._tensor
 
     def dlpack(self) -> Any:
@@ -108,14 +111,14 @@ _GAMMA = 2.2
 
 
 class StereoDepthSensor(Parameters):
-    """One RGB camera, two infrared cameras and a projector on an entity of a SAPIEN scene.
+    """Simulates an RGB camera, two infrared cameras and a projector on an entity of a SAPIEN scene.
 
     config: SAPIEN's StereoDepthSensorConfig, or ours with more fields. mount_entity: a sapien.Entity, in a scene before
-    the first picture. pose: sapien.Pose relative to it. Intrinsics are in SAPIEN's convention: the middle of the first
-    pixel is at (0.5, 0.5). The scene is mirrored at the first picture and followed from then on.
+    the first picture. pose: sapien.Pose relative to it; None: identity. Intrinsics are in SAPIEN's convention: the
+    middle of the first pixel is at (0.5, 0.5). The scene is mirrored at the first picture and followed from then on.
 
-    pipelined: a picture is rendered while SAPIEN simulates and the one before is matched. Results are of the picture
-    before; from the second take_picture() on has_picture is True.
+    pipelined: a picture is rendered while SAPIEN simulates and the previous one is matched. Results are those of the
+    previous picture; from the second take_picture() on has_picture is True.
 
     on_cuda: get_..._cuda() return arrays on the GPU, with the host's bits; without it they copy the host's arrays. With
     it the first picture raises CudaError without CUDA on the rendering GPU.
@@ -133,8 +136,8 @@ class StereoDepthSensor(Parameters):
         self._cuda: CudaResults | None = None
 
     def take_picture(self, infrared_only: bool = False) -> None:
-        """Takes a picture. Raises RuntimeError if the mount is in no scene. SAPIEN's scene.update_render() is not
-        needed."""
+        """Brings the mirrored scene up to date and takes a picture. Raises RuntimeError if the mount is in no scene.
+        SAPIEN's scene.update_render() is not needed."""
         scene = self._mount.get_scene()
         if scene is None:
             raise RuntimeError("Cannot take picture: sensor is not added to scene")
@@ -153,14 +156,16 @@ class StereoDepthSensor(Parameters):
 
     @property
     def has_picture(self) -> bool:
-        """Whether results exist: from the second take_picture() on for a pipelined sensor, else from the first."""
+        """Returns whether results exist: from the second take_picture() on for a pipelined sensor, else from the
+        first."""
         return self._sensor is not None and self._sensor.has_picture
 
     def compute_depth(
         self, bbox_start: tuple[int, int] | None = None, bbox_size: tuple[int, int] | None = None
     ) -> None:
-        """bbox_start, bbox_size: (x, y) and (width, height) in pixels of the left infrared image, rectified; pixels
-        outside get no depth. Raises RuntimeError before the first picture."""
+        """Computes the last picture's depth. bbox_start, bbox_size: (x, y) and (width, height) in pixels of the
+        rectified left infrared image, outside of which there is no depth; None: all. Raises RuntimeError before the
+        first picture."""
         x = y = width = height = 0  # the whole image
         if bbox_start is not None and bbox_size is not None:
             (x, y), (width, height) = bbox_start, bbox_size
@@ -168,47 +173,48 @@ class StereoDepthSensor(Parameters):
         self.native().compute_depth()
 
     def get_rgb(self) -> NDArray[np.float32]:
-        """float32 [height, width, 3] in 0..1."""
+        """Returns the RGB picture, float32 [height, width, 3] in 0..1."""
         return self.native().get_rgb().copy()
 
     def get_rgba_cuda(self) -> DeviceArray:
-        """float32 [height, width, 4] on a CUDA device, through torch."""
+        """Returns the RGB picture with an alpha of 1, float32 [height, width, 4], on a CUDA device, through torch."""
         return DeviceArray(self._cuda_results().rgba())
 
     def get_ir(self) -> list[NDArray[np.float32]]:
-        """[left, right] float32 [height, width] in 0..1, gamma-coded; noise is not in it."""
+        """Returns [left, right] infrared images without noise, float32 [height, width] in 0..1, gamma-coded."""
         return [np.power(image, np.float32(1.0 / _GAMMA)) for image in self.native().get_ir()]
 
     def get_depth(self) -> NDArray[np.float32]:
-        """float32 [height, width] metres in the RGB camera, 0 = no measurement."""
+        """Returns float32 [height, width] metres in the RGB camera, 0 = no measurement."""
         return self.native().get_depth().copy()
 
     def get_depth_cuda(self) -> DeviceArray:
-        """get_depth() on a CUDA device, through torch. With on_cuda the next compute_depth() overwrites it."""
+        """Returns get_depth() on a CUDA device, through torch. With on_cuda the next compute_depth() overwrites it."""
         return DeviceArray(self._cuda_results().depth())
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """float32 [n, 3] or [n, 6]: x right, y down, z forward in the RGB camera, metres; colours 0..1."""
+        """Returns the measured points, float32 [n, 3], metres in the RGB camera (x right, y down, z forward); with_rgb:
+        [n, 6], with colours 0..1."""
         return self.native().get_pointcloud(with_rgb)
 
     def get_pointcloud_cuda(self, with_rgb: bool = False) -> DeviceArray:
-        """get_pointcloud() on a CUDA device, through torch."""
+        """Returns get_pointcloud() on a CUDA device, through torch."""
         return DeviceArray(self._cuda_results().pointcloud(with_rgb))
 
     def get_config(self) -> Any:
-        """A copy, of the class that was given."""
+        """Returns a copy of the configuration, of the class that was given."""
         return deepcopy(self._config)
 
     def get_pose(self) -> sapien.Pose:
-        """The RGB camera's, in the scene."""
+        """Returns the RGB camera's pose in the scene."""
         return self._mount.get_pose() * self._pose
 
     def set_local_pose(self, pose: sapien.Pose) -> None:
         self._pose = pose
 
     def native(self) -> activestereo.StereoDepthSensor:
-        """The sensor behind it, which has more: true depth, ids, the noisy infrared pair. Raises RuntimeError before
-        the first picture."""
+        """Returns activestereo's sensor behind this one, which gives more: true depth, ids, the noisy infrared pair.
+        Raises RuntimeError before the first picture."""
         if self._sensor is None:
             raise RuntimeError("no picture yet: call take_picture() first")
         return self._sensor

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN's entities in kuafu's terms: render shapes, visual records and collision shapes as meshes in the shape's own
-frame, scale included, with their materials, textures and lights; and SAPIEN's ActorBuilder for machines on which SAPIEN
-finds no rendering device. SAPIEN then refuses to make a material or a visual shape. This builder has the same methods,
-with a kuafu.Material or a colour for materials. Its records travel with the entity, as a component.
+"""Converts SAPIEN's shapes, materials, textures and lights to kuafu's. Replaces SAPIEN's ActorBuilder on machines
+without a rendering device, where SAPIEN refuses to make a material or a visual shape. This builder has the same
+methods, with a kuafu.Material or a colour for materials. Its records become a component of the entity.
 
 SAPIEN's cylinders and capsules lie along x, its planes face along x. kuafu's meshes get the names of SAPIEN's
 classes."""
@@ -27,21 +26,21 @@ from activestereo.scene_io.meshes import Mesh
 
 
 class VisualRecords(sapien.Component):
-    """An entity's looks: a list of SAPIEN's VisualShapeRecord with kuafu's materials."""
+    """A component that stores an entity's visual shapes: SAPIEN's VisualShapeRecords with kuafu's materials."""
 
     def __init__(self, records: Sequence[VisualShapeRecord]) -> None:
         super().__init__()
         self.records = list(records)
 
     def on_add_to_scene(self, scene: sapien.Scene) -> None:
-        """SAPIEN asks for it."""
+        """Does nothing; SAPIEN requires the method."""
 
     def on_remove_from_scene(self, scene: sapien.Scene) -> None:
-        """SAPIEN asks for it."""
+        """Does nothing; SAPIEN requires the method."""
 
 
 class ActorBuilder(SapienActorBuilder):
-    """ActorBuilder(scene) in place of scene.create_actor_builder()."""
+    """Builds entities without SAPIEN's renderer; use ActorBuilder(scene) in place of scene.create_actor_builder()."""
 
     def __init__(self, scene: sapien.Scene) -> None:
         super().__init__()
@@ -93,12 +92,12 @@ class ActorBuilder(SapienActorBuilder):
         return self
 
 
-# SAPIEN's specular s is a reflectance of 0.08 s at normal incidence; glTF's weighs the 0.04 of an index of 1.5.
+# SAPIEN's specular s gives a reflectance of 0.08 s at normal incidence; glTF's scales the 0.04 of an index of 1.5.
 _SPECULAR = 0.08 / 0.04
 
 
 class Looks:
-    """Puts the looks of entities into a kuafu scene. Equal materials, and textures, are there once."""
+    """Adds entities' shapes and materials to a kuafu scene. Equal materials and textures are added once."""
 
     def __init__(self, scene: kuafu.Scene) -> None:
         self._scene = scene
@@ -106,7 +105,7 @@ class Looks:
         self._textures: dict[int, tuple[int, Any]] = {}
 
     def shapes(self, entity: Any, name: str) -> list[Shape]:
-        """The entity's shapes, with meshes of this name."""
+        """Adds the entity's meshes under this name and returns its shapes."""
         out = []
         for part, pose in parts(entity):
             optional = {"normals": part.normals, "uvs": part.uvs}
@@ -117,7 +116,8 @@ class Looks:
         return out
 
     def materials(self, entity: Any) -> list[int]:
-        """The materials of shapes(), for an entity with meshes in the scene already."""
+        """Returns the materials' numbers that shapes() would use, for an entity whose meshes are in the scene
+        already."""
         return [self.material(part.material) for part, _ in parts(entity)]
 
     def material(self, material: Any) -> int:
@@ -149,7 +149,7 @@ class Looks:
 
 
 def is_visible(entity: Any) -> bool:
-    """Whether it has a body, and SAPIEN shows it."""
+    """Returns whether the entity has a body and SAPIEN shows it."""
     bodies = _components(entity, "RenderBodyComponent")
     if bodies:
         return any(body.visibility > 0 for body in bodies)
@@ -157,7 +157,8 @@ def is_visible(entity: Any) -> bool:
 
 
 def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
-    """The parts of an entity's looks, each with the shape's pose in the entity."""
+    """Yields the parts of an entity's visual shapes (else collision shapes), each with the shape's pose in the
+    entity."""
     shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
     bodies = _components(entity, "RenderBodyComponent")
     records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]
@@ -174,7 +175,8 @@ def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
 
 
 def light_record(light: Any, environment: int | None = None) -> kuafu.Light | None:
-    """None for a projector, which a sensor makes, and for kinds that kuafu lacks."""
+    """Converts a SAPIEN light to kuafu's. Returns None for a projector, which a sensor makes, and for kinds that kuafu
+    lacks."""
     fields = {
         "intensity": tuple(light.color),
         "light_to_world": camera_to_world(light.entity.pose * light.local_pose),
@@ -193,7 +195,7 @@ def light_record(light: Any, environment: int | None = None) -> kuafu.Light | No
 
 
 def render_system(scene: Any) -> Any:
-    """SAPIEN's render system; None if SAPIEN has no renderer."""
+    """Returns the scene's render system; None if SAPIEN has no renderer."""
     try:
         return scene.render_system
     except RuntimeError:  # SAPIEN's error without a renderer
@@ -204,14 +206,15 @@ def _components(entity: Any, kind: str) -> list[Any]:
     return [c for c in entity.components if type(c).__name__ == kind]
 
 
-# Half the side of a collision plane, which SAPIEN has endless, in metres.
+# Half the side, in metres, of a collision plane, which is infinite in SAPIEN.
 _ENDLESS_M = 50.0
 _GREY = (0.6, 0.6, 0.6, 1.0)
 
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh in its shape's frame with one material. normals and uvs are absent if the source has none."""
+    """A mesh in its shape's frame with one material; scale [3] is still to be applied. normals and uvs are None if the
+    source has none."""
 
     positions: NDArray[np.float32]
     indices: NDArray[np.uint32]
@@ -222,7 +225,8 @@ class Part:
 
 
 def render_parts(shape: Any) -> Iterator[Part]:
-    """The parts of a RenderShape: SAPIEN gives box, sphere, cylinder and plane at unit size, capsules at their own."""
+    """Yields the parts of a RenderShape. SAPIEN gives box, sphere, cylinder and plane at unit size, capsules at their
+    own."""
     kind = type(shape).__name__
     if kind == "RenderShapeBox":
         scale = shape.half_size
@@ -245,7 +249,8 @@ def render_parts(shape: Any) -> Iterator[Part]:
 
 
 def record_parts(record: Any) -> Iterator[Part]:
-    """The parts of a VisualShapeRecord."""
+    """Yields the part of a VisualShapeRecord; reads mesh files with trimesh. Raises ImportError without it, and
+    ValueError for an unreadable file."""
     material = record.material or kuafu.Material(base_color=_GREY)
     if record.type == "file":
         try:
@@ -265,7 +270,7 @@ def record_parts(record: Any) -> Iterator[Part]:
 
 
 def collision_parts(shape: Any) -> Iterator[Part]:
-    """The parts of a PhysxCollisionShape, in grey, for an entity without looks."""
+    """Yields the part of a PhysxCollisionShape, in grey, for an entity without visual shapes."""
     kind = type(shape).__name__.removeprefix("PhysxCollisionShape")
     grey = kuafu.Material(name="collision shape", base_color=_GREY)
     if kind in ("ConvexMesh", "TriangleMesh"):
