@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Comparisons of simulated with real depth, and data sets. Nothing but the command line imports them."""
+"""Compares simulated with real depth, and makes data sets. Only the command line imports these modules."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small capture of the example scene in matt colours, rendered instead of recorded: a D435 of a quarter of its
-resolution, with shot and read noise, and on request an effect that the lab is asked to find."""
+"""Writes a small capture of the example scene in matt colours, rendered instead of recorded. Its camera is a D435 with
+a quarter of its resolution, and shot and read noise. On request it has an effect that the lab is asked to find."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _BASELINE_M, _PROJECTOR_M = 0.05, 0.029
 _EXPOSURE_S, _BLACK_DN = 0.004, 5.0
 _PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # counts of a projector of 1 W/sr, and of a radiance of 1
 _NOISE_FLOOR_DN2, _NOISE_SLOPE_DN = 0.3, 0.02  # variance = floor + slope x light, DN
-_BOUNCES = 8  # as diagnose and compare take them
-_REPEATS = 2  # of the first view, by which the noise is known
+_BOUNCES = 8  # the default of diagnose and compare
+_REPEATS = 2  # frames of the first view, from which the noise is measured
 _PLACES_M = ((-0.02, 0.46, 0.72), (0.25, 0.40, 0.62), (-0.30, 0.35, 0.60), (0.10, 0.55, 0.55))
 _TARGET_M, _UP = (0.0, 0.035, -0.02), (0.0, 1.0, 0.0)
-_HELD_OUT = 1  # of the views, the last one
-# Effects that can be hidden: the lab's names of one parameter of each, and their values.
+_HELD_OUT = 1  # number of views in the test split, taken from the end
+# {effect that can be hidden: (the lab's name of its parameter, the value)}.
 HIDDEN = {"radial_distortion": ("k1", 0.01), "vignetting": ("exponent", 3.0), "gain_mismatch": ("gain", 0.18)}
 
 
@@ -42,7 +42,7 @@ def write_example_capture(
     samples_per_pixel: int = 64, hidden: str | None = None,
 ) -> Capture:  # fmt: skip
     """Writes the capture as the new folder and returns it. progress: called with the fraction done. hidden: one of
-    HIDDEN to put into its images, by a formula that the lab does not share."""
+    HIDDEN, an effect to put into the images by formulas that the lab does not share; None: none."""
     with TemporaryDirectory() as place:
         capture = _without_images(Path(place))
         renderer = CaptureRenderer(capture, device, samples_per_pixel, _BOUNCES, seed, smooth=False)
@@ -61,7 +61,7 @@ def write_example_capture(
 
 
 def _through_lens(image: NDArray[np.float64], K: NDArray[np.float64], hidden: str | None) -> NDArray[np.float64]:
-    """The image of a lens with the hidden effect, if that is the lens's."""
+    """Returns the image with the hidden effect if that is vignetting or distortion, else unchanged. K: 3x3."""
     v, u = np.indices(image.shape, dtype=np.float64)
     x, y = (u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]
     r2 = x * x + y * y
@@ -92,7 +92,11 @@ def _without_images(place: Path) -> Capture:
     views = [0] * (_REPEATS - 1) + list(range(len(_PLACES_M)))
     frames = tuple(
         Frame(
-            id=number, left_path=None, right_path=None, timestamp_s=0.1 * number, exposure_s=_EXPOSURE_S,
+            id=number,
+            left_path=None,
+            right_path=None,
+            timestamp_s=0.1 * number,
+            exposure_s=_EXPOSURE_S,
             camera_to_world=look_at(_PLACES_M[view], _TARGET_M, _UP),
             split="test" if view >= len(_PLACES_M) - _HELD_OUT else "train",
             repeat_group=0 if view == 0 else None,

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares how simulated worlds and a real one rank methods: `activestereo benchmark sim-to-real SCORES.csv`.
 
-Scores stand in a table, CSV with a header, in one of two forms:
+Scores are read from CSV tables with one of two headers:
 
     criterion,method,world,view,found         found: 1 where the method succeeds at a view, else 0
     criterion,method,world,score              score: share of the views, 0 to 1
 
-Each method has each world, criterion and view. 95 % intervals come from resampling views, the same ones in both worlds
-(Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 6); a score stays fixed."""
+Each method needs a score for each world, criterion and view. 95 % intervals come from resampling views, the same ones
+in both worlds (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 6); a score stays fixed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _FORMS = ((*_HEAD, "view", "found"), (*_HEAD, "score"))
 
 @dataclass(frozen=True)
 class Figure:
-    """A value with its 95 % interval. NaN: undefined, because all scores of a world are alike."""
+    """A value with its 95 % interval; NaN = undefined, because all scores of a world are equal."""
 
     value: float
     low: float
@@ -44,19 +44,20 @@ class Figure:
 
 @dataclass(frozen=True)
 class Agreement:
-    """pearson, spearman: correlation over methods; gap: mean absolute difference of their scores."""
+    """The agreement of two worlds in their scores of methods. pearson, spearman: correlation over methods; gap: mean
+    absolute difference."""
 
     pearson: Figure
     spearman: Figure
     gap: Figure
 
     def as_json(self) -> dict[str, list[float | None]]:
-        """{figure: [value, low, high]}; null without a value."""
+        """Returns {figure: [value, low, high]}; null for an undefined number."""
         return {name: [None if isnan(v) else v for v in figure.values()] for name, figure in asdict(self).items()}
 
 
 def pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[...] of scores [..., methods]; NaN where all of a or all of b are alike."""
+    """Returns Pearson's correlation, [...], of scores [..., methods]; NaN where all of a or all of b are equal."""
     a, b = a - a.mean(axis=-1, keepdims=True), b - b.mean(axis=-1, keepdims=True)
     scale = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -64,12 +65,12 @@ def pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def spearman(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """pearson() of the ranks; equal scores share their middle rank."""
+    """Returns pearson() of the scores' ranks; equal scores share their mean rank."""
     return pearson(rankdata(a, axis=-1), rankdata(b, axis=-1))
 
 
 def mean_gap(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[...] of scores [..., methods]."""
+    """Returns the mean absolute difference, [...], of scores [..., methods]."""
     return np.asarray(np.abs(a - b).mean(axis=-1))
 
 
@@ -77,8 +78,8 @@ def agreement(
     simulated: NDArray[np.bool_], real: NDArray[np.bool_], seed: int = 0,
     known: tuple[Sequence[float], Sequence[float]] = ((), ()),
 ) -> Agreement:  # fmt: skip
-    """The agreement of successes [methods, views] in two worlds. known: scores of further methods in both, without
-    views to resample. Raises ValueError if the two differ in methods or views."""
+    """Computes the Agreement of two worlds from the methods' successes [methods, views]. known: scores, in both worlds,
+    of further methods, which have no views to resample. Raises ValueError if the two differ in methods or views."""
     if simulated.shape != real.shape or simulated.ndim != 2:
         raise ValueError(f"successes of both worlds are [methods, views], not {simulated.shape} and {real.shape}")
     views = simulated.shape[1]
@@ -103,7 +104,8 @@ Scores = dict[str, dict[str, dict[str, NDArray[np.float64]]]]  # criterion, meth
 
 
 def read_scores(paths: Sequence[Path]) -> Scores:
-    """The tables' scores. Raises ValueError with the line or the missing part."""
+    """Reads the scores of CSV tables, {criterion: {method: {world: [views]}}}. Raises ValueError with the line or the
+    missing part."""
     values: dict[tuple[str, str], dict[str, dict[str, float]]] = {}
     for path in paths:
         for line, (criterion, method, world, view, value) in _rows(path):
@@ -152,8 +154,8 @@ def _rows(path: Path) -> Iterator[tuple[int, tuple[str, str, str, str, float]]]:
 
 
 def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, Agreement]]:
-    """{criterion: {world: Agreement}} of all other worlds with `real`. Raises ValueError without such a world, or with
-    one method."""
+    """Computes {criterion: {world: Agreement with the world `real`}} for all other worlds. Raises ValueError if `real`
+    has no scores, or there is only one method."""
     out: dict[str, dict[str, Agreement]] = {}
     for criterion, methods in scores.items():
         worlds = next(iter(methods.values())).keys()
@@ -175,7 +177,7 @@ def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, 
 
 
 def agreement_table(found: dict[str, dict[str, Agreement]]) -> list[str]:
-    """Lines of Markdown: how each world agrees with the real one."""
+    """Returns Markdown lines of a table that shows how each world agrees with the real one."""
     return markdown(
         ("criterion", "ranked in", "Pearson", "Spearman", "mean gap"),
         [

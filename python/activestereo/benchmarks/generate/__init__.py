@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data sets of depth pictures of things on a table, with poses, masks and true depth: `activestereo generate`.
+"""Makes data sets of depth pictures of objects on a table, with poses, masks and true depth: `activestereo generate`.
 
 | file | job |
 |--|--|
-| layout.py | things, ranges of random values, layouts: side by side, or dropped with physics |
+| layout.py | objects, ranges of random values, layouts: side by side, or dropped with physics |
 | studio.py | one frame: layout, camera, light, pictures |
 | bop.py | folders and files of the BOP format |
 | ray_actors.py | frames from the machines of a Ray cluster |

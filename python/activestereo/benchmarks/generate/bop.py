@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The files of the BOP format (Hodan et al., BOP: Benchmark for 6D object pose estimation, ECCV 2018; its scenes'
-format is described beside the BOP toolkit).
+"""Writes and reads the files of the BOP format (Hodan et al., BOP: Benchmark for 6D object pose estimation, ECCV 2018;
+its scenes' format is described beside the BOP toolkit).
 
     DIR/camera.json  DIR/models/models_info.json  DIR/dataset.json
     DIR/train_pbr/000000/{rgb,depth,mask,mask_visib}/000000.png
     DIR/train_pbr/000000/{ir_left,ir_right,confidence,reason,depth_true}/000000.png  DIR/ir_cameras.json
     DIR/train_pbr/000000/{scene_camera,scene_gt,scene_gt_info,scene_gt_coco}.json
 
-The files of the last but one line are ours. confidence (0..255 for 0..1) and reason belong to the left infrared camera;
-ir_cameras.json holds the reasons' names, both cameras' matrices and the baseline. Lengths of BOP's files are
-millimetres. A frame's record is written after its pictures: a frame with a record is whole.
+The files of the third line are not BOP's but ours. confidence (0..255 for 0..1) and reason belong to the left infrared
+camera; ir_cameras.json holds the reasons' names, both cameras' matrices and the baseline. Lengths in BOP's files are
+millimetres. A frame's record is written after its pictures, so a frame with a record is complete.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from activestereo.sensor.results import camera_info
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
 _RECORDS = ".frames"
-# Frames of a data set are no film; formats with times get this interval.
+# Frames are independent; formats that need times get this rate.
 FRAMES_PER_S = 30
 
 
@@ -55,7 +55,7 @@ def is_done(out: Path, number: int) -> bool:
 
 
 def remove_left_over(out: Path, numbers: Collection[int]) -> None:
-    """Removes temporary files of these frames from processes that ended before the rename."""
+    """Removes temporary files of these frames, which processes left behind that ended before the rename."""
     for folder in (out / SPLIT).glob("*"):
         for name, path in left_over(folder):
             if name.isdigit() and int(name) in numbers:
@@ -66,7 +66,7 @@ def remove_left_over(out: Path, numbers: Collection[int]) -> None:
 
 
 def write_frame(out: Path, frame: Frame) -> None:
-    """Writes the pictures, then the record; keeps none if one cannot be written."""
+    """Writes a frame's pictures, then its record; keeps no file if one cannot be written."""
     folder, name = scene_folder(out, frame.number), f"{frame.number % FRAMES_PER_SCENE:06d}"
     kinds = ("rgb", "depth", "ir_left", "ir_right", "confidence", "reason", "depth_true", "mask", "mask_visib")
     for kind in (*kinds, _RECORDS):
@@ -112,7 +112,7 @@ def write_frame(out: Path, frame: Frame) -> None:
                 }
                 for found in frame.found
             ],
-            # Pixels: with something there; measured ones of these; all measured ones; invented ones of these.
+            # Pixels with a true depth, and how many of these are measured; measured ones, and how many are invented.
             "depth": {
                 "px_there": int(is_there.sum()),
                 "px_measured": int((is_there & is_found).sum()),
@@ -124,7 +124,8 @@ def write_frame(out: Path, frame: Frame) -> None:
 
 
 def write_files(out: Path, files: Mapping[str, bytes]) -> None:
-    """Writes a frame's files, by path below `out`: pictures, then the record; keeps none if one cannot be written."""
+    """Writes a frame's files, {path below `out`: content}: pictures, then the record. Keeps no file if one cannot be
+    written."""
     with written_together(out, last=Path(next(name for name in files if _RECORDS in name))) as aside:
         for name, content in files.items():
             (aside / name).parent.mkdir(parents=True, exist_ok=True)
@@ -132,8 +133,8 @@ def write_files(out: Path, files: Mapping[str, bytes]) -> None:
 
 
 def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
-    """Writes each scene's tables from the records of its frames. Returns {obj_id: its pixels in all frames} of placed
-    objects, and the counts of depths in all frames."""
+    """Writes each scene's tables from the records of its frames. Returns {obj_id: its visible pixels in all frames} of
+    placed objects, and the depths' pixel counts over all frames."""
     pixels: Counter[int] = Counter()
     depths: Counter[str] = Counter()
     for first in range(0, count, FRAMES_PER_SCENE):
@@ -151,8 +152,8 @@ def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
 
 
 def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, about: dict[str, Any]) -> None:
-    """camera.json, ir_cameras.json, models_info.json (boxes; `diameter` is the box's diagonal) and dataset.json: how it
-    was made."""
+    """Writes the data set's common files: camera.json, ir_cameras.json, models_info.json (boxes; `diameter` is the
+    box's diagonal) and dataset.json. about: dataset.json's contents, the settings."""
     k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
     camera = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2], "depth_scale": 1.0}
     _write_json(out / "camera.json", camera | {"width": width, "height": height})
@@ -176,7 +177,7 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:
-    """[x, y, width, height]; -1 four times if the mask is empty, as in BOP."""
+    """Returns a mask's bounding box [x, y, width, height]; -1 four times if the mask is empty, as in BOP."""
     if not mask.any():
         return [-1, -1, -1, -1]
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
@@ -184,7 +185,8 @@ def _box(mask: NDArray[np.bool_]) -> list[int]:
 
 
 def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:
-    """COCO's instances: boxes and areas of visible parts, and masks as uncompressed run lengths."""
+    """Returns the scene's instances in COCO's format: boxes and areas of visible parts, and masks as uncompressed run
+    lengths."""
     from PIL import Image
 
     images: list[Any] = []
@@ -217,7 +219,7 @@ def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
-    """Run lengths column by column, background first, as in COCO."""
+    """Returns the mask's run lengths column by column, background first, as in COCO."""
     flat = np.concatenate([[False], mask.ravel(order="F")])
     edges = np.flatnonzero(np.diff(flat.astype(np.int8))) if mask.size else np.empty(0, np.intp)
     return np.diff(np.concatenate([[0], edges, [mask.size]])).astype(int).tolist()
@@ -237,8 +239,9 @@ def _write_json(path: Path, content: Any) -> None:
 
 @dataclass(frozen=True)
 class Stored:
-    """rgb: uint8 [h, w, 3]; depth_mm, depth_true_mm: uint16 [h, w], 0 = none; ir_left, ir_right: [h, w]; k: 3x3, of the
-    RGB camera; camera_to_world: 4x4, metres, camera axes x right, y down, z forward."""
+    """A frame read from the data set. rgb: uint8 [h, w, 3]; depth_mm, depth_true_mm: uint16 [h, w], 0 = none; ir_left,
+    ir_right: [h, w]; k: 3x3, of the RGB camera; camera_to_world: 4x4, its pose, metres, camera axes x right, y down, z
+    forward."""
 
     number: int
     rgb: NDArray[np.uint8]
@@ -251,7 +254,7 @@ class Stored:
 
 
 def stored_frames(out: Path, count: int) -> Iterator[Stored]:
-    """Frames 0 to count - 1, one at a time."""
+    """Reads frames 0 to count - 1 of the data set `out`, one at a time."""
     for number in range(count):
         folder, name = scene_folder(out, number), f"{number % FRAMES_PER_SCENE:06d}.png"
         depth, true, left, right = (

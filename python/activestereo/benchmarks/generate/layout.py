@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Things of a data set: their files and instances, the ranges that they are drawn from, and their places on the table z
-= 0, upright and side by side or dropped."""
+"""Objects ("things") of a data set: their files and instances, and the ranges of random values. Places them on the
+table z = 0, upright and side by side or dropped."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from activestereo.scene_io.usd import is_usd
 
 @dataclass(frozen=True)
 class Ranges(DeclaredRanges):
-    """Each (low, high), drawn evenly between them."""
+    """Ranges (low, high), from which each frame's values are drawn uniformly."""
 
     things: tuple[float, float] = (3, 6)  # count, at most the number of files
     spread_m: tuple[float, float] = (0.15, 0.25)  # radius of the area of things
-    distance_m: tuple[float, float] = (0.5, 1.0)  # of the camera from the middle
+    distance_m: tuple[float, float] = (0.5, 1.0)  # from the camera to the middle of the table
     elevation_deg: tuple[float, float] = (30, 80)  # height of the camera above the table
     roll_deg: tuple[float, float] = (-10, 10)
     lamps: tuple[float, float] = (1, 3)  # count
@@ -44,28 +44,28 @@ class Ranges(DeclaredRanges):
 
 
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-# Place of things that a frame does not show.
+# Pose of things that a frame does not show.
 _AWAY = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -1000.0], [0, 0, 0, 1]])
-# Larger or smaller things are in other units than metres.
+# Things outside this range of sizes must be in another unit than metres.
 _SIZE_M = (1e-3, 5.0)
 
 
 @dataclass(frozen=True)
 class Thing:
-    """id: from 1, BOP's obj_id. low_m, high_m: its box in the file's axes, metres. upright: 4x4 from the file's axes to
-    axes with z up and the origin in the middle of the box's lower face."""
+    """An object of the data set. id: from 1, BOP's obj_id. low_m, high_m: its box in the file's axes, metres. upright:
+    4x4 from the file's axes to axes with z up and the origin in the middle of the box's lower face."""
 
     id: int
     path: Path
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
     upright: NDArray[np.float64]
-    radius_m: float  # of the upright thing's footprint
-    unit_m: float = 1.0  # of the file
+    radius_m: float  # radius of the upright thing's footprint
+    unit_m: float = 1.0  # metres per unit of the file
 
 
 class Things:
-    """All things in one scene, away until they are placed. unit_m: of their files."""
+    """Adds all things to a scene, far away until place() moves them. unit_m: metres per unit of their files."""
 
     def __init__(self, scene: kuafu.Scene, paths: list[Path], unit_m: float = 1.0) -> None:
         self._scene = scene
@@ -81,7 +81,7 @@ class Things:
             base = np.diag([unit_m, unit_m, unit_m, 1.0]) @ instance_transforms(path, len(ids))
             self._instances.append(ids)
             self._base.append(base)
-            # Its size, in a scene of its own.
+            # A scene of its own gives the thing's size.
             alone = kuafu.Scene(scene.device)
             load_scene_file(alone, path, unit_m=unit_m)
             summary = alone.summary
@@ -103,12 +103,13 @@ class Things:
         self.place({})
 
     def place(self, poses: dict[int, NDArray[np.float64]]) -> None:
-        """poses: {index: 4x4 from the file's axes to the world}; the others go away."""
+        """Places things in the world. poses: {index: 4x4 from the file's axes to the world}; the other things move far
+        away."""
         for index, (ids, base) in enumerate(zip(self._instances, self._base, strict=True)):
             self._scene.set_instance_poses(ids, poses.get(index, _AWAY) @ base)
 
     def is_of(self, index: int, instance_ids: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Mask of this thing in a picture of instances."""
+        """Returns a mask of the pixels of an instance picture that show the thing number `index`."""
         ids = self._instances[index]
         return (instance_ids >= ids[0]) & (instance_ids <= ids[-1])
 
@@ -121,14 +122,14 @@ _STEP_S, _LONGEST_S, _REST_M_PER_S = 0.002, 4.0, 0.01
 
 
 def chosen(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> list[int]:
-    """Chooses a frame's things."""
+    """Draws which things a frame shows; returns their indices, sorted."""
     count = min(max(ranges.count("things", random), 1), len(things))
     return sorted(random.permutation(len(things))[:count].tolist())
 
 
 def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Places things upright, turned at random, without contact of their bounding circles. Leaves out things without a
-    place after many tries."""
+    """Places things upright, turned at random, without overlap of their footprints' circles. Returns {index: 4x4 to the
+    world}; leaves out things that find no place after many tries."""
     out: Poses = {}
     spread = ranges.draw("spread_m", random)
     circles: list[tuple[NDArray[np.float64], float]] = []
@@ -148,7 +149,7 @@ def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) ->
 
 
 def physics() -> tuple[Any, Any]:
-    """The modules mujoco and trimesh. Raises ImportError if one is missing."""
+    """Imports and returns the modules mujoco and trimesh. Raises ImportError if one is missing."""
     try:
         import mujoco
         import trimesh
@@ -158,8 +159,8 @@ def physics() -> tuple[Any, Any]:
 
 
 def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Drops things, turned at random, one above the other, with MuJoCo's physics and their convex hulls. Leaves out
-    things that roll away. Raises ImportError without mujoco or trimesh."""
+    """Drops things, turned at random, one above the other, with MuJoCo's physics on their convex hulls. Returns {index:
+    4x4 to the world}; leaves out things that roll away. Raises ImportError without mujoco or trimesh."""
     mujoco, trimesh = physics()
     spread, order = ranges.draw("spread_m", random), chosen(things, ranges, random)
     spec = mujoco.MjSpec()

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A data set in LeRobot's format with depth, written by its own package (pip install 'lerobot[dataset]', 0.6 or later).
+"""Writes a data set in LeRobot's format with depth, with LeRobot's package (pip install 'lerobot[dataset]', 0.6 or
+later).
 
     DIR/lerobot: LeRobotDataset(name, root=DIR/lerobot)
 
 Depth maps are LeRobot's (huggingface/lerobot#3644): uint16 millimetres of one channel, marked `is_depth_map`, kept as
-images without loss. Frames are independent, so each is an episode. Its state is the RGB camera's pose, position in
-metres and a quaternion x, y, z, w; rgb_k is its matrix by rows.
+images without loss. Frames are independent, so each is an episode. Its state is the RGB camera's pose: position in
+metres and a quaternion x, y, z, w. rgb_k is the camera's matrix, row by row.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 def package() -> Any:
-    """LeRobotDataset. Raises ImportError if it is missing."""
+    """Imports and returns LeRobotDataset. Raises ImportError if it is missing."""
     try:
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
     except ImportError as error:
@@ -31,7 +32,7 @@ def package() -> Any:
 
 
 def write(out: Path, count: int, to: Path) -> None:
-    """Frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
+    """Writes frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
     data: Any = None
     pictures: dict[str, Any]
     for frame in stored_frames(out, count):

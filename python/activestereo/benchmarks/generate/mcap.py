@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A data set as messages of ROS 2 in an MCAP file (pip install rosbags): DIR/mcap.
+"""Writes a data set as messages of ROS 2 into an MCAP file, DIR/mcap (pip install rosbags).
 
-Topics are a RealSense camera's: color, aligned depth (16UC1, millimetres: REP 118) and the infrared pair, each with its
-camera_info; /camera/pose is the RGB camera's pose. Axes are those of REP 103's optical frames.
+Topics have a RealSense camera's names: color, aligned depth (16UC1, millimetres: REP 118) and the infrared pair, each
+with its camera_info; /camera/pose is the RGB camera's pose. Axes are those of REP 103's optical frames.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _COLOR = "camera_color_optical_frame"
 
 
 def package() -> Any:
-    """The module rosbags. Raises ImportError if it is missing."""
+    """Imports and returns the module rosbags. Raises ImportError if it is missing."""
     try:
         import rosbags
     except ImportError as error:
@@ -32,7 +32,7 @@ def package() -> Any:
 
 
 def write(out: Path, count: int, to: Path) -> None:
-    """Frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
+    """Writes frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
     infrared = read_json(out / "ir_cameras.json")
     with McapFile(to) as file:
         for frame in stored_frames(out, count):

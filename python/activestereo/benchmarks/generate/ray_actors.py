@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes frames on the machines of a Ray cluster, with an actor for each GPU, or for a number of processors.
+"""Makes frames on the machines of a Ray cluster, with an actor for each GPU or, without GPUs, for each group of
+processors.
 
-Actors send the files of a frame as bytes, and only the calling process writes them. So each frame is written once, even
-if actors are lost, and the machines need not share a folder. Frames that wait for writing are in Ray's object store,
-which spills them to disk.
+Actors send a frame's files as bytes, and only the calling process writes them. So each frame is written once, even if
+actors are lost, and the machines need not share a folder. Frames wait for writing in Ray's object store, which spills
+them to disk.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ class StudioActor:
         self._studio: Studio | None = None
 
     def begin(self) -> None:
-        """Returns once the actor exists: Ray makes it when there is room."""
+        """Does nothing; the call returns once Ray has had room to make the actor."""
 
     def files(self, number: int) -> dict[str, bytes]:
-        """The files of a frame, by path below the data set's folder."""
+        """Makes a frame and returns its files, {path below the data set's folder: content}."""
         if self._studio is None:  # not in __init__: its errors look like an actor's end
             import ray
 
@@ -59,11 +60,11 @@ class StudioActor:
 
 
 def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: str, cpus: int) -> Iterator[int]:
-    """Yields the number of each frame after it is written.
+    """Makes the missing frames on a Ray cluster and yields the number of each after it is written.
 
-    address: 'auto', HOST:PORT or ray://HOST:PORT of a running cluster. cpus: for each actor, if the cluster has no GPUs
-    or the settings name a device. Raises ValueError without Ray or if no machine has so many processors,
-    ConnectionError without such a cluster, and ChildProcessError if a frame ends one actor after another."""
+    address: 'auto', HOST:PORT or ray://HOST:PORT of a running cluster. cpus: processors of each actor, if the cluster
+    has no GPUs or the settings name a device. Raises ValueError without Ray or if no machine has so many processors,
+    ConnectionError without such a cluster, and ChildProcessError if one frame ends several actors."""
     if not missing:
         return
     ray = ray_package()
@@ -82,9 +83,9 @@ def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: 
 
 
 def room_for(nodes: Sequence[dict[str, Any]], cpus: int, may_have_gpu: bool) -> tuple[int, dict[str, int]]:
-    """Number of actors that fit on the machines, and the resources of each: a GPU if there are any, else `cpus`
-    processors of one machine. nodes: ray.nodes(). Raises ValueError if no machine has so many processors; Ray would
-    wait for one without end."""
+    """Returns (number of actors that fit on the machines, resources of each): a GPU if there are any, else `cpus`
+    processors of one machine. nodes: ray.nodes(). Raises ValueError if no machine has so many processors, because Ray
+    would wait for one without end."""
     alive = [node["Resources"] for node in nodes if node["Alive"]]
     gpus = sum(int(own.get("GPU", 0)) for own in alive)
     if gpus and may_have_gpu:
@@ -100,8 +101,9 @@ def room_for(nodes: Sequence[dict[str, Any]], cpus: int, may_have_gpu: bool) -> 
 def frames_of(
     ray: Any, start: Callable[[], Any], count: int, numbers: Sequence[int]
 ) -> Iterator[tuple[int, dict[str, bytes]]]:
-    """Yields each frame's number and files, in order of arrival. start(): makes a StudioActor; `count` work at the same
-    time. A lost one is replaced, and its frame goes to the next free one; a frame's own exception is raised."""
+    """Yields each frame's number and files, in order of arrival, from `count` actors at a time. start(): makes a
+    StudioActor. A lost actor is replaced, and its frame goes to the next free one. An exception in a frame's
+    computation is raised."""
     waiting, losses, left = deque(numbers), Counter[int | None](), len(numbers)
     errors = ray.exceptions
     lost = (errors.RayActorError, errors.ObjectLostError, errors.NodeDiedError, errors.OutOfMemoryError)
@@ -149,7 +151,7 @@ def frames_of(
 
 
 def ray_package() -> Any:
-    """The module ray. Raises ValueError if it is missing."""
+    """Imports and returns the module ray. Raises ValueError if it is missing."""
     try:
         import ray
     except ImportError as error:

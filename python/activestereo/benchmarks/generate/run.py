@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a data set with workers, each with its own device, and writes it in other formats. Skips frames that exist."""
+"""Makes a data set with worker processes, each with its own device, and writes it in other formats. Skips frames that
+exist."""
 
 from __future__ import annotations
 
@@ -24,15 +25,15 @@ from activestereo.common.input_files import read_json
 from activestereo.common.processes import process_pool
 from activestereo.scene_io import usd
 
-_MOST_LOSSES = 3  # of workers, one after another
+_MOST_LOSSES = 3  # losses of workers without a frame in between
 _studio: Studio | None = None  # a worker's
 
 
 @dataclass(frozen=True)
 class Done:
-    """made: frames made now; there: frames of this part that existed before; missing: frames of other parts. Once all
-    exist: unseen, things that no frame shows; measured, the share of surface pixels with a depth; invented, the share
-    of depths without a surface or off by more than 5 %."""
+    """The result of generate(). made: frames made now; there: frames of this part that existed before; missing: frames
+    of other parts that do not exist yet. Once all exist: unseen, things that no frame shows; measured, share of surface
+    pixels with a depth; invented, share of depths without a surface or off by more than 5 %."""
 
     made: int
     there: int
@@ -50,10 +51,10 @@ def generate(
     """Makes frames 0 to count - 1 in BOP's format under `out`, or part k of n of them.
 
     Other parts may run at the same time, also on other machines that share the folder. The process that makes the last
-    frame writes the scenes' tables. ray: a cluster's address and the processors of an actor there, in place of workers
-    (ray_actors.py). USD stages are first written to out/things as .glb. Raises ValueError if `out` has frames of other
-    settings, and ChildProcessError if workers are killed repeatedly. Finished frames stay, and the same call
-    continues."""
+    frame writes the scenes' tables. ray: (address of a Ray cluster, processors of an actor there), used in place of
+    workers (ray_actors.py). USD stages are first written to out/things as .glb. Raises ValueError if `out` has frames
+    of other settings, and ChildProcessError if workers are killed repeatedly. Finished frames stay, and the same call
+    continues the work."""
     if settings.layout == "drop":
         physics()  # reports a missing package first
     if ray is not None:
@@ -96,7 +97,7 @@ def generate(
 
 
 def description(settings: Settings) -> dict[str, Any]:
-    """Everything that the frames depend on, for dataset.json."""
+    """Returns everything that the frames depend on, as dataset.json stores it."""
     about = asdict(settings)
     del about["device"]
     for name, usual in (("ir_size", None), ("unit_m", 1.0), ("keep_transparent", False)):
@@ -107,7 +108,8 @@ def description(settings: Settings) -> dict[str, Any]:
 
 
 def _make_frames(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
-    """Yields the number of each frame after it is written. After a lost worker all are replaced and go on."""
+    """Makes the missing frames and yields the number of each after it is written. If a worker is lost, new workers make
+    the remaining frames."""
     if workers == 1 or len(missing) < 2:
         yield from _make_frames_here(settings, out, missing)
         return
@@ -131,7 +133,7 @@ def _make_frames(settings: Settings, out: Path, missing: list[int], workers: int
 
 
 def _make_frames_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
-    """Makes frames here. Writes one while the next renders."""
+    """Makes frames in this process; writes one while the next renders."""
     if not missing:
         return
     studio = Studio(settings)
@@ -152,7 +154,8 @@ def _write(out: Path, frame: Frame) -> int:
 
 
 def _begin(settings: Settings, begun: Any) -> None:
-    """begun: a shared counter of the workers, which takes them to one GPU after another."""
+    """Prepares a worker process: makes its studio on the next GPU in turn. begun: shared counter of the workers that
+    have started."""
     global _studio
     with begun.get_lock():
         number, begun.value = begun.value, begun.value + 1
@@ -179,8 +182,8 @@ def require_formats(names: list[str]) -> None:
 
 
 def write_formats(out: Path, count: int, names: list[str]) -> None:
-    """Writes frames 0 to count - 1 of the data set `out`, each format into its folder out/NAME. Writes a folder whole
-    or not at all, and replaces an old one."""
+    """Writes frames 0 to count - 1 of the data set `out` in each named format, into the folder out/NAME. A folder is
+    written completely or not at all, and replaces an old one."""
     aside = out / ".unfinished"
     shutil.rmtree(aside, ignore_errors=True)
     aside.mkdir()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Takes the frames of a data set: a table, things on it, lamps, and a depth sensor that looks at them."""
+"""Takes the frames of a data set: a table, objects on it, lamps, and a depth sensor that looks at them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 @dataclass(frozen=True)
 class Settings:
     """The settings of a data set. layout: 'scatter' or 'drop'. sensor: a preset's name or a camera's .toml file.
-    ir_size: of the infrared cameras, None = the sensor's. unit_m: metres per unit of the things' files.
+    ir_size: (width, height) of the infrared images, None = the sensor's. unit_m: metres per unit of the things' files.
     keep_transparent: materials of opacity 0 stay invisible."""
 
     things: tuple[Path, ...]
@@ -45,8 +45,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Found:
-    """A thing in a frame. model_to_camera: 4x4, metres, camera axes. mask: bool [h, w], all of it without occluders.
-    mask_visible: its visible part."""
+    """A thing in a frame. model_to_camera: 4x4, metres, camera axes. mask: bool [h, w], the whole thing as if nothing
+    occluded it. mask_visible: its visible part."""
 
     thing_id: int
     model_to_camera: NDArray[np.float64]
@@ -56,9 +56,9 @@ class Found:
 
 @dataclass(frozen=True)
 class Frame:
-    """rgb uint8 [h, w, 3]; left, right: uint8 or uint16 infrared images; depth, true_depth: float32 [h, w] metres in
-    the RGB camera, 0 = none; confidence: float32 0..1, and reason: uint8, an index into simsense.REASONS, of the left
-    infrared camera."""
+    """The pictures of a frame. rgb: uint8 [h, w, 3]; left, right: uint8 or uint16 infrared images; depth, true_depth:
+    float32 [h, w] metres in the RGB camera, 0 = none; confidence: float32 0..1, and reason: uint8, an index into
+    simsense.REASONS, both in the left infrared camera. found: the things that were placed."""
 
     number: int
     rgb: NDArray[np.uint8]
@@ -74,14 +74,14 @@ class Frame:
 
 
 def things_of(settings: Settings, scene: kuafu.Scene) -> Things:
-    """The things of a data set, in a scene."""
+    """Adds the things of a data set to a scene and returns them."""
     if settings.keep_transparent:
         keep_transparent()
     return Things(scene, list(settings.things), settings.unit_m)
 
 
 class Studio:
-    """Takes any frame of a data set, in any order. One thread at a time."""
+    """Takes any frame of a data set, in any order. Use it in one thread at a time."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -100,7 +100,7 @@ class Studio:
         self._alone_ids = PictureMemory(self._scene.device, (1, height, width), {"instance_id": (np.uint32, 1)})
 
     def make_frame(self, number: int) -> Frame:
-        """Frame `number` of the data set."""
+        """Takes frame `number` of the data set, which depends only on the settings and the number."""
         settings, random = self._settings, np.random.default_rng([self._settings.seed, number])
         poses = LAYOUTS[settings.layout](self._things.things, settings.ranges, random)
         # 1. The table, the lamps and the camera.
@@ -164,7 +164,7 @@ class Studio:
         )
 
     def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """The thing's mask in the picture without all others."""
+        """Returns the thing's mask in a picture without all other things."""
         self._things.place({index: pose})
         width, height = self._config.rgb_resolution
         camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
@@ -174,8 +174,8 @@ class Studio:
 
 
 def sensor_config(settings: Settings) -> StereoDepthSensorConfig:
-    """The preset with an RGB image of the wanted size, cut or widened about its middle, without distortion: BOP's
-    cameras are pinholes. Infrared cameras of another size keep their horizontal field of view."""
+    """Returns the preset with an RGB image of the wanted size, cut or widened about its middle. It has no distortion,
+    because BOP's cameras are pinholes. Infrared cameras of another size keep their horizontal field of view."""
     config = StereoDepthSensorConfig(settings.sensor)
     if settings.ir_size is not None:
         whole, config = config, config.resized(*settings.ir_size)

@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The weaker noise models of other simulators, fitted to a sensor by simulating it, in those simulators' own files."""
+"""Fits the simpler noise models of other simulators to a simulated sensor, and writes them as those simulators' own
+files."""

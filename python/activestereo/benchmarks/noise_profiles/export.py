@@ -19,13 +19,14 @@ from activestereo.common.progress_bar import Progress
 from activestereo.model import SensorModel
 
 _ROOMS = 6
-# Rooms of fits have seeds from 0; these have others.
+# First seed of the rooms that no fit saw; rooms of the fit have seeds from 0.
 _HELD_OUT_SEED = 2**40
 
 
 @dataclass(frozen=True)
 class Exported:
-    """default, profile: both models' distances from the sensor in rooms outside the fit; None without such rooms."""
+    """A fitted noise model and its file. default_distance, distance: distances of the unfitted and the fitted model
+    from the sensor, in rooms outside the fit; None without such rooms."""
 
     profile: Profile
     file: Path
@@ -38,8 +39,9 @@ def export(
     config: StereoDepthSensorConfig, model: SensorModel | None, names: list[str], out: Path, held_out: int = 0,
     seed: int = 0, device: str | int = "auto", progress: Progress | None = None,
 ) -> dict[str, Exported]:  # fmt: skip
-    """Writes the named PROFILES and returns {name: Exported}; profiles.json has the parameters and distances. progress:
-    of taking the views, which is nearly all of the time."""
+    """Fits the named PROFILES to the sensor, writes their files and returns {name: Exported}; profiles.json has the
+    parameters and distances. held_out: number of rooms outside the fit. progress: called with the fraction of the views
+    taken, which is nearly all of the time."""
     start = time.perf_counter()
     views = take_views(config, model, _ROOMS, seed, device, progress)
     views_s = time.perf_counter() - start
@@ -62,7 +64,7 @@ def export(
 
 
 def profile_json(one: Exported) -> dict[str, Any]:
-    """One profile's part of profiles.json."""
+    """Returns one profile's part of profiles.json."""
     distances = {"default": one.default_distance, "exported": one.distance}
     return {
         "file": one.file.name,

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's views of rooms that are drawn under a seed, the fit of noise models to them, and the distance between the
-errors of two kinds of depth."""
+"""Takes a sensor's views of random rooms, fits noise models to them, and measures the distance between the errors of
+two kinds of depth."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Views:
-    """Rooms in one sensor's left camera. truth_m, found_m: float32 [rooms, height, width] metres, 0 = no surface, or
-    not measured. gray: float32 of the same shape, 0..1, the surfaces' reflectance. near_m, far_m: the sensor's range of
-    depth."""
+    """Views of rooms in one sensor's left camera. truth_m, found_m: true and measured depth, float32 [rooms, height,
+    width] metres, 0 = no surface, or not measured. gray: float32 of the same shape, 0..1, the surfaces' reflectance.
+    near_m, far_m: the sensor's range of depth."""
 
     truth_m: NDArray[np.float32]
     found_m: NDArray[np.float32]
@@ -47,7 +47,8 @@ def take_views(
     config: StereoDepthSensorConfig, model: SensorModel | None, count: int, seed: int, device: str | int = "auto",
     progress: Progress | None = None,
 ) -> Views:  # fmt: skip
-    """Views of `count` rooms. model: its effects act, except those on named surfaces, which are absent here."""
+    """Simulates the sensor in `count` rooms and returns their Views. model: its effects act, except those on named
+    surfaces, which these rooms lack."""
     config = config.seen_from_left()
     config.rgb_distortion = (0.0,) * 5  # depth is registered to a pinhole
     if config.ir_exposure_mode == "converging":
@@ -74,7 +75,7 @@ def take_views(
 
 
 def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.float64]:
-    """Floor, two walls, things, a lamp and light from all sides; returns camera_to_world."""
+    """Fills the scene with a floor, two walls, objects, a lamp and light from all sides; returns camera_to_world."""
     far_m = random.uniform(1.5, 3.5)
     meshes = [add_mesh(scene, mesh) for mesh in (solids.box(), solids.sphere(), solids.cylinder())]
 
@@ -83,7 +84,7 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
         local_to_world[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
         local_to_world[:3, :3] *= half
         local_to_world[:3, 3] = at
-        # A twentieth of the things is black, a tenth of metal.
+        # A twentieth of the things are black, a tenth are metal.
         kind, albedo = random.uniform(), random.uniform(0.3, 0.8)
         if not is_plain and kind < 0.05:
             albedo = 0.04
@@ -111,27 +112,29 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
     return look_at(eye, np.array([far_m, random.uniform(-0.3, 0.3), random.uniform(0.1, 0.5)]), _UP)
 
 
-# Errors count up to this: mismatches of tens of pixels, which no model of noise has, would outweigh all others.
+# Errors are clipped to this: mismatches of tens of pixels, which no noise model has, would outweigh all others.
 _MOST_PX = 2.0
 _QUANTILES = (np.arange(1000) + 0.5) / 1000.0
 
 
 @dataclass(frozen=True)
 class Distance:
-    """error_px: the 1-Wasserstein distance between the distributions of the errors of depth as disparities, each cut
-    off at 2 px, over pixels that are measured. holes: by how much the shares of pixels without depth differ."""
+    """The distance between the errors of two kinds of depth. error_px: 1-Wasserstein distance between the distributions
+    of their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their shares of
+    pixels without depth."""
 
     error_px: float
     holes: float
 
     @property
     def total(self) -> float:
-        """A pixel without depth weighs as much as one that is wrong by 1 px."""
+        """Returns error_px + holes: a pixel without depth weighs as much as an error of 1 px."""
         return self.error_px + self.holes
 
 
 def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
-    """The distance of depth [rooms, height, width], metres, 0 = none, from the measured one; mean of the rooms."""
+    """Returns the Distance of depth_m, [rooms, height, width] metres, 0 = none, from the views' measured depth, as a
+    mean over the rooms."""
     rooms = []
     for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True):
         is_there = (truth >= views.near_m) & (truth <= views.far_m)
@@ -152,7 +155,7 @@ _MOST_EVALUATIONS = 120
 
 @dataclass(frozen=True)
 class Profile(ABC):
-    """A simulator's model of noise, with its parameters. One that is made without arguments is its default."""
+    """A simulator's noise model with its parameters. Without arguments it has the simulator's default parameters."""
 
     FILE: ClassVar[str]
     LACKS: ClassVar[tuple[str, ...]]  # properties without a parameter in the model, one line each
@@ -161,26 +164,27 @@ class Profile(ABC):
 
     @abstractmethod
     def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
-        """Depth of the views as the simulator gives it, [rooms, height, width] metres, 0 = none."""
+        """Returns the views' depth under the model, [rooms, height, width] metres, 0 = none."""
 
     @classmethod
     @abstractmethod
     def known(cls, views: Views) -> Profile:
-        """The profile with the parameters that need no fit: range, geometry."""
+        """Returns the profile with the parameters that need no fit, such as range and geometry, taken from the
+        views."""
 
     @abstractmethod
     def file_text(self, views: Views) -> str:
-        """The simulator's own file."""
+        """Returns the text of the simulator's own file."""
 
 
 def clipped(truth_m: NDArray[np.float32], noisy_m: NDArray[Any], near_m: float, far_m: float) -> NDArray[np.float32]:
-    """noisy_m, positive, if the true depth lies within a range, else 0."""
+    """Returns noisy_m, made positive, where the true depth lies in the range, else 0."""
     is_kept = (truth_m >= near_m) & (truth_m <= far_m)
     return np.where(is_kept, np.maximum(noisy_m, 1e-3), 0.0).astype(np.float32)
 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:
-    """The model nearest to the sensor's measurements, by distance()'s total."""
+    """Fits a model's parameters to the sensor's views by minimising distance()'s total, and returns the profile."""
     is_kept = np.arange(views.truth_m.shape[1]) % _PERIOD < _BAND  # enough for noise that reaches few rows
     rows = replace(views, **{name: getattr(views, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
     start = kind.known(views)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise models of five simulators, each with the text of its file."""
+"""Implements the noise models of five simulators, each with the text of its file."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _CELLS, _CELL_PX, _PLANES, _SEEN = 80, 8, 5, 8000
 
 @dataclass(frozen=True)
 class Isaac(Profile):
-    """Isaac Sim's single-view depth sensor, as a USD layer.
+    """The noise model of Isaac Sim's single-view depth sensor, written as a USD layer.
 
-    The attributes, their meaning and their defaults: NVIDIA, ovrtx 0.7.0, "Camera single-view stereo depth model"
-    (pages "USD Attributes" and "Tune Noise, Quantization and Confidence"), and the example of
-    OmniSensorDepthSensorSingleViewAPI in the RTX sensors' documentation. Up to Isaac Sim 6 they are
-    omni:rtx:post:depthSensor:* of a RenderProduct, in ovrtx 0.7 omni:sensor:depthSensor:* of a Camera: the layer has
+    The attributes, their meaning and their defaults are from NVIDIA, ovrtx 0.7.0, "Camera single-view stereo depth
+    model" (pages "USD Attributes" and "Tune Noise, Quantization and Confidence"), and from the example of
+    OmniSensorDepthSensorSingleViewAPI in the RTX sensors' documentation. Up to Isaac Sim 6 their names are
+    omni:rtx:post:depthSensor:* of a RenderProduct, in ovrtx 0.7 omni:sensor:depthSensor:* of a Camera. The layer has
     both.
 
     confidence: 0.7 by default, which drops surfaces without texture; 0 drops nothing.
@@ -88,10 +88,10 @@ class Isaac(Profile):
 
 @dataclass(frozen=True)
 class Gazebo(Profile):
-    """Gazebo's depth camera, as SDF.
+    """The noise model of Gazebo's depth camera, written as SDF.
 
     SDFormat's <camera> has <clip> and one additive Gaussian <noise> of mean and stddev, the same at all depths
-    (gz-sensors, ImageGaussianNoiseModel; asked to be more in gz-sensors#416); without <noise> depth is exact.
+    (gz-sensors, ImageGaussianNoiseModel; gz-sensors#416 asks for more). Without <noise> depth is exact.
     """
 
     FILE = "gazebo.sdf"
@@ -139,13 +139,13 @@ class Gazebo(Profile):
 
 @dataclass(frozen=True)
 class MujocoRos2Control(Profile):
-    """mujoco_ros2_control's depth camera, as a <ros2_control> sensor of a URDF.
+    """The noise model of mujoco_ros2_control's depth camera, written as a <ros2_control> sensor of a URDF.
 
     The model is that of ros-controls/mujoco_ros2_control#303: NaN outside of a range, sigma(z) = z^2 subpixel / (fx
     baseline) and a share of pixels that drop out. depth_min_range and depth_max_range are the pull request's names; the
     other three follow its description. Compare them after its merge.
 
-    The noise model. The defaults are a D435i's data sheet without drop-outs.
+    The defaults are a D435i's data sheet without drop-outs.
     """
 
     FILE = "mujoco_ros2_control.urdf"
@@ -187,7 +187,7 @@ class MujocoRos2Control(Profile):
 
 @dataclass(frozen=True)
 class ElevationMapping(Profile):
-    """elevation_mapping's variances of a depth camera's points, as its YAML.
+    """elevation_mapping's variances of a depth camera's points, written as its YAML file.
 
     Its structured-light sensor (Nguyen, Izadi and Lovell, 3DIMPVT 2012; ANYbotics/elevation_mapping,
     StructuredLightSensorProcessor) has a standard deviation along the ray, a + b (z - c)^2 + d z^e in metres, one
@@ -235,7 +235,7 @@ class ElevationMapping(Profile):
 
 @dataclass(frozen=True)
 class Open3D(Profile):
-    """Open3D's DepthNoiseSimulator, as its file of a distortion model.
+    """Open3D's DepthNoiseSimulator, written as its file of a distortion model.
 
     The file is that of Redwood's simdepth.py (Choi, Zhou and Koltun, CVPR 2015; Teichman et al., RSS 2013), as Open3D
     reads it (t::io::DepthNoiseSimulator): five skipped lines, then a row of 23 numbers for each cell of 8 x 6 pixels of
@@ -243,8 +243,8 @@ class Open3D(Profile):
     the last are divisors of depth at 1, 3, 5, 7 and 9 m. The noise is fixed: 1/36 px in steps of 1/8 px of a camera
     with 35.13 px m. Depths in another unit have more of it, so depth_scale, simulate()'s argument, sets its size.
 
-    zoom: metres of its depth in one of ours. bias_px: in its disparities, given to all cells. blind_cells: columns of
-    cells at the left edge that give no depth.
+    zoom: factor from our depth to its depth. bias_px: offset of its disparities, the same in all cells. blind_cells:
+    columns of cells at the left edge that give no depth.
     """
 
     FILE = "open3d.txt"

@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the distance of kinds of simulated depth from a real camera's recordings: `activestereo benchmark
+"""Measures how far several kinds of simulated depth are from a real camera's recordings: `activestereo benchmark
 realism`."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All methods on all views, with intervals from resampled views, as JSON and as one page with pictures."""
+"""Evaluates all methods on all views, with intervals from resampled views. Writes JSON and one page with pictures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DEVICE = "device"
 HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
 _DRAWS, _LEVEL = 4000, 0.9
 
-Values = dict[str, list[dict[str, float]]]  # for each method, its exposures of each view
+Values = dict[str, list[dict[str, float]]]  # {method: for each view, {measure: value}}
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class Interval:
 
 @dataclass(frozen=True)
 class Board:
-    """rows: {measure: {method: Interval}}; pictures: {view: {method: disparity}} of the first view of each capture."""
+    """The results of all methods. rows: {measure: {method: Interval}}; pictures: {view: {method: disparity}} of each
+    capture's first view."""
 
     views: tuple[str, ...]
     rows: dict[str, dict[str, Interval]]
@@ -53,7 +54,8 @@ def board(
     captures: list[tuple[Path, Path | None]], sensor: str, samples: int, seed: int, device: str | int,
     progress: Callable[[float], object] = lambda share: None,
 ) -> Board:  # fmt: skip
-    """captures: folders, each with the folder of the device's depth if that is another's."""
+    """Computes the Board of captures. captures: (folder, folder of the device's depth or None); None takes the
+    capture's own depth. samples: samples per pixel of simulated images."""
     views: list[str] = []
     values: Values = {method: [] for method in (DEVICE, *METHODS)}
     pictures: dict[str, dict[str, NDArray[np.float32]]] = {}
@@ -61,7 +63,7 @@ def board(
         own = real_views(read_capture(path), device_depth, device)
         planes = [planar_patches(view.disparity(view.truth_m), view.focal_baseline_px_m) for view in own]
         shown: dict[str, NDArray[np.float32]] = {}
-        # Method by method: raster, which changes the materials, comes last.
+        # raster comes last, because it changes the scene's materials.
         for step, method in enumerate((DEVICE, *(m for m in METHODS if m != "raster"), "raster")):
             for view, patches in zip(own, planes, strict=True):
                 made = None if method == DEVICE else simulated(view, method, sensor, samples, seed)
@@ -86,7 +88,8 @@ def board(
 
 
 def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
-    """Means over views with 90 % intervals: views are drawn with replacement."""
+    """Returns {measure: {method: Interval}}: means over views with 90 % intervals, for which views are drawn with
+    replacement."""
     count = len(values[DEVICE])
     chosen = np.random.default_rng(seed).integers(count, size=(_DRAWS, count))
     names = list(dict.fromkeys(name for own in values.values() for view in own for name in view))
@@ -98,7 +101,7 @@ def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
         }
         for name in names
     }
-    # The factor by which each view's noise is off, above or below, over the distances; 1 is the device's.
+    # Factor between a method's noise and the device's, whichever is larger, as a mean over the distances; 1 is equal.
     bins, rows[NOISE] = [f"spatial noise, px: {name}" for name in DISTANCE_NAMES], {}
     for method, own in values.items():
         pairs = zip(own, values[DEVICE], strict=True)
@@ -121,7 +124,8 @@ def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Inter
 
 
 def verdicts(found: Board) -> list[str]:
-    """Sentences with the closest method in holes and in noise, and whether the runner-up's interval lies apart."""
+    """Returns sentences that name the closest method in holes and in noise, and say whether the runner-up's interval
+    overlaps."""
     if len(found.views) < 2:
         return ["one view has no interval: who is closest is told from two on"]
     lines = []
@@ -144,7 +148,7 @@ _STYLE = (
 
 
 def write_board(found: Board, out: Path, about: dict[str, object]) -> None:
-    """realism.json and realism.html."""
+    """Writes realism.json and realism.html into the folder `out`. about: further contents of the JSON file."""
     rows = {name: {method: asdict(one) for method, one in row.items()} for name, row in found.rows.items()}
     lines = verdicts(found)
     content = about | {"views": list(found.views), "verdicts": lines, "measures": rows}

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures of one depth image beside the device's and the scene's own, and of infrared pairs, on flat patches."""
+"""Computes measures of a depth image against the device's depth and the scene's true depth, and of infrared pairs on
+flat patches."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ _MOST_RMS_PX, _LEAST_KNOWN = 0.05, 0.95
 
 @dataclass(frozen=True)
 class Patch:
-    """place: rows and columns. plane: disparity = plane @ (x, y, 1) of the image's pixels. depth_m: in the middle."""
+    """A flat patch of the image. place: its rows and columns. plane: coefficients, disparity = plane @ (x, y, 1) at the
+    image's pixel (x, y). depth_m: depth in its middle."""
 
     place: tuple[slice, slice]
     plane: NDArray[np.float64]
@@ -31,7 +33,7 @@ class Patch:
 
 
 def planar_patches(truth: Map, focal_baseline_px_m: float) -> list[Patch]:
-    """truth: disparities, NaN = unknown. Patches side by side."""
+    """Returns the flat patches of a grid of squares. truth: disparities [height, width], NaN = unknown."""
     height, width = truth.shape
     found = []
     for y in range(0, height - PATCH_PX + 1, PATCH_PX):
@@ -47,7 +49,9 @@ def planar_patches(truth: Map, focal_baseline_px_m: float) -> list[Patch]:
 def fitted_plane(
     disparity: Map, y: int = 0, x: int = 0, least_known: float = _LEAST_KNOWN
 ) -> tuple[NDArray[np.float64], float]:
-    """(plane, RMS distance from it) without pixels more than 1 px off; inf if less than the least share is known."""
+    """Fits a plane to disparities; returns (coefficients for (x, y, 1), RMS distance from it) without pixels more than
+    1 px off. The RMS is inf if less than least_known of the pixels have a disparity, or most are off. y, x: the first
+    pixel's coordinates."""
     rows, columns = np.nonzero(np.isfinite(disparity))
     values = disparity[rows, columns].astype(np.float64)
     if len(values) < least_known * disparity.size:
@@ -66,15 +70,15 @@ def fitted_plane(
 STATISTICS = ("dots' RMS, DN", "dots' share of light, %", "left-right residual, %", "side peak", "its lag, px")
 _BLUR_PX, _BORDER_PX = 6.0, 6
 _LEAST_LAG_PX, _LARGEST_LAG_PX = 4.0, 30.0
-_MOST_UNEVEN = 0.15  # of the mean: above it a surface has a texture of its own
+_MOST_UNEVEN = 0.15  # share of the mean; a patch that varies more has a texture of its own
 
 
 def statistics(left: Map, right: Map, patch: Patch, black_dn: float) -> dict[str, float] | None:
-    """The STATISTICS of a patch with planar disparity; None if the surface has a texture.
+    """Computes the STATISTICS of an infrared pair (DN) on a flat patch; None if the surface has a texture.
 
-    Fine structure is the image less its Gaussian blur of 6 px. The residual is left less right at the true disparity,
-    over sqrt 2 and the dots' RMS. The side peak is the largest autocorrelation from 4 to 30 px, with 1 in the
-    middle."""
+    Fine structure is the image less its Gaussian blur of 6 px. The residual is the RMS of left less right at the true
+    disparity, divided by sqrt 2 and the dots' RMS. The side peak is the largest autocorrelation at lags from 4 to 30
+    px; it is 1 at lag 0."""
     rows, columns = patch.place
     image = left[rows, columns].astype(np.float32)
     coarse = cv2.GaussianBlur(image, (0, 0), _BLUR_PX)
@@ -107,8 +111,8 @@ DISTANCES_M = (0.5, 0.8, 1.2, 1.7, 2.3, 3.2)
 _DISTANCES = tuple(zip(DISTANCES_M, DISTANCES_M[1:], strict=False))
 DISTANCE_NAMES = tuple(f"{low:g}-{high:g} m" for low, high in _DISTANCES)
 _STEP_PX, _NEAR_EDGE_PX, _RUN_PX = 3.0, 5, 12
-_BETWEEN_PX = 1.0  # a flying pixel is so far from both surfaces
-_LEAST_MEASURED = 0.5  # of a patch
+_BETWEEN_PX = 1.0  # least distance of a flying pixel from both surfaces
+_LEAST_MEASURED = 0.5  # share of a patch's pixels
 _MOST_LAG_PX = 12
 _PLAIN = (
     "fill, %", "invented, %", "hole IoU", "edge width, px", "flying pixels, %", "dead band, px",
@@ -118,14 +122,15 @@ BLACK = "black level, DN"
 
 
 def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: list[Patch]) -> dict[str, float]:
-    """{measure: value}, NaN if a view does not determine it. again_m: another exposure of the same view.
+    """Computes {measure: value} of depth_m, [height, width] metres; NaN if the view does not determine it. again_m:
+    another exposure of the same view; None: none.
 
-    invented: share of measured pixels off by more than 5 %. hole IoU: of the holes with the device's, at pixels
-    of known scene. edge width: mean run of foreground beyond an edge of the truth. flying pixels: share of measured
-    pixels within 5 px of an edge that lie between both surfaces. dead band: unmeasured columns at the left, the median
-    row. Spatial noise: RMS from its own plane on patches that are planes; its correlation: the lag at which it falls to
-    1/e. Temporal noise: between two exposures, over sqrt 2. Bias: the median error. All in pixels of disparity, by
-    distance."""
+    invented: share of measured pixels off by more than 5 %. hole IoU: intersection over union of its holes and the
+    device's, at pixels where the scene is known. edge width: mean run of foreground beyond an edge of the truth. flying
+    pixels: share of measured pixels within 5 px of an edge that lie between both surfaces. dead band: unmeasured
+    columns at the left, as a median over rows. Spatial noise: RMS from a plane fitted to a flat patch; its correlation:
+    the lag at which the autocorrelation falls to 1/e. Temporal noise: standard deviation of the two exposures'
+    difference on a patch, over sqrt 2. Bias: median error. Noise and bias are in pixels of disparity, by distance."""
     found, truth = view.disparity(depth_m), view.disparity(view.truth_m)
     is_known, is_measured = np.isfinite(truth), np.isfinite(found)
     holes, device_holes = ~is_measured & is_known, ~(view.device_m > 0) & is_known
@@ -162,7 +167,8 @@ def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: l
 
 
 def infrared_measures(view: RealView, left: Map, right: Map, patches: list[Patch], black_dn: float) -> dict[str, float]:
-    """Medians of the statistics over the even patches by distance, and the black level: the darkest thousandth."""
+    """Returns medians of statistics() over the untextured patches, by distance, and the black level: the 0.1 % quantile
+    of the left image, DN."""
     out = {BLACK: float(np.percentile(left, 0.1))}
     found = [(patch.depth_m, statistics(left, right, patch, black_dn)) for patch in patches]
     for (low, high), name in zip(_DISTANCES, DISTANCE_NAMES, strict=True):
@@ -173,7 +179,8 @@ def infrared_measures(view: RealView, left: Map, right: Map, patches: list[Patch
 
 
 def _edges(truth: Map, found: Map) -> tuple[float, float]:
-    """(mean run of foreground beyond edges, share of flying pixels in percent) on both sides of objects."""
+    """Returns (mean run of foreground depth beyond edges in pixels, percentage of flying pixels near edges), over left
+    and right edges of objects. truth, found: disparities."""
     runs, between, near = [], 0, 0
     for turn in (1, -1):
         t, d = truth[:, ::turn], found[:, ::turn]
@@ -196,7 +203,8 @@ def _edges(truth: Map, found: Map) -> tuple[float, float]:
 
 
 def _correlation_px(residual: Map) -> float:
-    """The lag along rows and columns at which the autocorrelation of the measured depth falls to 1/e."""
+    """Returns the lag, pixels, along rows and columns at which the autocorrelation of measured depth's residual falls
+    to 1/e."""
     values = np.where(np.abs(residual) < 1.0, residual, np.nan)
     values = values - np.nanmean(values)
     variance = np.nanmean(values**2)

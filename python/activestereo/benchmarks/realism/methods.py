@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real views (a pair, the device's depth, the surfaces in view), and their simulated depth in ten kinds."""
+"""Reads real views (an infrared pair, the device's depth, the scene) and simulates their depth by nine methods."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ Map = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class RealView:
-    """left, right: DN. device_m: the device's depth in the left camera, truth_m the scene model's; 0 = none. room: the
-    room's light as measured on the surfaces, None if the scene has lights of its own."""
+    """A recorded view. left, right: DN. device_m: the device's depth in the left camera, truth_m the scene model's; 0 =
+    none. room: the room's light as measured on the surfaces, None if the scene has lights of its own."""
 
     name: str
     capture: Capture
@@ -43,15 +43,15 @@ class RealView:
         return float(self.capture.rig.left.K[0, 0]) * self.capture.rig.baseline_m
 
     def disparity(self, depth_m: Map) -> Map:
-        """Disparity in pixels, NaN without depth."""
+        """Converts depth in metres to disparity in pixels, NaN without depth."""
         with np.errstate(divide="ignore"):
             return np.where(depth_m > 0, self.focal_baseline_px_m / depth_m, np.float32(np.nan)).astype(np.float32)
 
 
 def real_views(capture: Capture, device_depth: Path | None, device: str | int) -> list[RealView]:
-    """The views of a capture with a pair and the device's depth. device_depth: a folder of the device's 16-bit PNG
-    files in millimetres, in order of the frames, if the capture's own depth is a better instrument's. Raises ValueError
-    if the counts differ."""
+    """Reads the views of a capture that have a pair and depth. device_depth: a folder with the device's 16-bit PNG
+    files in millimetres, in order of the frames, for a capture whose own depth is a better instrument's; None: the
+    capture's own depth. Raises ValueError if the counts differ."""
     frames = [frame for frame in capture.frames if frame.has_infrared]
     files: list[Path] | None = None
     if device_depth is not None:
@@ -85,12 +85,13 @@ def real_views(capture: Capture, device_depth: Path | None, device: str | int) -
 
 OF_PAIRS = ("raster", "preset", "calibrated")
 METHODS = (*OF_TRUTH, *OF_PAIRS)
-_FIT_STEP_PX = 7  # share of the pixels in the fit of the light's two levels
+_FIT_STEP_PX = 7  # the fit of the light's two levels takes every seventh row and column
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """depth_m: two exposures that differ only by noise. left, right: DN, None without a pair."""
+    """A simulated view. depth_m: depth of two exposures that differ only by noise, metres. left, right: DN; None for
+    methods without a pair."""
 
     depth_m: tuple[Map, Map]
     left: Map | None = None
@@ -98,7 +99,8 @@ class Simulated:
 
 
 def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int) -> Simulated:
-    """A view as a method makes it. 'raster' makes the scene's materials Lambertian, for good: take it last."""
+    """Simulates a view by a method of METHODS. samples: samples per pixel. 'raster' makes the scene's materials
+    Lambertian for good: take it last."""
     if method in OF_TRUTH:
         gray, lens = (view.left / view.capture.rig.max_dn)[None], float(view.capture.rig.left.K[0, 0])
         randoms = (np.random.default_rng(seed + number) for number in range(2))
@@ -122,7 +124,8 @@ def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int)
 
 
 def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthSensorConfig:
-    """The preset with the capture's cameras; calibrated: with its projector, pattern, black level and falloff, too."""
+    """Returns the preset with the capture's cameras; is_calibrated: also with its projector, pattern, black level and
+    vignetting."""
     rig, config = view.capture.rig, StereoDepthSensorConfig(sensor).seen_from_left()
     config.ir_resolution = (rig.left.width, rig.left.height)
     config.ir_intrinsic = np.array(rig.left.K)
@@ -139,7 +142,7 @@ def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthS
     config.pose_rgb_irproj = Pose(there)
     config.pattern_intrinsic = np.array(rig.projector.K)
     config.light_pattern = np.rint(255.0 * rig.projector.pattern()).astype(np.uint8)
-    # The pattern was seen through the camera's lens, which has blurred it once.
+    # The calibrated pattern is already blurred by the camera's lens, so neither beam nor lens blurs it again.
     config.projector_beam_radius_m = 0.0
     config.ir_optics = {name: value for name, value in (config.ir_optics or {}).items() if name != "psf_sigma_px"}
     if rig.black_dn is not None:
@@ -151,8 +154,9 @@ def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthS
 
 
 def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], list[Map]]:
-    """(radiance, the laser's part) of both eyes, the laser and the room each as bright as the real left image has
-    them: exposure and the room's level are not the camera's."""
+    """Renders radiance for both cameras and fits the levels of laser and room light to the real left image. A preset
+    knows neither the exposure nor the room. Returns ([left, right] radiance, [left, right] of the laser's part
+    alone)."""
     config = taken.get_config()
     per_radiance = config.ir_camera_exposure * config.ir_camera_gain * config.ir_responsivity_dn
     laser = [
