@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares captures with the simulator: expected images, noise, statistics of the differences and of depth."""
+"""Compares captures with the simulator: expected images, noise, and statistics of the differences in images and
+depth."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals and tests for pixels that are not independent: whole blocks of the image are resampled, never single
-pixels.
+"""Computes intervals and tests for pixels that are not independent: it resamples whole blocks of the image, never
+single pixels.
 
 Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 8 (blocks); Benjamini and Yekutieli, Annals of
 Statistics 29, 2001.
@@ -14,16 +14,16 @@ LEVEL = 0.95
 
 
 class BlockBootstrap:
-    """Draws of Poisson(1) weights for `groups` groups of blocks, float32 [draws][groups]; the same for every statistic.
-    """
+    """Draws Poisson(1) weights for `groups` groups of blocks, float32 [draws][groups], and uses the same ones for every
+    statistic."""
 
     def __init__(self, groups: int, draws: int = 4000, seed: int = 0) -> None:
         rng = np.random.Generator(np.random.Philox(seed))
         self.weights = rng.poisson(1.0, (draws, groups)).astype(np.float32)
 
     def ratios(self, numerators: Sequence[np.ndarray], denominator: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """For each numerator: sum(numerator) / sum(denominator) over groups, [bins], and its draws [draws][bins]; NaN
-        without anything. numerators: arrays [groups][bins]; denominator: [groups][bins]."""
+        """Returns for each numerator: (sum(numerator) / sum(denominator) over groups, [bins], and its draws
+        [draws][bins]); NaN where the denominator is 0. numerators, denominator: arrays [groups][bins]."""
         columns = [np.asarray(sums, dtype=np.float32) for sums in (denominator, *numerators)]
         drawn = np.split(self.weights @ np.concatenate(columns, axis=1), len(columns), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -31,14 +31,15 @@ class BlockBootstrap:
 
 
 def interval(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(low, high) of the central 95 % of draws [draws][...]."""
+    """Returns (low, high), the bounds of the central 95 % of draws [draws][...]."""
     tail = 50.0 * (1.0 - LEVEL)
     low, high = np.nanpercentile(draws, (tail, 100.0 - tail), axis=0)
     return low, high
 
 
 def max_t(value: np.ndarray, draws: np.ndarray) -> tuple[float, np.ndarray]:
-    """(largest |t| of value [bins] against 0, its draws under the hypothesis that all are 0). draws: [draws][bins]."""
+    """Returns (largest |t| of value [bins] against 0, its draws under the hypothesis that all values are 0). draws:
+    [draws][bins]."""
     deviation = np.nanstd(draws, axis=0)
     usable = np.isfinite(value) & np.isfinite(draws).all(axis=0) & (deviation > 0)
     if not usable.any():
@@ -48,8 +49,8 @@ def max_t(value: np.ndarray, draws: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def benjamini_yekutieli(p_values: Sequence[float] | np.ndarray) -> np.ndarray:
-    """q-values: rejecting q <= alpha keeps the false discovery rate below alpha however the tests depend on each other.
-    """
+    """Returns the tests' q-values: rejecting q <= alpha keeps the false discovery rate below alpha, however the tests
+    depend on each other."""
     p = np.asarray(p_values, dtype=np.float64)
     if p.size == 0:
         return p

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rendered layers kept on disk by a hash of their causes: a second look at a capture traces no ray.
+"""Keeps rendered layers on disk under a hash of everything that decides them, so that a second run on a capture traces
+no ray.
 
-Entries are whole or absent (written aside, then renamed), so that parallel runs may share one folder.
+Entries are complete or absent (written aside, then renamed), so that parallel runs may share one folder.
 """
 
 import hashlib
@@ -21,14 +22,14 @@ from activestereo.common.input_files import checked_file, read_bytes, read_json
 from activestereo.common.output_files import replace_file
 from activestereo.compare.layers import Layers, RenderRequest
 
-# Raised when the meaning of a cached array changes.
+# Increase this number when the meaning of a cached array changes.
 _FORMAT = 4
 _LIMIT_GB = 2.0
 _LIMIT_VARIABLE = "ACTIVESTEREO_CACHE_GB"
 
 
 def default_cache_folder() -> Path:
-    """ACTIVESTEREO_CACHE, else the user's cache folder."""
+    """Returns the folder in ACTIVESTEREO_CACHE, else one in the user's cache folder."""
     own = os.environ.get("ACTIVESTEREO_CACHE")
     if own:
         return Path(own)
@@ -36,7 +37,7 @@ def default_cache_folder() -> Path:
 
 
 def default_limit_bytes() -> int:
-    """ACTIVESTEREO_CACHE_GB in bytes, else 2 GB. Raises ValueError for anything but a number of at least 0."""
+    """Returns ACTIVESTEREO_CACHE_GB in bytes, else 2 GB. Raises ValueError for anything but a number of at least 0."""
     text = os.environ.get(_LIMIT_VARIABLE)
     try:
         gigabytes = float(text) if text else _LIMIT_GB
@@ -48,7 +49,7 @@ def default_limit_bytes() -> int:
 
 
 def scene_digest(scene_path: str | Path) -> str:
-    """Content hash of a glTF scene and every file it refers to."""
+    """Returns a content hash of a glTF scene and every file it refers to."""
     digest = hashlib.sha256()
     path = Path(scene_path)
     digest.update(read_bytes(path))
@@ -64,7 +65,7 @@ def scene_digest(scene_path: str | Path) -> str:
 
 
 def request_key(request: RenderRequest, renderer_version: str) -> str:
-    """Hash of all that decides the pixels: equal keys mean equal layers."""
+    """Returns a hash of all that decides the pixels: equal keys mean equal layers."""
     digest = hashlib.sha256()
 
     def add(value: Any) -> None:
@@ -86,19 +87,19 @@ def request_key(request: RenderRequest, renderer_version: str) -> str:
 
 
 class CacheWarning(UserWarning):
-    """Renders cannot be kept, or an entry that was kept cannot be read."""
+    """Warns that renders cannot be stored, or that a stored entry cannot be read."""
 
 
 @dataclass(frozen=True)
 class CacheEntry:
-    """One file of the cache. used_s: when it was last written or read, seconds since 1970."""
+    """A file of the cache. used_s: when it was last written or read, seconds since 1970."""
 
     path: Path
     size_bytes: int
     used_s: float
 
     def kind(self) -> str:
-        """Its content: "renders" (layers or images), "fits", or "damaged" if it is no array file."""
+        """Returns the entry's content: "renders" (layers or images), "fits", or "damaged" if it is no array file."""
         try:
             with zipfile.ZipFile(checked_file(self.path)) as stored:
                 return "fits" if any("/" in name for name in stored.namelist()) else "renders"
@@ -107,15 +108,15 @@ class CacheEntry:
 
 
 class LayerCache:
-    """Folder of `<key>.npz`, one rig pose, one set of images or the fits to one capture each. The entries that were not
-    used for longest go when it grows over its limit, by default default_limit_bytes()."""
+    """A folder of files `<key>.npz`. Each holds the layers of one rig pose, a set of images, or the fits to one
+    capture. Beyond limit_bytes (None: default_limit_bytes()) the least recently used entries are removed."""
 
     def __init__(self, folder: str | Path | None = None, limit_bytes: int | None = None) -> None:
         self.folder = Path(folder) if folder else default_cache_folder()
         self.limit_bytes = default_limit_bytes() if limit_bytes is None else limit_bytes
 
     def get(self, key: str) -> tuple[Layers, ...] | None:
-        """The stored layers, one entry per camera, or None."""
+        """Returns the stored layers, one Layers per camera, or None."""
         stored = self.get_arrays(key) or {}
         names = [field.name for field in fields(Layers)]
         present = {f.name for f in fields(Layers) if f.default is MISSING or f"{f.name}_0" in (stored or {})}
@@ -131,7 +132,7 @@ class LayerCache:
         self.put_arrays(key, arrays | {"count": np.array(len(layers))})
 
     def get_arrays(self, key: str) -> dict[str, np.ndarray] | None:
-        """The stored arrays by name, or None. One that cannot be read costs a CacheWarning and is removed."""
+        """Returns the stored arrays by name, or None. An entry that cannot be read is removed, with a CacheWarning."""
         path = self.folder / f"{key}.npz"
         try:
             with np.load(checked_file(path)) as stored:
@@ -149,8 +150,8 @@ class LayerCache:
         return arrays
 
     def put_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """A folder that cannot be written (read-only, full) costs a CacheWarning and the time to render again, not the
-        caller's work."""
+        """Stores arrays under a key. If the folder cannot be written (read-only, full), it only warns, with a
+        CacheWarning."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, **arrays))
@@ -166,7 +167,7 @@ class LayerCache:
                     entry.path.unlink(missing_ok=True)
 
     def entries(self) -> list[CacheEntry]:
-        """All entries, the last used one first."""
+        """Returns all entries, the last used one first."""
         found = []
         for path in self.folder.glob("*.npz"):
             with suppress(OSError):
@@ -175,13 +176,13 @@ class LayerCache:
         return sorted(found, key=lambda entry: entry.used_s, reverse=True)
 
     def clear(self) -> list[CacheEntry]:
-        """Removes all entries, and returns those that are gone. Raises OSError if one cannot be removed."""
+        """Removes all entries and returns them. Raises OSError if one cannot be removed."""
         gone = self.entries()
         for entry in gone:
             entry.path.unlink(missing_ok=True)
         return gone
 
     def usage_text(self) -> str:
-        """Its size, its limit and its folder, in a line."""
+        """Returns a line with the cache's size, limit and folder."""
         used = sum(entry.size_bytes for entry in self.entries())
         return f"cache: {used / 1e9:.2f} of {self.limit_bytes / 1e9:g} GB in {self.folder}"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tells which image of an infrared pair is the left camera's, and whether both images' rows match. Finds patches of the
-first image in the second one, and needs no calibration."""
+"""Determines which image of an infrared pair is the left camera's, and whether both images' rows match. It finds
+patches of the first image in the second one, and needs no calibration."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 from activestereo.common.parabola import vertex
 
 _PATCH_PX, _ROWS_PX = 25, 6
-_DISPARITY_SHARE = 0.25  # of the width: a D435 at 0.2 m
+_DISPARITY_SHARE = 0.25  # share of the image's width, as for a D435 at 0.2 m
 _MOST_PATCHES, _LEAST_PATCHES = 240, 30
 _LEAST_CORRELATION = 0.7
-# A pair is swapped if so many patches lie further right in the second image: noise alone gives a half.
+# A pair is swapped if more than this share of patches lies further right in the second image; noise alone gives half.
 _SWAPPED = 0.8
 
 
 @dataclass(frozen=True)
 class CameraOrder:
-    """patches: number of patches found again. nearer_right: share of them further right in the right image, at which no
-    surface can lie. row_offset_px: median by which the right image's rows lie lower. row_spread_px: half of its middle
-    68 %."""
+    """The result for one capture. patches: number of patches found again. nearer_right: share of them that lie further
+    right in the right image than any surface can, as with exchanged images. row_offset_px: median by which the right
+    image's rows lie lower. row_spread_px: half the width of that offset's middle 68 %."""
 
     patches: int
     nearer_right: float
@@ -44,8 +44,8 @@ class CameraOrder:
 def camera_order(
     pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]], offset_px: float = 0.0
 ) -> CameraOrder:
-    """The CameraOrder of (left, right) images [height][width] of one size. offset_px: cx of the right camera less that
-    of the left one: infinitely far things lie so much further right."""
+    """Computes the CameraOrder of pairs (left, right), images [height][width] of one size. offset_px: cx of the right
+    camera less cx of the left one, by which infinitely far things lie further right."""
     shifts = []  # how far a patch lies further right and lower in the right image, pixels
     for pair in pairs:
         a, b = (np.ascontiguousarray(image, np.float32) for image in pair)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One camera's image as the other camera would see it, through the depth of the known scene."""
+"""Warps one camera's image to the other camera's view, through the depth of the known scene."""
 
 from dataclasses import dataclass
 
@@ -10,25 +10,26 @@ from scipy.ndimage import map_coordinates
 from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
 from activestereo.effects.core.view import View
 
-_OCCLUSION = 0.02  # relative difference of depth from which on the two cameras see different surfaces
+_OCCLUSION = 0.02  # above this relative difference of depth the cameras see different surfaces
 
 
 @dataclass(frozen=True)
 class Warp:
-    """The place of each left pixel in the right camera's image: u, v [height][width]; seen: both cameras see
-    it."""
+    """Maps each left pixel to its place in the right camera's image: u, v, pixels [height][width]. seen: both cameras
+    see the surface."""
 
     u: NDArray[np.float64]
     v: NDArray[np.float64]
     seen: NDArray[np.bool_]
 
     def read(self, right: NDArray[np.generic], shift_px: float = 0.0, order: int = 1) -> NDArray[np.float64]:
-        """The right image at those places, `shift_px` further to the right."""
+        """Samples the right image at the places shifted by shift_px to the right; returns [height][width] in the left
+        camera's pixels. order: of the spline."""
         return map_coordinates(np.asarray(right, np.float64), [self.v, self.u + shift_px], order=order, mode="nearest")
 
 
 def warp_between(left: View, right: View) -> Warp:
-    """The Warp of two cameras of one frame."""
+    """Computes the Warp between the two cameras' views of one frame."""
     height, width = left.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     x, y = (u - left.K[0, 2]) / left.K[0, 0], (v - left.K[1, 2]) / left.K[1, 1]

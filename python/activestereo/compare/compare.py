@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits,
-and find the train frames' pixels at which the model fails.
+"""Compares the simulator with a capture: renders its poses, fits the nuisances on the train frames, scores both splits,
+and finds the train frames' pixels at which the model fails.
 
 compare() computes; report/ writes compare.json, compare.png and report.html.
 """
@@ -36,17 +36,17 @@ if TYPE_CHECKING:
     from activestereo.effects.engines.capture_renderer import CaptureRenderer
 
 
-# The phases, each with seconds and seconds per megapixel of infrared images on two cores: a guess for a first run.
+# Each phase's seconds, fixed and per megapixel of infrared images, on two cores: a guess for a first run.
 RENDERING, PREDICTING, LOOKING = "rendering the views", "expecting the images", "looking where it fails"
 PHASES = {RENDERING: UsualTime(1.0, 15.0), PREDICTING: UsualTime(0.5, 2.0), LOOKING: UsualTime(1.0, 5.0)}
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """scores: compare.json's contents (report/schema/compare.schema.json). measured, predictions: {(frame id, side):
-    DN [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {side: Layers}}
-    as rendered, the mean of two halves of the samples. Errors of images are without the renderer's own noise
-    (render.noise_square)."""
+    """The result of compare(). scores: compare.json's contents (report/schema/compare.schema.json). measured,
+    predictions: {(frame id, side): DN [height][width]}. predictions are the expected images. depths: a DepthFrame for
+    each frame with the device's depth. layers: {frame id: {side: Layers}}, the mean of two renders with half of the
+    samples each. The images' errors exclude the renderer's own noise (render.noise_square)."""
 
     capture: Capture
     scores: dict[str, Any]
@@ -57,11 +57,11 @@ class Comparison:
     model: Model
 
     def residuals(self) -> dict[tuple[int, str], np.ndarray]:
-        """{(frame id, side): measured minus expected DN, float32 [height][width]}."""
+        """Returns {(frame id, side): measured minus expected DN, float32 [height][width]}."""
         return residuals_of(self.measured, self.predictions)
 
     def _repr_html_(self) -> str:
-        """The errors of train and test frames, for a notebook."""
+        """Returns an HTML table of the errors of train and test frames, for a notebook."""
         floors = {s: v["noise_floor_dn"] for s, v in self.scores["ir"].items()}
         rows = [
             [split, f"{v['rmse_dn']:.3f}", *("unknown" if x is None else f"{x:.3f}" for x in (floors[split],
@@ -74,7 +74,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class RenderedWith:
-    """The settings that a comparison's images were made with. renderer: its version."""
+    """The settings with which a comparison's images were rendered. renderer: its version."""
 
     renderer: str
     samples_per_pixel: int
@@ -91,12 +91,12 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """Compares a capture folder. Raises CaptureError for a capture that cannot be used.
 
-    model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
-    noise floor alone. renderer: see render.py; None for kuafu on the best device. samples_per_pixel: None for
-    usual_samples(). progress: called as progress(fraction done); Phases that begin with PHASES are told of each.
-    engines: makes a CaptureRenderer of the capture, in which the model's effects act; None: their image functions do.
-    scene_measurement: an engines.SceneMeasurement, with known focal lengths and albedos. calibrate: replaces the
-    capture's nominal rig and pattern by measured ones.
+    model: a Model, effects on top of the base renderer; None: none. Expected images are compared, so random effects
+    show in the noise floor alone. renderer: see render.py; None for kuafu on the best device. samples_per_pixel: None
+    for usual_samples(). progress: called as progress(fraction done), or Phases that begin with PHASES. engines: makes a
+    CaptureRenderer, which renders the model's effects; None: effects change images by formulas. scene_measurement: an
+    engines.SceneMeasurement, with known focal lengths and albedos. calibrate: replaces the capture's nominal rig and
+    pattern by measured ones.
     """
     capture = read_capture(capture_path)
     if calibrate is not None:
@@ -118,8 +118,8 @@ def compare(
 
 
 def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors | None = None) -> Comparison:
-    """The Comparison of a model whose images are there. It renders nothing. without: the errors without the model's
-    effects, None to leave them out."""
+    """Computes the Comparison from a model's image errors; renders nothing. made: the settings of the render. without:
+    the errors of the model without effects; None leaves them out."""
     capture, model, seed = errors.capture, errors.model, made.seed
     layers, views, measured, predictions = errors.layers, errors.views, errors.measured, errors.predictions
     noise_model = errors.noise_model

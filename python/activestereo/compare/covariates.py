@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Covariates, known of every pixel besides its error: the quantities against which a residual is looked at.
+"""Computes covariates: known quantities of each pixel, such as depth or viewing angle, by which a residual is analysed.
 
 Each covariate is one map [height][width] of an image, or one number of a frame. NaN = not defined there (the sky has no
 depth).
@@ -16,13 +16,14 @@ from scipy.ndimage import distance_transform_edt
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.view import View
 
-# A step in depth of this share between neighbours is an edge.
+# Neighbours whose depths differ by more than this share form an edge.
 _EDGE_STEP = 0.03
 
 
 @dataclass(frozen=True)
 class Covariate:
-    """name as in compare.json; words for a reader; unit, '' for pure numbers; is_category: its values have no order."""
+    """Describes a covariate. name: as in compare.json; words: for a reader; unit: '' for pure numbers; is_category: its
+    values have no order."""
 
     name: str
     words: str
@@ -51,8 +52,8 @@ COVARIATES = (
 def covariate_maps(
     view: View, material: np.ndarray, predicted_dn: np.ndarray, baseline_m: float
 ) -> dict[str, np.ndarray]:
-    """{name: float32 [height][width]} of one image. view: an effects View; material: ids; predicted_dn: the expected
-    image."""
+    """Computes {covariate: float32 [height][width]} of one image. view: the camera's View of the scene; material: ids;
+    predicted_dn: the expected image."""
     height, width = view.shape
     u, v = view.pixels()
     seen = view.depth_m > 0

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The device's depth beside the model's and the true geometry: error in metres and in pixels of disparity, fill, and
-noise floor.
+"""Compares the device's depth with the model's and with the true geometry: error in metres and in pixels of disparity,
+fill, and noise floor.
 
-A device frame is one noisy measurement and so is the model's; two repeats of one of them differ as much as a perfect
-model would from the device. The floor comes from repeated device frames with depth, else from the model's own repeats.
+Both the device's and the model's depth are single noisy measurements. Two repeats of one of them differ as much as a
+perfect model would from the device. The floor comes from repeated device frames with depth, else from the model's own
+repeats.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ if TYPE_CHECKING:
     from activestereo.effects.core.model import Model
     from activestereo.effects.core.view import View
 
-# Frames of a view before the one that is told: a filter over time that takes 0.4 of each new frame, librealsense's
-# own, then has (1 - 0.4)^12 = 0.2 % of its start.
+# Frames of a view until a filter over time has settled: librealsense's takes 0.4 of each new frame, so that after 12
+# frames (1 - 0.4)^12 = 0.2 % of its start are left.
 SETTLING_FRAMES = 12
 _MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True)
 class DepthFrame:
-    """Depths of one frame, metres [height][width], 0 = none: the device's, two exposures of the model, true geometry.
-    focal_baseline: pixels x metres, disparity = focal_baseline / depth."""
+    """Depths of one frame, metres [height][width], 0 = none: the device's (measured), two exposures of the model, and
+    the true geometry. focal_baseline: pixels x metres, disparity = focal_baseline / depth."""
 
     frame: Frame
     measured: np.ndarray
@@ -41,7 +42,8 @@ class DepthFrame:
     focal_baseline: float
 
     def disparity_error(self, depth_m: np.ndarray, reference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(depth's disparity minus the reference's [height][width], a mask of pixels at which both are valid)."""
+        """Returns (disparity of depth_m minus that of reference_m, pixels [height][width], and a mask of the pixels at
+        which both are valid)."""
         both = (depth_m > 0) & (reference_m > 0)
         safe = lambda z: np.where(both, z, 1.0)  # noqa: E731
         return np.where(both, self.focal_baseline * (1.0 / safe(depth_m) - 1.0 / safe(reference_m)), 0.0), both
@@ -52,10 +54,11 @@ def model_depths(
     views: Mapping[tuple[int, str], View], noise_model: NoiseModel | None, model: Model, seed: int = 0,
     split: str | None = None,
 ) -> list[DepthFrame]:  # fmt: skip
-    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, side): DN}; views:
-    {...: View}.
+    """Computes a DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, side): DN},
+    measured and expected images; views: {(frame id, side): View}.
 
-    model: its effects on disparity and depth act on simsense's matches. split: frames of it alone.
+    noise_model: the noise of the images that are matched; None: estimated from the residuals. model: its effects on
+    disparity and depth change simsense's depth. split: only frames of this split; None: all.
     """
     frames = [frame for frame in capture.frames if frame.depth_path is not None and split in (None, frame.split)]
     if not frames:
@@ -70,7 +73,7 @@ def model_depths(
         expected = {side: predictions[frame.id, side].astype(np.float64) for side in SIDES}
         noise = {}
         for side, image in expected.items():
-            # Where no repeat tells the noise variance, the residual's middle half does, taken as normal.
+            # Without repeats the noise variance comes from the residual's median absolute deviation, as if normal.
             rest = measured[frame.id, side] - image
             deviation = _MAD_TO_SIGMA * np.median(np.abs(rest - np.median(rest)))
             noise[side] = noise_model or NoiseModel(float(deviation**2), 0.0, 0.0, 0.0)
@@ -87,7 +90,7 @@ def model_depths(
 
 
 def depth_scores(depths: Sequence[DepthFrame]) -> dict[str, dict[str, Any]]:
-    """compare.json's `depth`: {split: scores}, splits without device depth left out."""
+    """Returns compare.json's `depth`: {split: scores}; a split without device depth is left out."""
     scores = {}
     for split in SPLITS:
         chosen = [d for d in depths if d.frame.split == split]
@@ -130,7 +133,8 @@ def _floor(depths: Sequence[DepthFrame], repeats: Sequence[Any]) -> dict[str, An
 
 
 def _error(pairs: Sequence[Any]) -> dict[str, Any]:
-    """Errors of (DepthFrame, depth, reference), pooled over pixels at which both are valid; None without any."""
+    """Returns the errors of (DepthFrame, depth, reference), pooled over pixels at which both are valid; each is None
+    without such pixels."""
     in_metres, in_pixels = [], []
     for d, depth, reference in pairs:
         error, both = d.disparity_error(depth, reference)
@@ -148,6 +152,6 @@ def _error(pairs: Sequence[Any]) -> dict[str, Any]:
 
 
 def _overlap(a: np.ndarray, b: np.ndarray) -> float:
-    """Intersection over union; 1 if both are empty."""
+    """Returns the intersection over union of two masks; 1 if both are empty."""
     union = np.count_nonzero(a | b)
     return float(np.count_nonzero(a & b) / union) if union else 1.0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched
-it."""
+"""Computes the model's depth: matches the predicted pair, with the capture's noise, by simsense, as the device
+would."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from activestereo.common.parameter import MATCHER
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseModel
 
-# Farther than the engine's own default: a device's depth reaches as far as its 16 bits.
+# Farther than the engine's own default, because a device's 16 bits of depth reach this far.
 _DEFAULT_MAX_DEPTH_M = 65.0
 _MAX_DISPARITY = next(p for p in MATCHER if p.name == "max_disparity")
 _HINTS = (
@@ -29,8 +29,8 @@ _HINTS = (
 def expose(
     expected_dn: np.ndarray, gain: float, noise_model: NoiseModel, max_dn: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the noise model's quadratic term,
-    the rest normal."""
+    """Draws one noisy exposure of an expected image, whole DN in float32. The noise model's quadratic term becomes
+    gamma speckle, the other terms normal noise."""
     signal = np.maximum(expected_dn - noise_model.black_dn, 0.0)
     variance = np.maximum(noise_model.offset - ROUNDING_VARIANCE + noise_model.shot * gain * signal, 0.0)
     noise = np.sqrt(variance) * rng.standard_normal(signal.shape)
@@ -40,10 +40,11 @@ def expose(
 
 
 class DepthModel:
-    """simsense on a capture's nominal calibration. Depth is z in the left camera's frame, metres, 0 = none.
+    """Matches pairs by simsense with a capture's nominal calibration. Depth is z in the left camera's frame, metres, 0
+    = none.
 
-    Of the capture's depth_engine hints those that bear an engine parameter's name are followed; the rest of the
-    device's matcher is not known, so the engine's own defaults hold.
+    The capture's depth_engine hints set the engine's parameters of the same names. The rest of the device's matcher is
+    unknown, so the other parameters keep the engine's defaults.
     """
 
     def __init__(self, capture: Capture) -> None:
@@ -77,13 +78,13 @@ class DepthModel:
         self._dtype = np.uint8 if rig.bit_depth <= 8 else np.uint16
 
     def depth(self, left_dn: np.ndarray, right_dn: np.ndarray) -> np.ndarray:
-        """float32 [height][width] of a pair in whole DN."""
+        """Returns the depth of a pair in whole DN, float32 [height][width] metres."""
         left, right = left_dn.astype(self._dtype), right_dn.astype(self._dtype)
         return self._engine.compute(left, right, outputs=(self._output,))[self._output].copy()
 
 
 def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
-    """The engine's parameters under the hints that it understands."""
+    """Returns the engine's parameters, set by the hints that it understands."""
     known = {name: hints[name] for name in _HINTS if isinstance(hints.get(name), int | float)}
     parameters = {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
     if _MAX_DISPARITY.range is not None:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth quality on a flat target, by the metrics and names of Intel's Depth Quality Tool (librealsense,
-tools/depth-quality): the numbers of a simulated sensor stand beside a real one's."""
+"""Measures depth quality on a flat target. Metrics and names are those of Intel's Depth Quality Tool (librealsense,
+tools/depth-quality), so that simulated and real sensors can be compared."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -8,12 +8,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-_TRIMMED = 200  # one in this many points is left out at each end of the depths: below 0.5 % and above 99.5 %
+_TRIMMED = 200  # one point in 200 is left out at each end of the depths: below 0.5 % and above 99.5 %
 
 
 @dataclass(frozen=True)
 class DepthQuality:
-    """NaN for a metric that has nothing to work on: no truth, a single frame, or too few points for a plane."""
+    """The metrics. NaN = not defined: no true distance, a single frame, or too few points for a plane."""
 
     fill_rate_percent: float  # pixels with a depth, of all in the region
     z_accuracy_percent: (
@@ -27,7 +27,8 @@ class DepthQuality:
 
 
 def region_of(shape: Sequence[int], fraction: float) -> tuple[slice, slice]:
-    """The centred rectangle of this fraction of height and width, as slices. The tool's usual region is 0.4."""
+    """Returns the centred rectangle with this fraction of height and width, as slices of rows and columns. The tool's
+    usual fraction is 0.4."""
     if not 0 < fraction <= 1:
         raise ValueError(f"the region must be a fraction of the image in 0..1, not {fraction}")
     spans = [max(1, round(size * fraction)) for size in shape]
@@ -39,7 +40,7 @@ def depth_quality(
     depth_m: ArrayLike, k: ArrayLike, baseline_m: float, true_distance_m: float | None = None,
     region: tuple[slice, slice] | None = None,
 ) -> DepthQuality:  # fmt: skip
-    """The metrics of depth maps [height, width] or [frames, height, width] in metres, 0 = none; each is the mean over
+    """Computes the metrics of depth maps [height, width] or [frames, height, width] in metres, 0 = none, as means over
     the frames.
 
     k: 3x3 in pixels. true_distance_m: the target's distance along the optical axis. region: slices of rows and columns,
@@ -70,7 +71,7 @@ def depth_quality(
 
 
 def quality_table(quality: DepthQuality) -> str:
-    """One line per metric, under the tool's names."""
+    """Returns a text with one line per metric, under the tool's names."""
     names = ("Fill-Rate", "Z Accuracy", "Plane Fit RMS Error", "Subpixel RMS Error", "Temporal Noise")
     units = ("%", "%", "mm", "pixel", "%")
     values = (getattr(quality, field.name) for field in fields(quality))
@@ -83,7 +84,8 @@ def quality_table(quality: DepthQuality) -> str:
 def _of_frame(
     z: np.ndarray, rays: np.ndarray, focal_baseline: float, true_distance_m: float | None
 ) -> tuple[float, float, float, float]:
-    """Fill rate, Z accuracy, plane-fit RMS, sub-pixel RMS."""
+    """Computes (fill rate %, Z accuracy %, plane-fit RMS mm, subpixel RMS px) of one frame. z, rays: depths and rays (z
+    = 1) of the region."""
     measured = z > 0
     points = rays[measured] * z[measured][:, None]
     fill = 100.0 * measured.mean()
@@ -105,8 +107,8 @@ def _of_frame(
 
 
 def _fit_plane(points: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """(unit normal away from the camera, offset) with normal . point + offset = 0, least squares of the distances; None
-    if there is none."""
+    """Fits a plane to points [n, 3] by least squares of distances. Returns (unit normal away from the camera, offset)
+    with normal . point + offset = 0, or None if there is no such plane."""
     if len(points) < 3:
         return None
     centre = points.mean(axis=0)

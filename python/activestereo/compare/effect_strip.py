@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures without an effect and with it, at several strengths: of a small world, or of a capture's own frame."""
+"""Makes pictures without and with an effect, at several strengths, of a small test world or of a capture's frame."""
 
 from __future__ import annotations
 
@@ -30,19 +30,20 @@ if TYPE_CHECKING:
     from activestereo.compare.layers import Layers
     from activestereo.compare.render import Renderer
 
-# Effects that act between the cameras move the right image.
+# The right image, because effects that act between the cameras move this one.
 _SIDE = "right"
 _SCALE = 2.0
 _SAMPLES, _BOUNCES = 128, 2
 _STRENGTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
-# Of the pairs that are matched: an imager with a speckle of a tenth.
+# Noise of the pairs that are matched; relative 0.01 is a speckle contrast of a tenth.
 _NOISE = NoiseModel(offset=1.0, shot=0.02, relative=0.01, black_dn=5.0)
 
 
 @dataclass(frozen=True)
 class EffectStrip:
-    """One picture without an effect and with it, [height][width], in unit; nothing if neither is positive."""
+    """One picture without an effect and with it, [height][width], in `unit`: DN, metres of depth or pixels of disparity
+    (0 = none)."""
 
     effect: Effect
     parameters: dict[str, float]
@@ -56,7 +57,8 @@ class EffectStrip:
 
 
 class StripView:
-    """One frame, as its layers show it to a camera under the effects of base. layers: {side: Layers}."""
+    """Shows effects on one frame, from its rendered layers {side: Layers}. base: a Model of effects that act in all
+    pictures; None: none."""
 
     def __init__(
         self, capture: Capture, frame: Frame, layers: Mapping[str, Layers], nuisances: Nuisances, side: str = _SIDE,
@@ -69,7 +71,8 @@ class StripView:
         self._matched: list[NDArray[np.float64]] = []
 
     def strip(self, effect: Effect, given: Mapping[str, float] | None = None) -> EffectStrip:
-        """An EffectStrip. given: parameters that are not to be typical."""
+        """Computes the pictures without and with the effect. given: parameters that differ from the effect's typical
+        values."""
         values = effect.typical_values | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
         values = effect.values(values | dict(given or {}))
         if effect.stage > Stage.DIGITAL:
@@ -79,8 +82,8 @@ class StripView:
         return EffectStrip(effect, values, "DN", *images)
 
     def strengths(self, effect: Effect, given: Mapping[str, float] | None = None) -> list[EffectStrip]:
-        """EffectStrips from no effect over its values, typical by default, to twice their distance from neutral;
-        choices stay."""
+        """Computes EffectStrips at increasing strengths: parameters go from neutral over `given` (else typical) values
+        to twice that distance. Parameters that are choices keep their values."""
         values = effect.typical_values | dict(given or {})
         moved = [p for p in effect.parameters if not p.choice and p.name != SURFACES.name]
         strips = []
@@ -96,8 +99,8 @@ class StripView:
         return np.asarray(model.signal(light, view, self._nuisances, True), dtype=np.float64)
 
     def _of_depth(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
-        """Effects of the depth engine act on the geometry's depth. If they change nothing there, they act on noisy
-        pairs as simsense matches them, with the stream before."""
+        """Computes the pictures of an effect on disparity or depth. It acts on the true depth. If its typical values
+        change nothing there, it acts on simsense's depth of noisy pairs, after as many frames as it needs to settle."""
         view, stream = self._views["left"], dict[str, np.ndarray]()
         frames = [np.where(np.isfinite(view.depth_m), view.depth_m, 0.0).astype(np.float64)]
         if np.allclose(Model().with_effect(effect, **effect.typical_values).depth(frames[0], view), frames[0]):
@@ -118,7 +121,8 @@ class StripView:
 
 
 class StripWorld(StripView):
-    """The small world of compare/surrogate.py, rendered once: a warm rig that moves over bodies on a table."""
+    """A StripView of the small test world of compare/surrogate.py, rendered once: a warm rig moves over bodies on a
+    table."""
 
     def __init__(self, renderer: Renderer, cache: LayerCache | None = None) -> None:
         with tempfile.TemporaryDirectory() as folder:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A capture's expected images under a model by the engines themselves: effects with engine fields act inside of kuafu
-and simsense. Effects behind the lens change no ray: the base model's light is theirs."""
+"""Computes a capture's expected images under a model with the engines: effects with engine fields act inside kuafu and
+simsense. Effects behind the lens change no ray, so they take the base model's light."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ from activestereo.effects import Light, Model, View
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, scene_renderer
 from activestereo.effects.engines.smooth import HALVES, half_samples
 
-# Albedos within so much of the scene's hardly change bounced light but by the surface that sends it to the camera.
+# Albedos this close to the scene's hardly change bounced light, except at the surface that sends it to the camera.
 _NEAR_ALBEDO = 0.05
 
 
 def engines_of(
     device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
 ) -> Callable[[Capture], CaptureRenderer]:
-    """Makes the engines of a capture for a model's images. They take half of the samples: 32 leave a third of a
-    sensor's noise at most, and no figure contains it. samples_per_pixel: None for usual_samples()."""
+    """Returns a function that makes a capture's CaptureRenderer for a model's images. It renders with half of
+    samples_per_pixel (None: usual_samples()): with 32 the render's noise is a third of a sensor's at most, and no
+    figure contains it."""
 
     def engines(capture: Capture) -> CaptureRenderer:
         samples = half_samples(samples_per_pixel or usual_samples(capture))
@@ -39,11 +40,11 @@ def engines_of(
 
 
 class EngineImages:
-    """The light of a capture's train frames under a model by the engine (a Rendering of diagnose/search/rendered.py).
-    Images are kept in the user's cache of renders.
+    """Renders the light of a capture's train frames under a model (a Rendering of diagnose/search/rendered.py), and
+    stores it in the user's cache of renders.
 
-    Arguments as of engines_of(). A search looks at differences of images with the same random numbers: an eighth of the
-    samples are enough.
+    Arguments are those of engines_of(). A search compares images with the same random numbers, so an eighth of the
+    samples is enough.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class EngineImages:
 
 
 class LightOnly(NamedTuple):
-    """Radiance float32 [height][width], as CameraLight has it."""
+    """The radiance that a camera sees, float32 [height][width] each, as in CameraLight."""
 
     direct: NDArray[np.float32]
     indirect: NDArray[np.float32]
@@ -70,7 +71,8 @@ def kept_lights(
     scene_measurement: SceneMeasurement | None = None, progress: Callable[[float], object] | None = None,
     half: int | None = None,
 ) -> dict[ImageKey, LightOnly]:  # fmt: skip
-    """renderer.lights(), kept in a cache by all that decides them, the code that makes them included."""
+    """Returns renderer.lights() of the frames, from the cache if it is there. The cache's key covers all that decides
+    the light, including the code that renders it. half: 0 or 1, which half of the samples; None: all samples."""
     code = [inspect.getsource(module) for module in (capture_renderer, scene_renderer)]
     own = renderer.lights_key(model, frames, scene_measurement, half), code
     of_world = scene_digest(renderer.capture.scene_path), scene_renderer.engine_version(renderer.device)
@@ -88,8 +90,9 @@ def engine_lights(
     layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[ImageKey, Light]]:  # fmt: skip
-    """{(frame id, side): the light on the imager}: the mean, and each of two independent halves of the samples. Effects
-    without engine fields act on the rendered light. layers: the base model's; cache: of the light."""
+    """Renders {(frame id, side): light on the imager} under a model. Returns a list of three: the mean, and each of two
+    independent halves of the samples. Effects without engine fields act on the rendered light. layers: the base
+    model's; cache: stores the light."""
     outside, halves = model.outside_engines(), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)
@@ -105,7 +108,7 @@ def engine_lights(
 
 
 def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
-    """Whether a model's light is the base model's, but for the shares that surfaces reflect."""
+    """Returns whether the model's light is the base model's, except for the shares that surfaces reflect."""
     near = all(abs(factor - 1.0) <= _NEAR_ALBEDO for factor in scene_measurement.albedo.values())
     moved = any(scene_measurement.focal) or scene_measurement.surfaces
     return near and not moved and all(effect.engine is None for effect, _ in model.on_light())
@@ -117,7 +120,8 @@ def reflected_lights(
     layers: Mapping[int, Mapping[str, Layers]],
     views: Mapping[ImageKey, View],
 ) -> dict[ImageKey, Light]:
-    """engine_lights() of one half, of a model that changes no ray. layers: the base model's."""
+    """Computes {(frame id, side): light on the imager} for a model that changes no ray, from the base model's
+    layers."""
 
     def light(number: int, side: str, view: View) -> Light:
         own = layers[number][side]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names the shape of a model's error in infrared images: smooth brightness, weaker, softer or displaced dots, or
-another shape."""
+"""Classifies a model's error in infrared images: smooth brightness; weaker, softer or displaced dots; or another
+shape."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from scipy.ndimage import gaussian_filter, laplace
 
 _SMOOTH_PX = 6.0  # wider than dots, narrower than changes by lights and lenses
 _BLOCK_PX = 32
-# A kind is told if it explains this share of the squared error beyond noise, else the error has no known shape.
+# Least share of the squared error beyond noise that a named shape explains; below it the shape is "other".
 _LEAST_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class ErrorShape:
-    """kind: "brightness", "dots", "sharpness", "place" or "other". share: of the squared error beyond noise that it
-    explains. amount: measured less modelled; DN of brightness, a share of the dots' contrast, px² of blur, px."""
+    """The shape that explains most of an error. kind: "brightness", "dots", "sharpness", "place" or "other". share:
+    fraction of the squared error beyond noise that it explains. amount: measured less modelled: DN of brightness, a
+    share of the dots' contrast, px² of blur, or px of displacement (unsigned)."""
 
     kind: str
     share: float
@@ -30,8 +31,8 @@ class ErrorShape:
 def error_shape(
     images: Iterable[tuple[NDArray, NDArray, float, NDArray[np.bool_] | None]],
 ) -> ErrorShape | None:
-    """images: (measured DN, expected DN, noise variance in DN², mask of the known scene or None) [height][width].
-    Returns None if nothing lies beyond noise."""
+    """Finds the ErrorShape of images: (measured DN, expected DN, noise variance in DN², mask of the known scene or
+    None), [height][width]. Returns None if the error does not exceed noise."""
     sums = {kind: [0.0, 0.0, 0.0] for kind in ("brightness", "dots", "sharpness", "place")}
     beyond = 0.0
     for measured, expected, floor, known in images:
@@ -48,7 +49,7 @@ def error_shape(
         gradients = [np.gradient(expected, axis=axis) for axis in (0, 1)]
         for kind, templates in (("dots", [detail]), ("sharpness", [laplace(expected)]), ("place", gradients)):
             for template in templates:
-                # In each block: squares beyond noise that the template explains, and its factor weighted by its square.
+                # In each block: the squares beyond noise that the template explains, and its weighted factor.
                 template = np.where(mask, template, 0.0)
                 cross, square = (
                     np.add.reduceat(np.add.reduceat(x, starts[0], axis=0), starts[1], axis=1)

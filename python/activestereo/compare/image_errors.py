@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The errors of a model's expected infrared images: `compare` and `diagnose` report no other figures of a model."""
+"""Computes the errors of a model's expected infrared images, for both `compare` and `diagnose`."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImageErrors:
-    """A model's expected images beside the measured ones, {(frame id, side): [height][width]}, DN.
+    """A model's expected images (predictions) and the measured ones, {(frame id, side): [height][width]}, DN.
 
-    layers: the base model's light, {frame id: {side: Layers}}, the mean of two halves of the samples. fit: the
-    nuisances under the model, fitted to the train frames. noise_variances: {(frame id, side): (variance in DN^2, its
-    source)}; noise_model: the noise model or None."""
+    layers: the base model's light, {frame id: {side: Layers}}, the mean of two renders with half of the samples each.
+    fit: the nuisances under the model, fitted to the train frames. noise_variances: {(frame id, side): (variance in
+    DN^2, its source)}."""
 
     capture: Capture
     model: Model
@@ -44,12 +44,12 @@ class ImageErrors:
     _sums: dict[ImageKey, dict[str, Any]]
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, side): measured minus expected DN [height][width]}."""
+        """Returns {(frame id, side): measured minus expected DN [height][width]}."""
         return residuals_of(self.measured, self.predictions)
 
     def by_split(self) -> dict[str, dict[str, Any]]:
-        """{"train" or "test": errors pooled over its images, and of each camera}; a split without frames is left
-        out."""
+        """Returns {"train" or "test": errors pooled over its images, and for each camera}; a split without frames is
+        left out."""
         out = {}
         for split in SPLITS:
             if frames := self.capture.split(split):
@@ -63,7 +63,7 @@ class ImageErrors:
         return out
 
     def by_frame(self) -> list[dict[str, Any]]:
-        """Errors of every frame, and of each camera."""
+        """Returns the errors of every frame, pooled and for each camera."""
         out = []
         for frame in self.capture.frames:
             own = {side: self._sums[frame.id, side] for side in SIDES}
@@ -76,7 +76,7 @@ class ImageErrors:
 def residuals_of(
     measured: Mapping[ImageKey, NDArray], predictions: Mapping[ImageKey, NDArray[np.float32]]
 ) -> dict[ImageKey, NDArray[np.float32]]:
-    """{(frame id, side): measured minus expected DN}."""
+    """Returns {(frame id, side): measured minus expected DN, float32 [height][width]}."""
     return {key: measured[key].astype(np.float32) - expected for key, expected in predictions.items()}
 
 
@@ -86,13 +86,13 @@ def image_errors(
     progress: Callable[[float], object] | None = None, cache: LayerCache | None = None,
     mean: LayersOfFrames | None = None,
 ) -> ImageErrors:  # fmt: skip
-    """The ImageErrors of a model with the nuisances that fit the train frames. Raises ValueError if there is nothing to
-    fit.
+    """Computes the ImageErrors of a model, after fitting the nuisances to the train frames. Raises CaptureError if
+    there is nothing to fit.
 
-    halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer of the capture,
-    in which the model's effects act; None: their image functions do. scene_measurement: known focal lengths and
-    albedos, which engines alone show. progress: called as progress(fraction done) while engines render. cache: of the
-    engines' light, None for the user's own. mean: mean_of_halves(halves), if it is known."""
+    halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer, which renders
+    the model's effects; None: effects change images by formulas. scene_measurement: known focal lengths and albedos,
+    used only with engines. progress: called as progress(fraction done) while engines render. cache: stores the engines'
+    light; None: the user's own. mean: mean_of_halves(halves), if it is known."""
     layers = mean_of_halves(halves) if mean is None else mean
     measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
     views = {
@@ -101,7 +101,7 @@ def image_errors(
         for side in SIDES
     }
     known = scene_measurement or SceneMeasurement()
-    # Where the scene is not known nothing can be expected: such pixels count nowhere.
+    # Pixels whose scene is unknown have no expected value, so they count nowhere.
     counted = {
         key: measured[key] if view.known is None else np.where(view.known, measured[key], np.float32(np.nan))
         for key, view in views.items()
@@ -118,7 +118,7 @@ def image_errors(
     noise_variances, noise_model = noise_variances_of(
         capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen)
     )
-    sums = {}  # of squares of each image, to be pooled over cameras and frames
+    sums = {}  # sums over each image's pixels, to be pooled over cameras and frames
     for key, image in counted.items():
         counts, (variance, source) = np.isfinite(image), noise_variances.get(key, (None, None))
         first, second = (half[counts] for half in expected[key])
@@ -135,8 +135,8 @@ def image_errors(
 
 
 def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """RMSE without the renderer's noise, bias, that noise, the measurement's noise floor, and the rest above it,
-    of pooled pixels, DN."""
+    """Pools the errors of images, DN: RMSE without the renderer's noise, bias, that noise, the measurement's noise
+    floor, and the explainable rest above it (None without a floor)."""
     pixels, squares, noise = (sum(image[name] for image in images) for name in ("pixels", "squares", "noise_squares"))
     rmse = rmse_without_noise(squares, pixels, noise)
     pooled = {

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared
-band."""
+"""Renders the known scene with kuafu for comparisons, in the infrared band: under the projector at power 1, and under
+ambient radiance 1."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ from activestereo.effects.core.room_light import BOUNCED_VERSION
 from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer, engine_version
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
 
-# Light without the pattern varies at edges alone: it needs fewer samples.
+# Light without the pattern varies only at edges, so it needs fewer samples.
 _FLAT_SHARE = 0.5
-# First surfaces are kept of poses that have no more squares than these together: some 6 poses of 424 x 240.
+# First surfaces are kept for poses with at most this many pixel squares in all: about 6 poses of 424 x 240.
 _KEPT_SQUARES = 25_000_000
 
 
 class _FirstSurfaces(NamedTuple):
-    """First surfaces of a matt world. light: of each camera, off them with the pattern and without. albedo: [camera]
-    [height][width][1] at squares FINER times finer; seen: images of matt_world.SURFACE."""
+    """The first surfaces that a matt world's cameras see. light: for each camera, the light reflected there with the
+    pattern and without it. albedo: [camera][height][width][1] at FINER times the resolution; seen: images named in
+    matt_world.SURFACE."""
 
     light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
     albedo: NDArray[np.float32]
@@ -38,8 +39,8 @@ class _FirstSurfaces(NamedTuple):
 
 
 class _World(NamedTuple):
-    """A loaded scene. is_matt: see matt_world.py. first: first surfaces of the latest requests, by all but their seed:
-    they have no noise."""
+    """A loaded scene. digest: hash of its files. is_matt: whether all its surfaces are matt (matt_world.py). first: the
+    latest requests' first surfaces by a key without their seed, because they have no noise."""
 
     digest: str
     renderer: SceneRenderer
@@ -48,10 +49,10 @@ class _World(NamedTuple):
 
 
 class KuafuRenderer:
-    """Renders RenderRequests. A scene is loaded once and kept; an edited file is another scene.
+    """Renders RenderRequests. A scene is loaded once and kept; an edited file is loaded again.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced and ambient light on diffuse surfaces, see
-    smooth.py. traced: matt worlds are path-traced, too, with the noise that the engines' own images have. Raises
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filters bounced and ambient light on diffuse surfaces,
+    see smooth.py. traced: path-traces matt worlds, too, with the same noise as the engines' own images. Raises
     kuafu.NoDeviceError or kuafu.FileError.
     """
 
@@ -65,8 +66,8 @@ class KuafuRenderer:
         self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, {way}"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
-        """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
-        is loaded again."""
+        """Renders a request and returns one Layers per camera. progress: called as progress(fraction). Threads wait for
+        one another; after an error the scene is loaded again."""
         with self._one_at_a_time:
             world = self._load(request)
             with world.renderer.alone():
@@ -87,8 +88,8 @@ class KuafuRenderer:
 def _traced_layers(
     world: SceneRenderer, request: RenderRequest, progress: Callable[[float], object] | None
 ) -> tuple[Layers, ...]:
-    """The layers of any world. Light straight off the first surface is rendered again under a pattern that is 1
-    everywhere."""
+    """Renders the layers of any world by path tracing. `flat` and `ambient_direct`, light reflected once, are rendered
+    again under a pattern that is 1 everywhere."""
     cameras, spp = list(map(_camera, request.cameras)), request.samples_per_pixel
     with world.lit([(_projector(request), request.pattern)]):
         images = world.images(cameras, LIGHT + GEOMETRY, spp, request.max_bounces, progress, seed=request.seed)
@@ -109,7 +110,7 @@ def _traced_layers(
 def _matt_layers(
     world: _World, request: RenderRequest, progress: Callable[[float], object] | None
 ) -> tuple[Layers, ...]:
-    """The layers of a world as matt_world.py makes them."""
+    """Renders the layers of a matt world by the method of matt_world.py."""
     images, spp, seed = world.renderer.images, request.samples_per_pixel, request.seed
     wide = [_resized(camera, 1.0 / matt_world.FINER) for camera in request.cameras]
     bounces = matt_world.FINER**2 * matt_world.bounced_share(request.cameras[0])
@@ -145,7 +146,8 @@ def _matt_layers(
 
 
 def _first_surfaces(world: _World, request: RenderRequest) -> _FirstSurfaces:
-    """The first surfaces of a request under its projector, which the world has been lit with."""
+    """Returns the first surfaces of a request, from memory or rendered. The world must be lit by the request's
+    projector."""
     key = request_key(replace(request, seed=0), "first surfaces")
     if key not in world.first:
         images, fewer = world.renderer.images, _share(request, matt_world.FINER**2 * matt_world.FIRST_SHARE)
@@ -165,7 +167,7 @@ def _camera(camera: ViewCamera) -> kuafu.Camera:
 
 
 def _resized(camera: ViewCamera, size: float) -> ViewCamera:
-    """The camera with so many times as many pixels along each side."""
+    """Returns the camera with `size` times as many pixels along each side."""
     K = camera.K.copy()
     K[:2] *= size
     K[:2, 2] += 0.5 * (size - 1.0)  # pixel centres are whole numbers
@@ -174,7 +176,7 @@ def _resized(camera: ViewCamera, size: float) -> ViewCamera:
 
 
 def _share(request: RenderRequest, share: float) -> int:
-    """So much of a request's samples per pixel."""
+    """Returns this share of a request's samples per pixel, at least 1."""
     return max(1, round(share * request.samples_per_pixel))
 
 

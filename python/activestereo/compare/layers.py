@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light layers: the images of one rig pose under each light alone, so that exposure, power and scale need no ray."""
+"""Light layers: images of one rig pose under each light alone. Exposure, power and scales are applied to them without a
+new render."""
 
 from __future__ import annotations
 
@@ -12,12 +13,12 @@ from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.lens import distort, is_drawn, undistort
 from activestereo.effects.core.resample import SupersampledImages
 
-# Rendered beyond the frame at finer scales: calibration errors, lenses and motion bring it into sight.
+# Margin rendered beyond the frame at finer scales, which calibration errors, lenses and motion bring into view.
 _MARGIN_SHARE = 0.02
 _LARGEST_MARGIN_PX = 200
-# A lens that draws a border pixel so far from its place draws several places there, or none.
+# If undistorting and then distorting a border pixel misses it by this much, the lens model folds over there.
 _LARGEST_FOLD_PX = 1.0
-# A lens is drawn by resampling, which needs supersampled images.
+# Lens distortion is applied by resampling, which needs supersampled images.
 _LEAST_SCALE_OF_A_LENS = 2
 # Depths that differ by less than this share belong to one surface.
 _SMOOTH_SHARE = 0.02
@@ -25,7 +26,7 @@ _SMOOTH_SHARE = 0.02
 
 @dataclass(frozen=True)
 class ViewCamera:
-    """An ideal pinhole at a pose."""
+    """An ideal pinhole camera at a pose (4x4, camera axes x right, y down, z forward)."""
 
     width: int
     height: int
@@ -35,7 +36,8 @@ class ViewCamera:
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """Everything that decides the pixels of one rig pose; equal requests give equal layers."""
+    """Everything that decides the pixels of one rig pose: cameras, pattern, projector and samples. Equal requests give
+    equal layers."""
 
     scene_path: Path
     cameras: tuple[ViewCamera, ...]
@@ -49,12 +51,13 @@ class RenderRequest:
 
 @dataclass(frozen=True)
 class Layers:
-    """One camera's view, float32 [height][width] unless said. Radiance is the mean over the pixel's square.
+    """One camera's images of light and geometry, float32 [height][width] unless stated. Radiance is the mean over the
+    pixel's square.
 
-    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat:
-    `direct` under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions.
-    depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32. ambient_direct: of
-    `ambient`, the part straight off the first surface; None if the renderer does not tell it.
+    direct, indirect: the projector's light at power 1, after one reflection and after more; flat: `direct` under a
+    pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions. depth_m: z, 0 = nothing hit;
+    normal: [height][width][3], world frame; material: uint32. ambient_direct: the part of `ambient` that is reflected
+    once; None if the renderer does not separate it.
     """
 
     direct: np.ndarray
@@ -73,16 +76,15 @@ class Layers:
 
 @dataclass(frozen=True)
 class PixelLayers(Layers):
-    """Layers of the camera's pixels, with the finer and wider images (direct, indirect, ambient, flat) that they are
-    means of."""
+    """Layers at a camera's pixels. supersampled: the finer and wider images (direct, indirect, ambient, flat) of which
+    the pixels are means."""
 
     supersampled: SupersampledImages = field(kw_only=True)
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """The fineness of rendered lights: scale x scale samples of the image per pixel, margin_px pixels beyond the
-    frame.
+    """The resolution of rendered light: scale x scale image samples per pixel, and margin_px pixels beyond the frame.
 
     The samples per pixel stay the same, spread over the supersampled image."""
 
@@ -90,7 +92,7 @@ class Sampling:
     margin_px: int = 0
 
     def camera(self, camera: ViewCamera) -> ViewCamera:
-        """The ViewCamera that sees the finer, wider image."""
+        """Returns the camera that renders the finer, wider image of this camera."""
         if self.scale == 1 and self.margin_px == 0:
             return camera
         shift = self.margin_px + 0.5
@@ -101,7 +103,8 @@ class Sampling:
         return ViewCamera(width, height, to_fine @ camera.K, camera.camera_to_world)
 
     def pixel_layers(self, layers: Layers, camera: Camera) -> Layers:
-        """PixelLayers of a capture's Camera from the Layers that camera() gave; a lens that distorts is drawn here."""
+        """Reduces the Layers rendered with camera() to the PixelLayers of a capture's Camera; applies its lens
+        distortion."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
         supersampled = SupersampledImages(images, self.scale, self.margin_px)
         sky = None if layers.ambient_direct is None else replace(supersampled, samples=layers.ambient_direct[None])
@@ -111,7 +114,7 @@ class Sampling:
             supersampled, sky = supersampled.warped(column, row), sky and sky.warped(column, row)
         direct, indirect, ambient, flat = (image.astype(np.float32) for image in supersampled.pixels())
         ambient_direct = None if sky is None else sky.pixels()[0].astype(np.float32)
-        # Depth, normal and material at the pixels: of the nearest sample, but depth is a mean on smooth surfaces.
+        # Depth, normal and material at a pixel come from the nearest sample; on smooth surfaces depth is interpolated.
         shape = layers.depth_m.shape
         at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
         exact = [np.clip(x, 0, size - 1.001) for x, size in zip(at, shape, strict=True)]
@@ -129,7 +132,7 @@ class Sampling:
 
 
 def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (column, row) of a capture's Camera as an ideal pinhole of the same K draws them."""
+    """Undistorts pixels (column, row) of a capture's Camera to those of an ideal pinhole with the same K."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
     x, y = undistort(x, y, camera.distortion)
@@ -137,8 +140,8 @@ def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[n
 
 
 def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """[2][...]: the Camera's pixels for an ideal pinhole's pixels (column, row) of the same K:
-    ideal_pixels() inverted; NaN beyond the lens' fold."""
+    """Distorts pixels (column, row) of an ideal pinhole to those of the Camera with the same K, [2][...]. Inverse of
+    ideal_pixels(); NaN beyond the point where the lens model folds over."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
     is_seen = is_drawn(x, y, camera.distortion)
@@ -148,8 +151,9 @@ def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndar
 
 
 def sampling_of(rig: Rig, scale: int) -> Sampling:
-    """Returns the Sampling of a scale: at 1 the pixels alone, else finer ones with a margin. The margin suffices for
-    the nominal lenses."""
+    """Returns the Sampling for a scale: at 1 the pixels alone, else finer samples with a margin that suffices for the
+    rig's nominal lenses. Lenses that distort need at least scale 2. Raises ValueError for one that distorts too
+    much."""
     cameras = [rig.camera(side) for side in SIDES]
     if scale == 1 and all(camera.is_pinhole for camera in cameras):
         return Sampling()
@@ -180,7 +184,7 @@ def rig_request(
     capture: Capture, frame: Frame, samples_per_pixel: int, max_bounces: int, seed: int,
     sampling: Sampling = Sampling(),
 ) -> RenderRequest:  # fmt: skip
-    """The render of a frame's pose: both cameras, and the projector that rides with the rig."""
+    """Returns the render request for a frame's pose: both cameras, and the projector that moves with the rig."""
     rig = capture.rig
     left_to_world = frame.camera_to_world
     poses = {"left": left_to_world, "right": left_to_world @ np.linalg.inv(rig.left_to_right)}

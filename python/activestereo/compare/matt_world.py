@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The light of a world whose surfaces are all matt: of one albedo each, or of a room that `calibrate world` measured.
+"""Computes the light of a world whose surfaces are all matt: each with one albedo, or a room that `calibrate world`
+measured.
 
-Light off the first surface follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern,
-at the centres of FINER x FINER squares of each pixel. It has no noise. Bounced light has no dots: it is rendered with
+Light off the first surface follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at
+the centres of FINER x FINER squares of each pixel. It has no noise. Bounced light shows no dots, so it is rendered with
 few samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is painted on them, and
-brought to the finer pixels of the same surface.
+interpolated to the finer pixels of the same surface.
 """
 
 from __future__ import annotations
@@ -20,37 +21,38 @@ import kuafu
 from activestereo.compare.layers import ViewCamera
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
-# Squares along each side of a pixel; bounced light's pixels are as many pixels wide.
+# Squares along each side of a pixel; a pixel of bounced light is as many pixels wide.
 FINER = 2
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
-# Part of a view's samples that light by way of surfaces takes; the part of these that the sky's own light takes, which
-# effects look at beside the whole; and the first surface's geometry.
+# Shares of samples: bounced light's of a view's samples; direct sky light's of these (effects use it separately); and
+# the share for the first surface's geometry.
 _BOUNCED_SHARE, SKY_SHARE, FIRST_SHARE = 0.25, 0.25, 1.0 / 16.0
-# Images smaller than so many pixels share that many pixels' samples, up to so many times their own.
+# Smaller images than this get as many samples in all as this many pixels would, up to _MOST_TIMES their own.
 _SHARED_PIXELS, _MOST_TIMES = 424 * 240, 4.0
-# Light that would come to a pixel from no neighbour of its surface comes from all of them.
+# Least weight of a neighbour, so that a pixel without a neighbour on its own surface takes all of them.
 _LEAST_ALIKE = 1e-4
-# Pixels that see the sky beside a surface; 1 are those of surfaces, 0 of the sky.
+# Mark of pixels that see both sky and surface; 1 marks surface, 0 sky.
 _MIXED = 2
-# Changes whenever the light does.
+# Increase this number whenever the computed light changes.
 VERSION = 4
 
 
 class MattSurfaces(NamedTuple):
-    """Surfaces that a camera sees, alike across their paint, and their albedo [height][width]."""
+    """The surfaces that a camera sees, without regard to their paint, and their albedo [height][width]."""
 
     surfaces: Surfaces
     albedo: NDArray[np.float32]
 
 
 def bounced_share(camera: ViewCamera) -> float:
-    """The part of a view's samples that light by way of surfaces takes."""
+    """Returns the share of a view's samples that bounced light gets; small images get a larger one."""
     return _BOUNCED_SHARE * float(np.clip(_SHARED_PIXELS / (camera.width * camera.height), 1.0, _MOST_TIMES))
 
 
 def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera, albedo: NDArray[np.float32]) -> MattSurfaces:
-    """The surfaces of camera i, whose images hold SURFACE. albedo: at finer squares than the camera's pixels."""
+    """Returns the surfaces that camera number i sees, from images with the outputs SURFACE. albedo: at finer squares
+    than the camera's pixels."""
     depth_m, K = images["depth"][i, ..., 0], camera.K
     row, column = np.indices(depth_m.shape, dtype=np.float32)
     y = (row - K[1, 2]) / K[1, 1]
@@ -64,8 +66,8 @@ def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera, albed
 
 
 def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
-    """Whether every material of a scene reflects by Lambert's law alone, and no light is its own. is_painted: albedos
-    may be textures, which only light of the projector falls on."""
+    """Returns whether every material of a scene reflects by Lambert's law alone, and the scene has no light of its own.
+    is_painted: allows albedo textures, for a scene that only the projector lights."""
     seen = scene.summary
     for m in (scene.get_material(number) for number in range(0 if seen.light_count else seen.material_count)):
         paint = () if is_painted else (m.base_color_texture, m.ir_albedo_texture)
@@ -81,8 +83,8 @@ def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
 
 
 def first_light(images: Mapping[str, NDArray], i: int, pattern: NDArray) -> tuple[NDArray, NDArray]:
-    """(light off the first surface, the same under a pattern that is 1 everywhere), float32 [height][width], of camera
-    i, whose images hold FIRST at FINER times the size."""
+    """Returns the projector's light off the first surface for camera i: (with the pattern, with a pattern that is 1
+    everywhere), float32 [height][width]. images: the outputs FIRST at FINER times the size."""
     flat, uv = (images["albedo"][i, ..., 0] / np.float32(np.pi)), images["projector_uv"][i]
     flat = flat * images["projector_geometry"][i, ..., 0] * images["projector_visibility"][i, ..., 0]
     lit = flat > 0
@@ -95,7 +97,7 @@ def first_light(images: Mapping[str, NDArray], i: int, pattern: NDArray) -> tupl
 
 
 def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
-    """The mean of so many squares along each side of a pixel."""
+    """Returns the means over squares x squares pixels."""
     rows, columns = (-n % squares for n in image.shape)
     image = np.pad(image, ((0, rows), (0, columns)), mode="edge")
     down = np.add.reduce([image[k::squares] for k in range(squares)])
@@ -105,7 +107,8 @@ def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
 def bounced_light(
     light: NDArray[np.float32], wide: MattSurfaces, fine: MattSurfaces, focal_px: float
 ) -> NDArray[np.float32]:
-    """Images [n][height][width] in wide pixels as the fine ones have them. focal_px: of the wide ones."""
+    """Smooths images of bounced light [n][height][width] in wide pixels and interpolates them to the fine pixels along
+    surfaces. focal_px: focal length in wide pixels."""
     hit, shape = wide.albedo > 0, fine.albedo.shape
     per_albedo = np.where(hit, light / np.where(hit, wide.albedo, 1.0), light)
     smooth = smooth_bounced(per_albedo, wide.surfaces, focal_px)
@@ -124,7 +127,7 @@ def bounced_light(
 
 
 def _neighbours(count: int, wide: int) -> tuple[tuple[NDArray, NDArray], tuple[NDArray, NDArray]]:
-    """Along an axis, of each fine pixel: (the wide pixels before it, their weights), and those after it."""
+    """Returns for each fine pixel along an axis: ((wide pixel before it, weight), (wide pixel after it, weight))."""
     at = (np.arange(count) + 0.5) / FINER - 0.5
     before = np.floor(at).astype(int)
     share = at - before

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks a capture's pattern and geometry against its files, before any effect.
 
-The dots are the evidence. Both cameras see the same dots at the scene's depth if its geometry is right, under any
-pattern; and the rendered dots are the measured ones if the pattern is right, too. Both are correlations of images
-without their slow parts, over shifts of a few pixels: effects of calibration may move dots, never exchange them.
+The dots are the evidence. If the geometry is right, both cameras see the same dots at the scene's depth, under any
+pattern. If the pattern is right, too, the rendered dots match the measured ones. Both checks are correlations of
+high-pass filtered images, over shifts of a few pixels: calibration errors may move dots, never exchange them.
 """
 
 from collections.abc import Mapping
@@ -20,15 +20,15 @@ from activestereo.compare.camera_warp import warp_between
 from activestereo.compare.noise import NoiseModel
 from activestereo.effects.core.view import View
 
-_FRAMES = 3  # this many frames are looked at
+_FRAMES = 3  # number of frames that are checked
 _SLOW_PX = 3.0
-# Dots may be off by this share of the median disparity, at least by one pixel and at most by so many.
+# Largest shift of dots, as a share of the median disparity; it is at least 1 pixel and at most _MOST_SHIFT_PX.
 _SHIFT_SHARE = 0.12
 _MOST_SHIFT_PX = 4
-# Of the correlation that noise allows. Another pattern gives 0.05 at most; dots moved, blurred and dimmed by the
-# strongest effects of the library keep more than 0.4.
+# Least correlation of a match, as a share of the largest that noise allows. Another pattern gives 0.05 at most; dots
+# moved, blurred and dimmed by the library's strongest effects keep more than 0.4.
 _LEAST = 0.25
-# Below this share of it the rendered dots leave so much of the measured ones that it is said.
+# Below this share of the largest correlation a warning says that the pattern explains little.
 _MUCH = 0.75
 _LEAST_DOTS = 1.0  # variance of the dots over the noise's, below which nothing is concluded
 
@@ -37,7 +37,8 @@ Image = NDArray[np.generic]
 
 @dataclass(frozen=True)
 class Match:
-    """Correlations, -1..1, each with the largest that noise allows; None without dots or a frame."""
+    """Correlations of dots, -1..1: rendered with measured (pattern), between the cameras (geometry), and with the
+    cameras exchanged (swapped). possible: the largest that noise allows. All are None without dots or a frame."""
 
     pattern: float | None
     geometry: float | None
@@ -50,7 +51,7 @@ class Match:
 
     @property
     def warnings(self) -> list[str]:
-        """One line each, to be said before all else; none if pattern and geometry are right or nothing is known."""
+        """Returns one line for each fault of pattern or geometry; none if both are right or nothing is known."""
         if self.pattern is None or self.geometry is None or self.possible is None or self.swapped is None:
             return []
         limit = _LEAST * self.possible
@@ -85,7 +86,8 @@ def match_of(
     capture: Capture, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
     measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
 ) -> Match:  # fmt: skip
-    """The Match of a capture's train frames. projector: rendered light of the projector; measured: DN."""
+    """Computes the Match of a capture's train frames. projector: {(frame id, side): rendered light of the projector};
+    measured: DN."""
     frames = [f for f in capture.split("train") if f.projector_power > 0 and not f.is_moving]
     frames = frames[:: max(1, len(frames) // _FRAMES)][:_FRAMES]
     rows = [row for f in frames if (row := _one(f, views, projector, measured, noise_model)) is not None]
@@ -99,7 +101,7 @@ def _one(
     frame: Frame, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
     measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
 ) -> tuple[float, ...] | None:  # fmt: skip
-    """(frame id, pattern, geometry, swapped, possible), None without dots."""
+    """Computes (frame id, pattern, geometry, swapped, possible) of one frame; None without dots."""
     keys = (frame.id, "left"), (frame.id, "right")
     left, right = (_fast(measured[key]) for key in keys)
     warp = warp_between(views[keys[0]], views[keys[1]])
@@ -133,18 +135,18 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def _fast(image: Image) -> NDArray[np.float64]:
-    """The image without its slow parts: light of the room, falloff, albedo."""
+    """Returns the image without its slow parts, such as room light, falloff and albedo (high-pass filter)."""
     value = np.asarray(image, np.float64)
     return value - gaussian_filter(value, _SLOW_PX)
 
 
 def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
-    """The first warnings of a report, for a Fit as JSON and a Match."""
+    """Returns a report's first warnings. fit: a Fit as JSON."""
     words = {
         "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
-                           "it is rendered",
+        "it is rendered",
         "ambient_scale": "the ambient scale is at its bound, 0: the images are darker where the rendered room light is "
-                         "brighter; "
+        "brighter; "
         "albedos or the scene's lights are wrong, or the capture has no room light",
     }
     return [*match.warnings, *(words[name] for name in fit["at_bound"])]

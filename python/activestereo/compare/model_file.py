@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Libraries of effects, built in or a user's own file; and the effects of a model file (sensor_model/) as the lab takes
-them."""
+"""Reads libraries of effects, built in or from a user's file, and the effects of a model file (sensor_model/)."""
 
 from __future__ import annotations
 
@@ -21,7 +20,8 @@ FORMAT = "active-stereo-model"
 
 
 def library(*files: str | Path) -> dict[str, Effect]:
-    """The built-in effects and those of files, by id; a file's effect replaces a built-in one of the same id."""
+    """Returns {id: Effect}, the built-in effects and those of the files; a file's effect replaces a built-in one of the
+    same id."""
     effects = builtin()
     for file in files:
         effects |= load_effects(file)
@@ -29,14 +29,14 @@ def library(*files: str | Path) -> dict[str, Effect]:
 
 
 def find(effects: dict[str, Effect], effect_id: str) -> Effect:
-    """The effect of an id. Raises ValueError with all ids and the nearest one."""
+    """Returns the effect with this id. Raises ValueError with all ids and the nearest one."""
     if effect_id not in effects:
         raise ValueError(unknown("effect", effect_id, effects))
     return effects[effect_id]
 
 
 def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: str | Path | None = None) -> Model:
-    """The effects of a model file, or none for None. scene_path: the scene whose surfaces the file may name.
+    """Reads the effects of a model file; None: no effects. scene_path: the scene whose surfaces the file may name.
     Raises ValueError with the fault."""
     if path is None:
         return Model()
@@ -48,7 +48,8 @@ def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: 
 
 
 def scene_of(capture_path: str | Path) -> Path | None:
-    """The scene file of a capture folder; None if its capture.json does not tell, which read_capture explains."""
+    """Returns the scene file of a capture folder; None if its capture.json does not name one (read_capture explains
+    why)."""
     folder = Path(capture_path)
     file = folder if folder.name == "capture.json" else folder / "capture.json"
     try:
@@ -58,13 +59,13 @@ def scene_of(capture_path: str | Path) -> Path | None:
 
 
 def model_json(model: Model, nuisances: Nuisances | None = None) -> dict[str, Any]:
-    """A model's effects and nuisances in plain numbers, as diagnose.json has them."""
+    """Returns a model's effects and nuisances in plain numbers, as in diagnose.json."""
     effects = [{"id": e.id, "parameters": dict(values)} for e, values in model.effects]
     return {"format": FORMAT, "version": 1, "effects": effects, "nuisances": vars(nuisances) if nuisances else {}}
 
 
 def write_model(path: str | Path, model: Model, scene_path: str | Path | None = None) -> None:
-    """Writes a model file of the effects alone."""
+    """Writes a model file with the model's effects alone. scene_path: the scene whose surfaces it names."""
     names, out = surface_names(scene_path), SensorModel()
     for effect, values in model.effects:
         units = {p.name: p.unit for p in effect.parameters}

@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of a capture's images: a photon-transfer noise model, and the floor of every image, which says how far a
-perfect model would still be from the measurement, in DN.
+"""Measures the noise of a capture's images: a photon-transfer noise model, and each image's noise floor, the error in
+DN that a perfect model would still have.
 
 Repeats of one static view differ by temporal noise alone, so their pixelwise unbiased variance is the floor of their
 frames. Frames without repeats get it from a noise model (EMVA 1288 with a quadratic term for speckle)
 
     variance = q0 + q1 * gain * signal + q2 * signal^2
 
-fitted to the repeats; signal is DN above black. Applied to measured pixels the noise model needs no model of the scene:
-the square of a noisy signal exceeds the squared mean by the variance itself, so mean(variance) = mean(q0 + q1 g s + q2
-s^2) / (1 + q2). The noise at gains that no repeat has shown follows from neighbours that the model expects alike.
+fitted to the repeats; signal is DN above black. Applied to measured pixels the noise model needs no model of the scene.
+The square of a noisy signal s exceeds the squared mean by the variance itself. So mean(variance) = mean(q0 + q1 g s +
+q2 s^2) / (1 + q2), with the gain g. Noise at gains without repeats follows from neighbouring pixels with nearly equal
+expected values.
 
-A capture without repeats has the difference of each frame's two cameras. Where the image is smooth, left and right show
-the same light at the scene's depth: half of the variance of their difference is one camera's noise. Speckle, which
-differs between the cameras, is in it; errors of the scene's depth add to it, so it is an upper bound.
+Without repeats the noise follows from the difference of each frame's two cameras. In smooth parts of the image, left
+and right show the same light at the scene's depth. Half of the variance of their difference is then one camera's noise.
+Speckle, which differs between the cameras, is in it; errors of the scene's depth add to it, so it is an upper bound.
 
-What is static and random (fixed pattern, static speckle) is not in the floor: it is for effects to explain."""
+Static random errors (fixed pattern, static speckle) are not in the floor: effects have to explain them."""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ from activestereo.effects.core.view import View
 
 _BINS = 40
 _LEAST_WIDTH_DN = 2.0
-# Bins that tell a bin's variance.
+# Number of neighbouring bins that are averaged for a bin's standard error.
 _NEIGHBOURS = 5
 _BLACK_LEVELS = 33
 _CHI2_MARGIN = 4.0
@@ -50,10 +51,8 @@ _Item = TypeVar("_Item")
 
 
 def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
-    """The frames of each static view and camera together, in order; frames without repeats are left out.
-
-    items: (frame, camera, their item).
-    """
+    """Groups items by static view and camera, in order; frames without repeats are left out. items: (frame, camera,
+    item of the frame)."""
     groups: dict[tuple[int, str], list[_Item]] = {}
     for frame, side, item in items:
         if frame.repeat_group is not None:
@@ -63,7 +62,8 @@ def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """variance_dn2 = offset + shot * gain * signal + relative * signal^2, signal in DN above black_dn."""
+    """A noise model: variance in DN^2 = offset + shot * gain * signal + relative * signal^2, with signal in DN above
+    black_dn."""
 
     offset: float
     shot: float
@@ -71,12 +71,12 @@ class NoiseModel:
     black_dn: float
 
     def variance(self, mean_dn: np.ndarray, gain: float | np.ndarray = 1.0) -> np.ndarray:
-        """Variance in DN^2 at an expected value."""
+        """Returns the variance, DN^2, at an expected value."""
         signal = np.maximum(np.asarray(mean_dn, dtype=np.float64) - self.black_dn, 0.0)
         return self.offset + self.shot * gain * signal + self.relative * signal**2
 
     def mean_variance(self, measured_dn: np.ndarray, gain: float | np.ndarray = 1.0) -> float:
-        """Mean variance of one image's pixels, from the noisy image itself."""
+        """Estimates the mean variance, DN^2, of one image's pixels from the noisy image itself."""
         signal = np.asarray(measured_dn, dtype=np.float64) - self.black_dn
         raw = self.offset + self.shot * gain * signal.mean() + self.relative * (signal**2).mean()
         return raw / (1.0 + self.relative)
@@ -85,10 +85,11 @@ class NoiseModel:
 def repeat_statistics(
     capture: Capture, split: str | None = None, drift: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> list[Repeats]:
-    """Pixelwise mean and unbiased variance of every repeat group and camera: [(frames, camera, mean, variance)], DN,
-    NaN for an unknown scene.
+    """Computes the pixelwise mean and unbiased variance of every repeat group and camera: [(frames, camera, mean,
+    variance)], DN; NaN where the scene is unknown.
 
-    drift: {(frame id, side): known differences between repeats, DN [height][width]}, taken out of the images.
+    drift: {(frame id, side): known differences between repeats, DN [height][width]}, which are subtracted from the
+    images.
     """
     known = drift or {}
     statistics = []
@@ -102,11 +103,11 @@ def repeat_statistics(
 
 
 def fit_noise_model(statistics: Sequence[Repeats], black_dn: float, max_dn: float) -> NoiseModel | None:
-    """The photon-transfer noise model of repeats, or None without repeats. Clipped pixels are left out.
+    """Fits the photon-transfer noise model to repeats; None without repeats. Clipped pixels are left out.
 
-    black_dn is an upper bound: a quadratic cannot tell shot noise above a high black level from speckle above a low
-    one, and a fitted black level is biased while an effect is missing. Of the levels that fit, the lowest is taken: it
-    asks for the least shot noise, so the least is extrapolated to gains that no repeat has shown.
+    black_dn is an upper bound: a quadratic cannot distinguish shot noise above a high black level from speckle above a
+    low one. A fitted black level is biased while an effect is missing. The lowest level that fits is taken: it needs
+    the least shot noise, so the least is extrapolated to gains without repeats.
     """
     bins = [row for entry in statistics for row in transfer_rows(entry, max_dn)]
     if not bins:
@@ -123,28 +124,29 @@ def fit_noise_model(statistics: Sequence[Repeats], black_dn: float, max_dn: floa
 
 
 def fit_terms(terms: np.ndarray, variance: np.ndarray, weight: np.ndarray) -> tuple[list[float], float]:
-    """(Coefficients of the noise model's terms [n][term], none below 0; chi square). weight: 1 / standard error."""
+    """Fits the noise model's coefficients, none below 0, to variances [n]. Returns (coefficients, chi square). terms:
+    [n][term]; weight: 1 / standard error."""
     coefficients, misfit = nnls(terms * weight[:, None], variance * weight)
     return [float(value) for value in coefficients], misfit**2
 
 
 def transfer_points(capture: Capture) -> list[dict[str, float]]:
-    """The photon-transfer curve of the repeats: [{gain, mean_dn, variance_dn2}], both cameras, clipped pixels left
-    out."""
+    """Returns the photon-transfer curve of the repeats, [{gain, mean_dn, variance_dn2}], for both cameras, without
+    clipped pixels."""
     bins = [row for entry in repeat_statistics(capture) for row in transfer_rows(entry, capture.rig.max_dn)]
     return [{"gain": float(gain), "mean_dn": float(mean), "variance_dn2": float(v)} for gain, mean, _, v, _ in bins]
 
 
 def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
-    """Rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel count.
-    """
+    """Returns rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel
+    count in one repeat group."""
     frames, _, mean, variance = entry
     count = len(frames)
     inside = (mean > 0) & (mean < max_dn - 1)
     mean, variance = mean[inside], variance[inside]
     if not mean.size:
         return []
-    # Edges that lie too close are left out: repeats of whole numbers agree more often at some means than at others.
+    # Bins must not be too narrow, because repeats of whole numbers agree more often at some means than at others.
     quantiles = np.quantile(mean, np.linspace(0, 1, _BINS + 1))
     edges = [quantiles[0]]
     for edge in quantiles[1:]:
@@ -156,11 +158,11 @@ def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
         m, v = mean[index == b], variance[index == b]
         # A mean of n repeats is itself noisy: its square is too large by variance / n.
         rows.append((frames[0].gain, m.mean(), (m**2 - v / count).mean(), v.mean(), m.size))
-    # A bin's error goes by the variance around it: equal and unequal numbers have different means, so that a bin's own
-    # variance is large or small by how whole numbers fall into it.
+    # A bin's error follows from the variance of the bins around it, since a bin's own variance depends on how whole
+    # numbers fall into it.
     gain, means, square, variances, pixels = np.array(rows).T
     around, size = (uniform_filter1d(x, _NEIGHBOURS, mode="nearest") for x in (variances * pixels, pixels))
-    # Pixels that vary less than rounding does are clipped somewhere on their way: they must not pass for exact.
+    # Pixels that vary less than rounding does are clipped somewhere in the sensor: they must not count as exact.
     error = np.maximum(around / size, ROUNDING_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
     return list(zip(gain, means, square, variances, 1.0 / error, strict=True))
 
@@ -168,11 +170,11 @@ def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
 def frame_noise_variances(
     capture: Capture, black_dn: float, no_noise: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseModel | None]:
-    """({(frame id, side): (variance in DN^2, "repeats" or "noise model")}, noise model). Without any repeats: ({},
-    None).
+    """Returns ({(frame id, side): (variance in DN^2, "repeats" or "noise model")}, noise model); without any repeats
+    ({}, None).
 
-    The noise model is fitted on the train repeats if there are any, else on all. no_noise: DN [height][width] that are
-    taken out of images: of repeats their known differences, of others DN that are no light.
+    The noise model is fitted on the train repeats if there are any, else on all. no_noise: {(frame id, side): DN
+    [height][width]} that are subtracted from images: known differences between repeats, or DN that are not light.
     """
     known = no_noise or {}
     statistics = repeat_statistics(capture, drift=known)
@@ -192,9 +194,9 @@ def frame_noise_variances(
     return noise_variances, noise_model
 
 
-# Neighbours whose expected values differ by less than this share show noise alone in their difference.
+# The difference of neighbours is noise alone if their expected values differ by less than this share.
 _ALIKE = 0.1
-# A squared difference beyond so many variances is a dot out of place.
+# A squared difference of more variances than this is a misplaced dot.
 _OUTLIER = 12.0
 
 
@@ -202,11 +204,12 @@ def noise_model_at_other_gains(
     noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray],
     shown_gains: set[float],
 ) -> NoiseModel:  # fmt: skip
-    """The noise model with the shot noise that frames at other gains than the repeats' show between neighbours alike in
-    expected value. observations: objects with the frame, the view, the measured DN and the key (frame id, side).
+    """Returns the noise model with more shot noise, if frames at gains without repeats show it between neighbouring
+    pixels of nearly equal expected value. observations: objects with frame, view, measured (DN) and key (frame id,
+    side). images: expected DN. shown_gains: gains with repeats.
 
-    What a missing effect leaves there grows with the square of the signal, at all gains alike: the shown gains tell
-    how much.
+    A missing effect adds a variance that grows with the square of the signal at all gains alike; frames at the shown
+    gains measure it.
     """
     shown = [o for o in observations if o.frame.gain in shown_gains and o.frame.projector_power > 0]
     others = [o for o in observations if o.frame.gain not in shown_gains]
@@ -224,9 +227,8 @@ def _slope(
     noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray], lever_of: Callable,
     missing: float,
 ) -> float:  # fmt: skip
-    """By how much the variance between alike neighbours, beyond the noise model's and missing x signal^2, grows with a
-    lever.
-    """
+    """Fits how much the variance between neighbouring pixels of nearly equal expected value grows with
+    lever_of(observation, signal), beyond the noise model and missing x signal^2."""
     top = bottom = 0.0
     for o in observations:
         image = images[o.key]
@@ -254,7 +256,8 @@ Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
 
 
 def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | None:
-    """A NoiseModel from (left view, right view, left DN, right DN) of frames; None if too little is smooth."""
+    """Fits a NoiseModel to the cameras' differences in frames (left view, right view, left DN, right DN); None if too
+    little of them is smooth."""
     rows = [row for pair in pairs for row in _rows(*pair)]
     if not rows:
         return None
@@ -265,13 +268,16 @@ def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | Non
 
 
 def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[tuple[float, float, float, float]]:
-    """(gain, mean, variance of one camera, weight) by brightness."""
+    """Returns rows (gain, mean, variance of one camera, weight) by brightness, from one frame's difference of the
+    cameras."""
     warp = warp_between(left, right)
     image, there = np.asarray(left_dn, np.float64), warp.read(right_dn)
     rest = image - there
     rest = rest - gaussian_filter(rest, _LOCAL_MEAN_PX)
-    kept = 1.0 - 1.0 / (2.0 * np.pi * _LOCAL_MEAN_PX**2)  # of the variance, by first order, without the local mean
-    # A linear interpolation's variance is this part of a pixel's.
+    kept = 1.0 - 1.0 / (
+        2.0 * np.pi * _LOCAL_MEAN_PX**2
+    )  # share of the variance that is left without the local mean, to first order
+    # Linear interpolation reduces a pixel's variance by this factor.
     u, v = warp.u - np.floor(warp.u), warp.v - np.floor(warp.v)
     interpolated = (u**2 + (1.0 - u) ** 2) * (v**2 + (1.0 - v) ** 2)
     one_side = rest**2 / (kept * (1.0 + interpolated))
@@ -302,8 +308,9 @@ def noise_variances_of(
     capture: Capture, views: Mapping[ImageKey, View], measured: Mapping[ImageKey, np.ndarray],
     predicted: Mapping[ImageKey, np.ndarray], black_dn: float, no_noise: Mapping[ImageKey, np.ndarray],
 ) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:  # fmt: skip
-    """({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model). Empty and None if
-    nothing in the pairs is smooth. predicted: expected DN; no_noise: known differences between repeats, DN."""
+    """Returns ({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model); ({}, None) if
+    there are no repeats and nothing in the pairs is smooth. predicted: expected DN; no_noise: known differences between
+    repeats, DN."""
     noise_variances, noise_model = frame_noise_variances(capture, black_dn, no_noise)
     if noise_model is None:
         frames = capture.split("train") or capture.frames
@@ -316,7 +323,7 @@ def noise_variances_of(
         return {
             key: (_variance(noise_model, measured[key], views[key].frame.gain), "pair") for key in measured
         }, noise_model
-    # As in a diagnosis, neighbours tell the noise model at gains that no repeat shows.
+    # As in a diagnosis, neighbouring pixels give the noise at gains without repeats.
     train = [
         SimpleNamespace(frame=f, view=views[f.id, e], measured=measured[f.id, e], key=(f.id, e))
         for f in capture.split("train")
@@ -342,19 +349,20 @@ _LAMP_SHARE = 0.5
 
 
 def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
-    """{(frame id, side): DN [height][width]} by which a flickering lamp makes a repeat differ from its group's mean:
-    this is no noise, but the variance of repeats contains it. Empty if neighbouring rows do not change together, or if
-    one level for all pixels tells more.
+    """Returns {(frame id, side): DN [height][width]}, the differences between a repeat and its group's mean that a
+    flickering lamp causes; they are not noise, but the repeats' variance contains them. Empty if neighbouring rows do
+    not change together, or if one level for all pixels explains more.
 
-    A rolling shutter lays the lamp's brightness over time along the rows: in every row the ambient light is brighter or
-    darker by one factor, and neighbouring rows have nearly the same factor. Noise that a row's pixels share has another
-    value in every row, and is left to the floor. measured_images: {(frame id, side): (frame, its rendered light,
-    measured DN [height][width])}.
+    A rolling shutter records the lamp's flicker along the rows: in every row the ambient light is brighter or darker by
+    one factor, which is nearly the same in neighbouring rows. Noise that all pixels of a row share differs from row to
+    row, and stays in the noise floor. measured_images: {(frame id, side): (frame, its rendered light, measured DN
+    [height][width])}.
     """
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
 
     def common(change: np.ndarray, light: np.ndarray, rows: int = _LAMP_ROWS) -> np.ndarray:
-        """The part of a change that neighbouring rows have in common: the light times one factor in each row."""
+        """Returns the part of a change that neighbouring rows have in common: the light times one factor in each
+        row."""
         moment, power = (uniform_filter1d((x * light).sum(axis=1), rows, mode="nearest") for x in (change, light))
         return (moment / np.maximum(power, 1e-12))[:, None] * light
 

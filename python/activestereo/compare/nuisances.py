@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nuisances of a comparison: projector scale, ambient scale and black level, by least squares on the train frames;
-and the images that a model expects with them.
+"""Fits the nuisances of a comparison (projector scale, ambient scale and black level) by least squares on the train
+frames. Computes the images that a model expects with them.
 
     DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's
     range
 
 P and A are the radiance that falls on the sensor under the projector at power 1 and under ambient radiance 1. A model's
-effects may bend that line: Gauss-Newton's rounds fit the line that touches it. All train pixels of both cameras weigh
-alike, so that the fit minimises the RMSE that compare reports. diagnose/refine/fitter.py, which weighs pixels by their
-variance and fits focal lengths, albedos and effects too, starts from it.
+effects may make this nonlinear; then rounds of Gauss-Newton fit its linearisation. All train pixels of both cameras
+have equal weight, so that the fit minimises the RMSE that compare reports. diagnose/refine/fitter.py, which weighs
+pixels by their variance and fits focal lengths, albedos and effects too, starts from it.
 """
 
 from __future__ import annotations
@@ -26,13 +26,12 @@ from activestereo.effects.core.model import scales
 if TYPE_CHECKING:
     from activestereo.effects.core.view import View
 
-# Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
-# mean.
+# Pixels predicted nearer to the range's ends than this many residual deviations are left out, as clipping biases them.
 _CLIP_MARGIN_SIGMA = 4.0
-# Rounds of the clipped pixels, of a bent line, of its level, and of exposures that are not exact.
+# Numbers of rounds: for clipped pixels, a nonlinear model, its level, and inexact exposures.
 _CLIP_ROUNDS, _BENT_ROUNDS, _LEVEL_ROUNDS, _EXPOSURE_ROUNDS = 4, 8, 12, 3
 _STEP = 1e-3
-# A step is halved if the residual deviation grows by more than this factor: clipped pixels make less noise.
+# A step is halved if the residual deviation grows by more than this factor; a little growth is due to clipped pixels.
 _WORSE = 1.01
 # (Frame or View, light, the nuisances or None at the start) -> (columns [3][n], offset [n] or 0): the expected image is
 # offset + nuisances @ columns.
@@ -41,7 +40,8 @@ _Line: TypeAlias = Callable[[Any, Any, "np.ndarray | None"], "tuple[np.ndarray, 
 
 @dataclass(frozen=True)
 class Nuisances:
-    """projector_scale, ambient_scale: DN per (second x gain x unit of rendered radiance); black_dn: without light."""
+    """The unknowns of exposure and light. projector_scale, ambient_scale: DN per (second x gain x unit of rendered
+    radiance); black_dn: DN without light."""
 
     projector_scale: float
     ambient_scale: float
@@ -53,9 +53,10 @@ class Nuisances:
 
 @dataclass(frozen=True)
 class Fit:
-    """nuisances with standard errors (independent pixels assumed), and the share of pixels left out as clipped.
+    """Fitted nuisances with standard errors (independent pixels assumed), the number of pixels used, and the share left
+    out as clipped.
 
-    at_bound: names of the scales that would have become negative, and are 0: light is never negative.
+    at_bound: names of the scales that would have become negative and are set to 0.
     """
 
     nuisances: Nuisances
@@ -69,15 +70,16 @@ class Fit:
 
 
 def regressors(frame: Frame, light: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The derivatives of an unclipped prediction by (projector scale, ambient scale, black), each [height][width].
-    light: Layers, or a Light."""
+    """Returns the derivatives of an unclipped prediction with respect to projector scale, ambient scale and black
+    level, each [height][width]. light: Layers, or a Light."""
     projector, ambient = scales(frame)
     images = light.projector.astype(np.float64) * projector, light.ambient.astype(np.float64) * ambient
     return *images, np.ones(light.ambient.shape)
 
 
 def slopes(image: Callable[..., np.ndarray], nuisances: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """image(projector scale, ambient scale, black), and its derivatives by them, by differences."""
+    """Returns image(projector scale, ambient scale, black) at the nuisances [3], and its derivatives by them, from
+    finite differences."""
     here, columns = image(*nuisances), []
     for j, value in enumerate(nuisances):
         moved = nuisances.copy()
@@ -87,7 +89,7 @@ def slopes(image: Callable[..., np.ndarray], nuisances: np.ndarray) -> tuple[np.
 
 
 def predict(frame: Frame, light: Any, nuisances: Nuisances, max_dn: float) -> np.ndarray:
-    """Expected DN before rounding, float64 [height][width], clipped to 0..max_dn."""
+    """Returns the expected image, DN before rounding, float64 [height][width], clipped to 0..max_dn."""
     columns = regressors(frame, light)
     value = sum(scale * column for scale, column in zip(nuisances.vector(), columns, strict=True))
     return np.clip(value, 0.0, max_dn)
@@ -96,8 +98,9 @@ def predict(frame: Frame, light: Any, nuisances: Nuisances, max_dn: float) -> np
 def fit_nuisances(
     observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float, black_dn: tuple[float, float] | None = None
 ) -> Fit:
-    """observations: (frame, light, measured DN, NaN for pixels that do not count). black_dn: the measured black level
-    and its deviation, which is then held. Raises ValueError if there is nothing to fit."""
+    """Fits the nuisances without effects. observations: (frame, light, measured DN, NaN for pixels that do not count).
+    black_dn: (measured black level, its deviation), which holds the level fixed; None: it is fitted. Raises ValueError
+    if there is nothing to fit."""
     return _fitted(observations, _straight, max_dn, black_dn)
 
 
@@ -105,11 +108,12 @@ def fit_under_model(
     model: Any, observations: Sequence[tuple[View, Any, np.ndarray]], max_dn: float,
     black_dn: tuple[float, float] | None = None,
 ) -> Fit:  # fmt: skip
-    """fit_nuisances() under a model with effects. observations: (View, Light that falls on the sensor, measured DN)."""
+    """Fits the nuisances under a model with effects. observations: (View, Light that falls on the sensor, measured DN).
+    black_dn: as in fit_nuisances()."""
     linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn, black_dn)
     if model.is_linear:
         return linear
-    # 1. A model that bends the line much: its scales are doubled or halved until it is as bright as the measurement.
+    # 1. For a strongly nonlinear model, double or halve the scales until it is as bright as the measurement.
     own = linear.nuisances
     black, target = own.black_dn, sum(float(np.nansum(measured - own.black_dn)) for _, _, measured in observations)
     factor = previous = 1.0
@@ -124,7 +128,7 @@ def fit_under_model(
             break
         factor, previous = factor * step, step
 
-    # 2. Steps along the line that touches the model's images at the nuisances.
+    # 2. Take Gauss-Newton steps on the model's linearisation at the nuisances.
     def touching(view: View, light: Any, nuisances: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         assert nuisances is not None
         here, columns = slopes(lambda *values: model.signal(light, view, Nuisances(*values)).ravel(), nuisances)
@@ -139,9 +143,9 @@ def fit_with_exposures(
     capture: Capture, model: Any, lights: Mapping[ImageKey, Any], views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
 ) -> tuple[Fit, dict[ImageKey, View]]:  # fmt: skip
-    """(fit_under_model() of the train frames, the views). Also fits exposures (of test frames, too) if the capture
-    states them as inexact. lights: {(frame id, side): the light on the sensor}. Raises CaptureError if there is nothing
-    to fit."""
+    """Fits the nuisances to the train frames under a model and returns (Fit, views). If the capture states exposures as
+    inexact, it also fits these, of test frames, too, and the views have them. lights: {(frame id, side): the light on
+    the sensor}. Raises CaptureError if there is nothing to fit."""
     seen = dict(views)
 
     def fit() -> Fit:
@@ -156,7 +160,7 @@ def fit_with_exposures(
     for _ in range(_EXPOSURE_ROUNDS if capture.uncertainty.exposure else 0):
         for frame in capture.frames:
             keys = [(frame.id, side) for side in SIDES]
-            both = np.zeros(2)  # the factor on the frame's light, if something tells it
+            both = np.zeros(2)  # numerator and denominator of the factor on the frame's light
             for key in keys:
                 view, image, black_dn = seen[key], measured[key], found.nuisances.black_dn
                 expected = model.signal(lights[key], view, found.nuisances) - black_dn
@@ -174,12 +178,12 @@ def predict_under_model(
     capture: Capture, model: Any, lights: Sequence[Mapping[ImageKey, Any]], views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
 ) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:  # fmt: skip
-    """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN, [height][width] each}) under a
-    Model.
+    """Fits the nuisances to the train frames under a Model and returns (Fit, {(frame id, side): [expected DN
+    [height][width] for each wanted light]}).
 
-    lights: {(frame id, side): the light on the sensor}: those that are fitted, then those whose images are wanted, or
-    the first alone if they are the same. views and measured: {(frame id, side): View and DN}. Raises CaptureError if
-    there is nothing to fit.
+    lights: mappings {(frame id, side): light on the sensor}: first the one to fit, then those whose images are wanted;
+    if there is only one, it serves for both. views and measured: {(frame id, side): View and DN}. Raises CaptureError
+    if there is nothing to fit.
     """
     fit, seen = fit_with_exposures(capture, model, lights[0], views, measured)
     wanted = lights[1:] or lights
@@ -187,7 +191,7 @@ def predict_under_model(
 
 
 def _straight(frame: Frame, light: Any, nuisances: np.ndarray | None) -> tuple[np.ndarray, float]:
-    """The line of a sensor without effects."""
+    """Returns the linear prediction of a sensor without effects: (columns [3][n], offset 0)."""
     return np.stack([column.ravel() for column in regressors(frame, light)]), 0.0
 
 
@@ -195,7 +199,9 @@ def _fitted(
     observations: Sequence[Any], line: _Line, max_dn: float, black_dn: tuple[float, float] | None,
     solution: np.ndarray | None = None,
 ) -> Fit:  # fmt: skip
-    """solution: the start on a bent line; None for a straight one."""
+    """Fits the nuisances by least squares, in rounds that leave out clipped pixels. line: linearises the prediction.
+    solution: the start for a nonlinear model; None: the model is linear. Raises ValueError if there is nothing to
+    fit."""
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
     total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
@@ -210,7 +216,7 @@ def _fitted(
             raise ValueError(f"nothing to fit: {text}")
         if used == 0 and best is None:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
-        if solution is not None and not is_straight:  # a step along a strongly bent line may overshoot: then half of it
+        if solution is not None and not is_straight:  # a Gauss-Newton step may overshoot: then halve it
             here = _deviation(solution, gram, moment, energy, used)
             if best is not None and here > _WORSE * best[1]:
                 solution = 0.5 * (solution + best[0])
@@ -228,7 +234,7 @@ def _fitted(
 
 
 def _deviation(solution: np.ndarray, gram: np.ndarray, moment: np.ndarray, energy: float, used: int) -> float:
-    """RMS residual of the used pixels, DN; infinite without any."""
+    """Returns the RMS residual of the used pixels, DN; infinite without any."""
     if used == 0:
         return np.inf
     return float(np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used))
@@ -237,8 +243,8 @@ def _deviation(solution: np.ndarray, gram: np.ndarray, moment: np.ndarray, energ
 def _normal_equations(
     observations: Sequence[Any], line: _Line, solution: np.ndarray | None, deviation: float, max_dn: float
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Gram matrix, moments, sum of squares and count over pixels away from the range's ends: by the measurement at
-    first, then by the prediction, which unlike the measurement does not select on its own noise."""
+    """Returns (Gram matrix, moments, sum of squares, count) over pixels away from the range's ends. Without a solution
+    the measurement decides which these are, later the prediction, which does not select on the measurement's noise."""
     gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for seen, light, measured in observations:
         columns, offset = line(seen, light, solution)
@@ -262,12 +268,12 @@ def _normal_equations(
 def solve_bounded(
     gram: np.ndarray, moment: np.ndarray, black_dn: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """(projector scale, ambient scale, black) of least squares with both scales at least 0, the inverse of their Gram
-    matrix, and the scales at that bound. A light that no train frame shows gets scale 0. black_dn: as of
-    fit_nuisances()."""
+    """Solves least squares for (projector scale, ambient scale, black) with both scales at least 0. Returns the
+    solution, the inverse of its Gram matrix, and the names of scales at that bound. A light that no train frame shows
+    gets scale 0. black_dn: as in fit_nuisances()."""
     if black_dn is not None:
         gram, moment = gram[:2, :2], moment[:2] - gram[:2, 2] * black_dn[0]
-    size = len(moment)  # of the unknowns: both scales come first
+    size = len(moment)  # number of unknowns, of which both scales come first
     best: tuple[float, np.ndarray, np.ndarray, tuple[int, ...]] | None = None
     for fixed in ((), (0,), (1,), (0, 1)):
         free = [j for j in range(size) if j not in fixed]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Findings from a rectified infrared pair without a scene: saturation, gain and offset between the cameras, row offset,
-and f x baseline against the device's own depth; and statistics of its dots and noise. Intervals are 95 %, from a
-bootstrap over blocks of the image: pixels are not independent.
+"""Measures faults of a rectified infrared pair without a scene: saturation, gain and offset between the cameras, row
+offset, and f x baseline against the device's own depth; and statistics of its dots and noise. Intervals are 95 %, from
+a bootstrap over blocks of the image: pixels are not independent.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ _DRAWS = 400
 _SEED = 3
 _ROW_STEP_PX = 0.5
 _SMOOTH_PX = 2.0
-# Of device and own disparity: larger differences are mismatches of one of them.
+# Larger differences between the device's and our own disparity are mismatches of one of them.
 _LARGEST_MISMATCH_PX = 1.0
 _LEAST_PIXELS = 500
 
 
 @dataclass(frozen=True)
 class Finding:
-    """text: its name in words; value with its interval, in unit; neutral: the value of a perfect pair."""
+    """A measured figure of a pair. text: its name in words; value with its 95 % interval (low, high), in unit; neutral:
+    the value of a perfect pair."""
 
     name: str
     text: str
@@ -51,9 +52,9 @@ def pair_findings(
     left: np.ndarray, right: np.ndarray, disparity: np.ndarray, max_dn: float,
     device_disparity: np.ndarray | None = None,
 ) -> list[Finding]:  # fmt: skip
-    """Findings of a pair: left, right DN [height][width]; disparity: matched, left image, 0 = none; device_disparity:
-    the device's own on the same grid, at its nominal f x baseline, 0 = none. Raises ValueError if too little of the
-    image is matched."""
+    """Measures a pair's Findings. left, right: DN [height][width]; disparity: matched, at the left image's pixels, 0 =
+    none; device_disparity: the device's own at the same pixels, at its nominal f x baseline, 0 = none. Raises
+    ValueError if too little of the image is matched."""
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
     blocks = Blocks(left.shape)
     # 1. Saturation.
@@ -90,7 +91,7 @@ def pair_findings(
         map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1)
     )
     row_slope = (below - above) / (2 * _ROW_STEP_PX)
-    # The cameras' own gain and offset must not pass for a shift.
+    # Remove slow parts, so that different gain and offset of the cameras are not taken for a shift.
     smooth = lambda image: gaussian_filter(image, 4 * _SMOOTH_PX)  # noqa: E731
     rest = (left - smooth(left)) - (there - smooth(there))
     x, y = 2 * u / (u.shape[1] - 1) - 1, 2 * v / (v.shape[0] - 1) - 1
@@ -124,8 +125,8 @@ def pair_findings(
 
 
 class Blocks:
-    """Square blocks of the image and the bootstrap's weights for them, [draws][blocks]; the first draw is the image
-    itself."""
+    """Divides an image into square blocks and draws bootstrap weights for them, [draws + 1][blocks]; the first row is
+    the image itself."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX
@@ -135,7 +136,7 @@ class Blocks:
         self._weights = np.vstack([np.ones(self._count), rng.poisson(1.0, (_DRAWS, self._count))])
 
     def sums(self, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        """Sums of an image over a mask under each draw, [draws + 1]."""
+        """Returns the sums of an image over a mask under each draw, [draws + 1]."""
         of_block = np.bincount(self._index, np.where(mask, values, 0.0).ravel(), minlength=self._count)
         return self._weights @ of_block
 
@@ -146,7 +147,7 @@ def _finding(name: str, text: str, draws: np.ndarray, unit: str, neutral: float 
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
-    """A line of at most 80 columns for each finding, with its 95 % interval."""
+    """Returns a line of at most 80 columns for each finding, with its 95 % interval."""
     lines = []
     for f in findings:
         scale, unit = (100.0, "%") if f.unit == "1" and f.neutral == 0.0 else (1.0, "" if f.unit == "1" else f.unit)
@@ -159,7 +160,7 @@ def findings_text(findings: Sequence[Finding]) -> str:
 
 
 BLUR_PX = 4.0
-# A dot's peak stands so many standard deviations of the noise above its surroundings.
+# Least height of a dot's peak above its surroundings, in standard deviations of the noise.
 _PEAK = 5.0
 _LEVELS_DN = (20.0, 40.0)
 _SMOOTHEST = 0.25
@@ -170,7 +171,8 @@ Image = NDArray[np.float64]
 
 
 def residual_image(left: Image, right: Image, disparity: NDArray[np.floating]) -> tuple[Image, NDArray[np.bool_]]:
-    """(left less right at the disparity, both without their blur, DN; a mask of the places that both cameras see)."""
+    """Returns (left less right at the disparity, high-pass filtered, DN; a mask of the pixels that both cameras
+    see)."""
     v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
     seen = (disparity > 0) & (u - disparity >= 1)
     there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
@@ -180,8 +182,8 @@ def residual_image(left: Image, right: Image, disparity: NDArray[np.floating]) -
 
 
 def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], max_dn: float) -> list[Finding]:
-    """Statistics of dots and noise in one rectified pair, DN [height][width], to lay beside those of a simulated pair.
-    disparity: matched, 0 = none.
+    """Measures statistics of dots and noise in one rectified pair, DN [height][width], for comparison with a simulated
+    pair. disparity: matched, 0 = none.
 
         dot RMS      of the left image less its Gaussian blur of 4 px
         residual     the same of left less right at the matched disparity, over sqrt 2, as a share of the dot RMS
@@ -198,7 +200,7 @@ def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], 
     count = np.maximum(blocks.sums(np.ones(left.shape), both), 1.0)
     slope = gaussian_gradient_magnitude(left, 1.0)
     is_smooth = slope <= np.quantile(slope, _SMOOTHEST)
-    chosen = rest[both & is_smooth] ** 2 / (1.0 + _WARP_NOISE)  # of one camera
+    chosen = rest[both & is_smooth] ** 2 / (1.0 + _WARP_NOISE)  # variance of one camera
     noise_dn2 = np.maximum(chosen, ROUNDING_VARIANCE) if chosen.size else np.array([ROUNDING_VARIANCE])
     peaks = (sharp == maximum_filter(sharp, 3)) & (sharp > _PEAK * np.sqrt(np.median(noise_dn2))) & inside
     everywhere = np.ones(left.shape, bool)
@@ -234,7 +236,8 @@ def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], 
 
 
 def statistics_text(columns: dict[str, list[Finding]]) -> str:
-    """A table: one row for each figure, one column for each pair."""
+    """Returns a text table with a row for each figure and a column for each pair. columns: {column's name: its
+    Findings}."""
     lines = [f"{'':32}" + "".join(f"{name:>24}" for name in columns)]
     for shown in {f.name: f for findings in columns.values() for f in findings}.values():
         (scale, unit), line = (100.0, "%") if shown.unit == "1" else (1.0, shown.unit), f"{shown.text + ':':32}"

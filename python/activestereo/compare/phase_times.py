@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Durations of commands' phases on this machine, kept beside the cache of renders. They estimate the rest of a run."""
+"""Stores how long the phases of commands took on this machine, beside the cache of renders, to estimate the rest of a
+run."""
 
 from __future__ import annotations
 
@@ -21,26 +22,26 @@ _KEPT_RUNS = 5
 
 
 def megapixels(capture: Capture) -> float:
-    """The size of a capture's infrared images, which the work on it grows with."""
+    """Returns the megapixels of all infrared images of a capture, to which the work is proportional."""
     pixels = sum(capture.rig.camera(side).width * capture.rig.camera(side).height for side in SIDES)
     return 1e-6 * pixels * len(capture.frames)
 
 
 class PhaseTimes:
-    """Seconds of a command's phases in its last runs, with the megapixels that they worked on. A file that cannot be
-    read or written says nothing, and stops nothing."""
+    """Durations of a command's phases in its last runs, with the megapixels they worked on. A file that cannot be read
+    or written is ignored."""
 
     def __init__(self, command: str, folder: str | Path | None = None) -> None:
         self._command, self._path = command, (Path(folder) if folder else default_cache_folder()) / _FILE
 
     def usual(self, first_guess: Mapping[str, UsualTime]) -> dict[str, UsualTime]:
-        """{phase: its time by its last runs}, in the order of first_guess."""
+        """Returns {phase: first_guess's UsualTime with the durations of the last runs}, in the order of first_guess."""
         own = self._stored().get(self._command)
         runs = own if isinstance(own, dict) else {}
         return {phase: replace(guess, runs=_runs(runs.get(phase))) for phase, guess in first_guess.items()}
 
     def keep(self, taken_s: Mapping[str, float], work_megapixels: float) -> None:
-        """Adds a run."""
+        """Stores the durations of a run, {phase: seconds}."""
         if work_megapixels <= 0.0:
             return
         stored = self._stored()
@@ -61,7 +62,7 @@ class PhaseTimes:
 
 
 def _runs(stored: Any) -> tuple[tuple[float, float], ...]:
-    """(megapixels, seconds) of a list of such pairs; others are left out."""
+    """Returns the pairs (megapixels, seconds) of a stored list; skips invalid entries."""
     pairs = [run for run in stored if isinstance(run, list) and len(run) == 2] if isinstance(stored, list) else []
     numbers = [run for run in pairs if all(isinstance(n, int | float) and 0.0 <= n < 1e6 for n in run)]
     return tuple((float(work), float(seconds)) for work, seconds in numbers if work > 0.0)

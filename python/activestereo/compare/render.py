@@ -19,16 +19,16 @@ from activestereo.compare.layers import Layers, PixelLayers, RenderRequest, rig_
 from activestereo.effects.core.resample import SupersampledImages
 from activestereo.effects.engines.smooth import half_samples, half_seeds
 
-# {frame id: {side: Layers}}, and of two independent halves of the samples.
+# {frame id: {side: Layers}}, and a pair of these from two independent halves of the samples.
 LayersOfFrames: TypeAlias = Mapping[int, Mapping[str, Layers]]
 Halves: TypeAlias = tuple[LayersOfFrames, LayersOfFrames]
 
-# Image samples per pixel side if effects may warp the images: finer ones keep dots sharp.
+# Image samples along a pixel's side if effects may warp the images, so that dots stay sharp.
 WARP_SCALE = 2
 
 
 class Renderer(Protocol):
-    """Renders one rig pose; see the head of this file."""
+    """A renderer of rig poses, as the head of this file describes."""
 
     version: str
     """Names all that decides its images: a cached render of another version is not used."""
@@ -43,13 +43,13 @@ def render_frames(
     cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
     frames: Sequence[Frame] | None = None,
 ) -> LayersOfFrames:  # fmt: skip
-    """Layers of every frame, or of some; frames at one pose share their layers.
+    """Renders the layers of all frames (frames: of these alone); frames at one pose share their layers.
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base
     model. cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image
     samples per pixel side; from 2 on the layers are PixelLayers, whose supersampled images keep warps (lenses,
-    calibration, motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay.
-    ValueError for a nominal lens that distorts too much.
+    calibration, motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay. Raises
+    CaptureError for a nominal lens that distorts too much.
     """
     [layers] = _rendered(capture, renderer, samples_per_pixel, max_bounces, (seed,), cache, progress, scale, frames)
     return layers
@@ -60,7 +60,7 @@ def render_halves(
     cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
     frames: Sequence[Frame] | None = None,
 ) -> Halves:  # fmt: skip
-    """render_frames() twice with half of the samples each, from independent random numbers."""
+    """Renders as render_frames(), twice, with half of the samples each and independent random numbers."""
     half, seeds = half_samples(samples_per_pixel), half_seeds(seed)
     first, second = _rendered(capture, renderer, half, max_bounces, seeds, cache, progress, scale, frames)
     return first, second
@@ -70,7 +70,8 @@ def _rendered(
     capture: Capture, renderer: Renderer, samples_per_pixel: int, max_bounces: int, seeds: Sequence[int],
     cache: LayerCache | None, progress: Callable[[float], object] | None, scale: int, frames: Sequence[Frame] | None,
 ) -> list[LayersOfFrames]:  # fmt: skip
-    """render_frames() with each seed, pose by pose: a renderer may keep what seeds do not change."""
+    """Renders as render_frames() with each seed, pose by pose, because a renderer may keep parts that seeds do not
+    change."""
     cache = cache or LayerCache()
     try:
         sampling = sampling_of(capture.rig, scale)
@@ -100,22 +101,23 @@ def _rendered(
 
 
 def noise_square(first: np.ndarray, second: np.ndarray) -> float:
-    """Mean square of the renderer's noise in the mean of two halves, in the square of their unit.
+    """Returns the mean square of the renderer's noise in the mean of two half renders, in the square of their unit.
 
-    An image that a renderer expects is the mean x = (a + b) / 2 of two halves of the samples, rendered with independent
-    random numbers. For a measurement m, mean((a - m) (b - m)) has the renderer's noise in neither factor twice. Unlike
-    mean((x - m)^2) it is not raised by it: it is the squared error of an image with infinitely many samples. Both
-    differ by mean((a - b)^2) / 4, whatever m is."""
+    An expected image is the mean x = (a + b) / 2 of two halves of the samples, rendered with independent random
+    numbers. For a measurement m, the noise of a and b does not raise mean((a - m) (b - m)), as it raises mean((x -
+    m)^2). It is the squared error of an image with infinitely many samples. The two differ by mean((a - b)^2) / 4,
+    whatever m is."""
     return float(np.mean((np.asarray(first, dtype=np.float64) - second) ** 2)) / 4.0
 
 
 def rmse_without_noise(squares: float, pixels: int, noise_squares: float) -> float:
-    """Root mean square error from a sum of squared errors and the part of it that is the renderer's noise."""
+    """Returns the root mean square error from a sum of squared errors and the part of that sum that is the renderer's
+    noise."""
     return float(np.sqrt(max(squares - noise_squares, 0.0) / pixels))
 
 
 def mean_of_halves(halves: Halves) -> LayersOfFrames:
-    """The Layers of all samples; frames that share their halves share them."""
+    """Returns the mean Layers of two half renders; frames with the same halves share one result."""
     known: dict[tuple[int, int], Layers] = {}
     means: dict[int, dict[str, Layers]] = {}
     for number, sides in halves[0].items():
@@ -129,7 +131,7 @@ def mean_of_halves(halves: Halves) -> LayersOfFrames:
 
 
 def _mean_layers(first: Layers, second: Layers) -> Layers:
-    """The mean light of two renders of one view; its geometry is the first one's."""
+    """Returns the mean light of two renders of one view, with the first one's geometry."""
 
     def mean(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return (0.5 * (a + b)).astype(np.float32)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares an effect's images by its formula with the engines' images by its engine fields.
+"""Compares the change that an effect's formula makes to images with the change that its engine fields make in the
+engines.
 
-Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the
-root mean square difference of the two changes over the engine's own change. Both squares are means of products of two
-renders of different seeds: the renders' noise, which would look like a difference, has no part in them. Both trace
-the same samples, so that the same pixels clip.
+Both act on one small test world (matt bodies on a table before a wall, a moving warm rig). The figure is the root mean
+square difference of the two changes, relative to the engine's change. Squares are products of two renders with
+different seeds, so that the renders' noise does not count as a difference. Formula and engine use the same samples, so
+that the same pixels clip.
 """
 
 from __future__ import annotations
@@ -41,23 +42,23 @@ _POSES = (((-0.02, 0.46, 0.72), (0.0, 0.035, -0.02)), ((0.22, 0.38, 0.62), (-0.0
 
 @dataclass(frozen=True)
 class Trial:
-    """The small world, rendered once for all effects with each of two seeds."""
+    """The small test world, rendered with each of two seeds, for all effects."""
 
     runs: tuple[_Run, _Run]
 
     @classmethod
     def make(cls, folder: Path, device: str | int = "auto") -> Trial:
-        """Writes the world into a folder and renders it."""
+        """Writes the test world into a folder and renders it."""
         capture = trial_capture(folder)
         first, second = (_Run(capture, folder, device, seed) for seed in _SEEDS)
         return cls((first, second))
 
     def difference(self, effect: Effect) -> float:
-        """The relative difference of the two changes by an effect at typical values, on all surfaces. Parameters that
-        the engines find out by themselves take the value that fits best."""
+        """Returns the relative difference between formula and engine for an effect at typical values, on all surfaces.
+        Parameters that the engines determine themselves take the values that fit best."""
         if all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
             return 0.0  # simsense's signal counts in both
-        # A seed also draws a random pattern: such effects compare images of one seed.
+        # Effects with a random pattern draw it from the seed, so they compare images of one seed.
         runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
         chosen = {p.name: p.neutral for p in effect.parameters if p == SURFACES or not p.in_engine}
         values = effect.typical_values | chosen
@@ -79,7 +80,7 @@ class Trial:
 
 
 class _Run:
-    """The small world under one seed."""
+    """The small test world, rendered under one seed."""
 
     def __init__(self, capture: Capture, folder: Path, device: str | int, seed: int) -> None:
         self._engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
@@ -92,12 +93,12 @@ class _Run:
         self._engine_base, self._base = self._engine.expected(Model(), _NUISANCES), self._by_formula(Model())
 
     def in_engine(self, model: Model) -> NDArray[np.float64]:
-        """A model's change in the engines, DN [image][height][width]."""
+        """Returns the change that a model makes in the engines' images, DN [image][height][width]."""
         images = self._engine.expected(model, _NUISANCES)
         return np.stack([images[key].astype(np.float64) - base for key, base in self._engine_base.items()])
 
     def by_formula(self, model: Model) -> NDArray[np.float64]:
-        """A model's change by its formulas, DN [image][height][width]."""
+        """Returns the change that a model makes by its formulas, DN [image][height][width]."""
         images = self._by_formula(model)
         return np.stack([images[key].astype(np.float64) - base for key, base in self._base.items()])
 
@@ -115,7 +116,7 @@ def _drawn(effect: Effect, values: dict[str, float]) -> Model:
 
 
 def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterator[tuple[str, float]]:
-    """(id, relative difference) of each effect that has engine fields."""
+    """Yields (id, relative difference between formula and engine) of each effect that has engine fields."""
     in_engines = [e for e in effects if e.engine is not None]
     with tempfile.TemporaryDirectory() as folder:
         trial = Trial.make(Path(folder), device) if in_engines else None
@@ -125,8 +126,8 @@ def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterat
 
 
 def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
-    """The small world's capture, without images: its scene and pattern are written into a folder. scale: of the
-    images."""
+    """Writes the small test world's scene and pattern into a folder and returns its capture, without images. scale:
+    factor on the images' size."""
     scene, pattern = folder / "trial.gltf", folder / "pattern.png"
     writer = GltfWriter("activestereo trial world")  # closed matt bodies: light may wander below their surfaces
     matt = {"extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A shallow honest tree: regions of the covariates that hold most of the explainable error, in words.
+"""Finds regions of the covariates that hold most of the explainable error, by a shallow honest regression tree, and
+names them in words.
 
-Half A of the blocks chooses the splits and half B estimates all figures, so the search cannot
-flatter itself (Athey and Imbens, PNAS 113, 2016). A split that half B does not confirm is taken back.
+Half A of the blocks chooses the splits and half B estimates all figures, so the search does not bias them (Athey and
+Imbens, PNAS 113, 2016). A split that half B does not confirm is undone.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ _ORDER = {covariate.name: covariate for covariate in COVARIATES}
 
 @dataclass
 class _Node:
-    """Pixels of one region: indices in both halves; conditions {covariate: set of bin codes}."""
+    """One region of the covariates. a, b: indices of its pixels in the two halves; conditions: {covariate: set of bin
+    codes}."""
 
     a: np.ndarray
     b: np.ndarray
@@ -39,7 +41,7 @@ class _Node:
 
 
 class HonestTree:
-    """Grows on half A, prunes and estimates on half B."""
+    """A tree that is grown on half A of the samples, and pruned and evaluated on half B."""
 
     def __init__(self, samples: Samples, seed: int = 0) -> None:
         self._samples = samples
@@ -47,16 +49,16 @@ class HonestTree:
         a, b = np.flatnonzero(half), np.flatnonzero(~half)
         self._smallest = max(1, int(_SMALLEST_LEAF * len(a)))
         self._bootstrap = BlockBootstrap(GROUPS, draws=1000, seed=seed)
-        # Whitened for the search alone: else a few bright, noisy pixels would choose every split.
+        # The search alone divides by the noise floor; otherwise a few bright, noisy pixels would choose every split.
         floor = np.maximum(samples.floor, 0.25 * samples.floor.mean() if samples.floor.any() else 1.0)
         self._target = samples.excess / floor
         self._root = _Node(a, b, {})
         self._grow(self._root, DEPTH)
 
     def regions(self, name_of: Callable[[Any], str] = str) -> dict[str, Any]:
-        """{leaves, headline}: regions {words, conditions, share, share_interval, pixel_share, excess}; leaves by share
-        of the excess, largest first; headline: the node, of whatever depth, with most excess beyond its share of
-        pixels."""
+        """Returns {leaves, headline}. Each region is {words, conditions, share, share_interval, pixel_share, excess}.
+        leaves: sorted by share of the excess, largest first; headline: the node, of any depth, whose share of the
+        excess most exceeds its share of pixels. name_of: names a category's value."""
         leaves = [self._region(leaf, name_of) for leaf in self._root.leaves()]
         inner = [self._region(node, name_of) for node in self._root.below()]
         headline = max(inner, key=lambda r: r["share"] - r["pixel_share"], default=None)
@@ -95,7 +97,8 @@ class HonestTree:
             node.children = []
 
     def _best_split(self, node: Any) -> Any:
-        """(covariate, codes of one side, codes of the other) with the largest fall of squared deviation, or None."""
+        """Returns (covariate, codes of one side, codes of the other) of the split that reduces the squared deviation
+        most, or None."""
         target = self._target[node.a]
         total = target.sum()
         best_gain, best = total**2 / max(len(target), 1), None
@@ -120,7 +123,7 @@ class HonestTree:
         return best
 
     def _is_confirmed(self, inside: Any, outside: Any) -> bool:
-        """Whether half B, too, sees more excess per pixel inside than outside."""
+        """Returns whether half B's excess per pixel differs between inside and outside, by a 95 % interval."""
         if not len(inside.b) or not len(outside.b):
             return False
         means = []

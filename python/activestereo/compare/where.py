@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The places of a model's failure: the residual against each covariate, binned, with block-bootstrap intervals and
-a false discovery rate.
+"""Finds where a model fails: tables of the residual, binned by each covariate, with block-bootstrap intervals and a
+false discovery rate.
 
-The residuals are one list of pixels with their covariates, bins and blocks, in three channels: infrared (DN), disparity
-(px, of pixels that device and model both measured), validity (1 = the device alone measured, -1 = the model alone).
-Train frames only: test frames stay unseen by readers of these tables.
+Each of three channels is a list of pixels with residual, covariates, bins and blocks: infrared (DN), disparity (px, of
+pixels that device and model both measured), validity (1 = the device alone measured, -1 = the model alone). Only train
+frames are used, so that readers of these tables have not seen the test frames.
 """
 
 from __future__ import annotations
@@ -22,18 +22,17 @@ BLOCK_PX = 16
 GROUPS = 512
 BINS = 20
 _MOST_PIXELS = 1_200_000
-# A mismatch is an error of any size; beyond this many pixels of disparity it counts no more.
+# Disparity errors are clipped to this many pixels, because a mismatch may be of any size.
 LARGEST_DISPARITY_ERROR_PX = 2.0
 FALSE_DISCOVERY_RATE = 0.05
-# Statistical certainty is not size: a table is shown as a finding if it moves at least this share of the explainable
-# error.
+# A significant effect may be small: a finding must also concentrate at least this share of the explainable error.
 SMALLEST_SHARE = 0.05
 
 
 @dataclass(frozen=True)
 class ResidualImage:
-    """One image's share: residual, floor (the expected squared residual of a perfect model) and mask,
-    [height][width]; maps: covariates; pose: repeats share it, so that their blocks are one."""
+    """The pixels of one image. residual, floor (expected squared residual of a perfect model) and mask:
+    [height][width]; maps: {covariate: map}; pose: equal for repeats, whose blocks are resampled together."""
 
     residual: np.ndarray
     floor: np.ndarray
@@ -44,8 +43,8 @@ class ResidualImage:
 
 @dataclass(frozen=True)
 class Bins:
-    """Codes 1..count of a covariate, 0 = not defined. edges: [count + 1] of intervals (low, high], or values: one per
-    code."""
+    """A covariate's bins. code: each pixel's bin, 1..count, 0 = not defined. edges: [count + 1], of intervals (low,
+    high]; or values: one per code. The other is None."""
 
     code: np.ndarray
     edges: np.ndarray | None
@@ -60,8 +59,8 @@ class Bins:
 
 @dataclass(frozen=True)
 class Samples:
-    """Pixels [n]: residual, excess (squared residual above the floor), floor, group of blocks; bins: {covariate: Bins}.
-    """
+    """Pixels [n] of one channel: residual, excess (squared residual above the floor), floor, and group of blocks for
+    the bootstrap; bins: {covariate: Bins}."""
 
     residual: np.ndarray
     excess: np.ndarray
@@ -70,7 +69,7 @@ class Samples:
     bins: dict[str, Bins]
 
     def group_sums(self, values: np.ndarray, code: np.ndarray | None = None, count: int = 0) -> np.ndarray:
-        """Sums by group, [groups][1], or by group and code 1..count, [groups][count]."""
+        """Returns sums of values [n] by group, [groups][1], or by group and code 1..count, [groups][count]."""
         if code is None:
             return np.bincount(self.group, values, GROUPS)[:, None]
         sums = np.bincount(self.group * (count + 1) + code, values, GROUPS * (count + 1))
@@ -78,7 +77,7 @@ class Samples:
 
 
 def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | None:
-    """Samples of ResidualImages, a random subset of very many pixels; None without any pixel."""
+    """Collects the Samples of ResidualImages, a random subset if there are very many pixels; None without any pixel."""
     rng = np.random.Generator(np.random.Philox(seed))
     total = sum(int(image.mask.sum()) for image in images)
     if total == 0:
@@ -100,7 +99,8 @@ def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | 
 
 
 def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.ndarray:
-    """Blocks of 16 px of one pose and camera, dealt at random to the groups that are resampled."""
+    """Returns each kept pixel's group for resampling. Blocks of 16 px are assigned to the groups at random; blocks at
+    the same place of one pose and camera are one."""
     first, firsts, parts = 0, {}, []
     for image, kept in zip(images, keep, strict=True):
         rows, columns = (np.arange(n) // BLOCK_PX for n in kept.shape)
@@ -113,7 +113,8 @@ def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.nd
 
 
 def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
-    """Own bins for few distinct values, else 20 of equal pixel counts with edges that are round numbers."""
+    """Returns a bin for each value if there are few distinct ones, else 20 bins of equal pixel counts with rounded
+    edges."""
     finite = np.isfinite(values)
     some = values[finite]
     distinct = np.unique(some[:: max(1, some.size // 100_000)]) if not is_category else np.unique(some)
@@ -123,11 +124,13 @@ def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
     edges = np.quantile(some, np.linspace(0.0, 1.0, BINS + 1))
     fine = (edges[-2] - edges[1]) / 50.0
     power = 10.0 ** np.floor(np.log10(fine)) if fine > 0 else 1.0
-    step = float(max(m * power for m in (1, 2, 5) if m * power <= max(fine, power)))  # the largest that is not above
+    step = float(
+        max(m * power for m in (1, 2, 5) if m * power <= max(fine, power))
+    )  # the largest round step up to `fine`
     inner = np.unique(np.round(edges[1:-1] / step) * step)
     inner = inner[(inner > edges[0]) & (inner < edges[-1])]
     filled = np.bincount(np.searchsorted(inner, some, side="left"), minlength=len(inner) + 1) > 0
-    inner = inner[filled[:-1]]  # an empty bin is one with the next
+    inner = inner[filled[:-1]]  # an empty bin is joined with the next
     code = np.searchsorted(inner, values, side="left") + 1
     return Bins(np.where(finite, code, 0), np.concatenate([edges[:1], inner, edges[-1:]]), None)
 
@@ -135,9 +138,9 @@ def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
 def where_tables(
     channels: Mapping[str, tuple[Samples, str, bool]], name_of: Callable[[Any], str] = str, seed: int = 0
 ) -> list[dict[str, Any]]:
-    """The `where` list of compare.json: a table per channel and covariate, findings first, larger first.
+    """Returns the `where` list of compare.json: a table per channel and covariate, findings first, larger first.
 
-    channels: {name: (Samples, unit, is there anything to explain)}. name_of(material id) -> text.
+    channels: {name: (Samples, unit, whether there is error to explain)}. name_of(material id): its name.
     """
     bootstrap = BlockBootstrap(GROUPS, seed=seed)
     tables = [
@@ -163,8 +166,7 @@ def _table(
     values = (samples.residual, samples.excess)
     (mean, mean_draws), (excess, excess_draws) = columns = bootstrap.ratios([sums(v) for v in values], pixels)
     overall = bootstrap.ratios([samples.group_sums(v) for v in values], samples.group_sums(ones))
-    # The p value of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess
-    # are the overall ones.
+    # p value of the hypothesis that the covariate does not matter: that every bin has the overall mean and excess.
     observed, drawn = 0.0, np.zeros(1)
     for (value, draws), (all_value, all_draws) in zip(columns, overall, strict=True):
         largest, t_draws = max_t(value - all_value, draws - all_draws)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns a comparison's images and depths into the channels that where.py and tree.py look at."""
+"""Turns a comparison's images and depths into the channels that where.py and tree.py analyse."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from activestereo.compare.where import Samples
     from activestereo.effects import View
 
-# Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
-# further.
+# An excess below this share of the floor's variance may be the renderer's Monte Carlo noise and is not analysed.
 _SMALLEST_EXCESS = 0.05
 
 
@@ -33,13 +32,13 @@ def where_it_fails(
     predictions: Mapping[ImageKey, np.ndarray], noise_variances: Mapping[ImageKey, tuple[float, str]],
     noise_model: NoiseModel | None, depths: Sequence[DepthFrame], seed: int = 0,
 ) -> dict[str, Any]:  # fmt: skip
-    """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
+    """Computes compare.json's {where: tables, regions: {channel: ...}} from the train frames."""
     maps, infrared = {}, []
     for frame in capture.split("train"):
         for side in SIDES:
             key, expected = (frame.id, side), predictions[frame.id, side]
             maps[key] = covariate_maps(views[key], layers[frame.id][side].material, expected, capture.rig.baseline_m)
-            # The noise model's variance of each pixel, scaled to the image's own floor; 0 if nothing tells it.
+            # Each pixel's variance by the noise model, scaled to the image's own floor; 0 if that is unknown.
             floor = np.zeros(expected.shape)
             if key in noise_variances and noise_model is not None:
                 variance, own = noise_model.variance(expected, frame.gain), noise_variances[key][0]
@@ -66,8 +65,8 @@ def residual_channels(
     infrared: Sequence[tuple[ImageKey, np.ndarray, np.ndarray, np.ndarray | None, bytes]], depths: Sequence[DepthFrame],
     maps: Mapping[ImageKey, dict[str, np.ndarray]], seed: int = 0,
 ) -> dict[str, tuple[Samples, str, bool]]:  # fmt: skip
-    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, where the scene
-    is known or None, pose)]; depths: DepthFrames; maps: {(frame id, side): covariates}."""
+    """Collects {channel: (Samples, unit, whether there is error to explain)}. infrared: [(key, residual, floor, mask of
+    the known scene or None, pose)]; maps: {(frame id, side): covariates}."""
     images = {
         "infrared": [
             ResidualImage(r, floor, np.ones(r.shape, bool) if known is None else known, maps[key], pose)
@@ -95,11 +94,11 @@ def residual_channels(
 
 
 def surface_text(scene_path: Path) -> Callable[[int], str]:
-    """Text of a surface's number."""
+    """Returns a function that names a surface by its material number."""
     names = surface_names(scene_path)
     return lambda index: names[index] if index < len(names) else f"material {index}"
 
 
 def _pose(frame: Frame, side: str) -> bytes:
-    """Equal for images whose static errors are the same ones."""
+    """Returns bytes that are equal for images from the same camera and pose, whose static errors are the same."""
     return side.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()
