@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physical effects, one file each: a descriptor (id, stage, parameters with units, ranges, priors and sources) and a
-function.
+"""Defines physical effects, one file each: a descriptor (id, stage, parameters with units, ranges, priors and sources)
+and a function.
 
     from activestereo.effects import Parameter, Stage, effect
 
@@ -10,7 +10,7 @@ function.
         '''Stray light from the whole picture.'''
         return (1 - fraction) * image + fraction * image.mean()
 
-What a function gets and gives back by stage stands in core/descriptor.py. Every module of this folder is one built-in
+core/descriptor.py says what a function takes and returns at each stage. Every module of this folder is one built-in
 effect.
 """
 
@@ -27,7 +27,7 @@ from activestereo.effects.core.view import View
 
 
 def builtin() -> dict[str, Effect]:
-    """The built-in effects in the order of the pipeline: {id: Effect}."""
+    """Returns the built-in effects in the order of the pipeline, {id: Effect}."""
     return dict(_found())
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ambient infrared light that is not uniform."""
+"""Simulates ambient infrared light that differs in strength and is not uniform."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Baseline off its calibration."""
+"""Simulates a baseline that differs from its calibration."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

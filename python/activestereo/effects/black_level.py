@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Black level that is not constant."""
+"""Simulates a black level that is shifted and drifts with temperature."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filter and focus that drift with the laser's wavelength."""
+"""Simulates filter and focus errors as the laser's wavelength drifts with temperature."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

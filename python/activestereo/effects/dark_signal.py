@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dark current."""
+"""Simulates dark current."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dots that are dim or missing in a part of the pattern."""
+"""Simulates dots that are dim or missing in a part of the pattern."""
 
 from collections.abc import Sequence
 
@@ -10,18 +10,19 @@ from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.moved import engine_effect, tangents
 
-# Places of a first look, in tangents of angles from the projector's axis, and the radius there.
+# The grid and the radius of the first trials, in tangents of angles from the projector's axis.
 _GRID, _RADIUS = (-0.4, -0.2, 0.0, 0.2, 0.4), 0.15
 _BEST = 3
 
 
 def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: float, radius: float) -> np.ndarray:
-    """The share of the light that is left at tangents (x, y) of the projector's pattern."""
+    """Returns the share of the light that is left at tangents (x, y) of angles from the projector's axis."""
     return np.clip(1.0 - lost * np.exp(-0.5 * ((x - place_x) ** 2 + (y - place_y) ** 2) / radius**2), 0.0, None)
 
 
 def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
-    """Places of the pattern whose dots fall short most, from the residual against the dots there."""
+    """Returns starting values at the places of the pattern whose dots fall short most, by the residual's regression on
+    the dots there."""
     scores = {}
     for place_x in _GRID:
         for place_y in _GRID:

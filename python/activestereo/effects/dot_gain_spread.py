@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dots that differ in strength from the nominal pattern."""
+"""Simulates dots that differ in strength from the nominal pattern."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter

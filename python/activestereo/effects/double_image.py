@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pane whose second reflection doubles the image."""
+"""Simulates a pane whose second reflection doubles the image."""
 
 from collections.abc import Sequence
 
@@ -11,13 +11,13 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.view import View
 
-# Shifts looked at, in pixels; nearer than the least one, a second image is a blur.
+# The range of shifts that are tried, in pixels. With less than the least shift a second image is a blur.
 _MOST_PX, _LEAST_PX, _STARTS = 20, 1.5, 3
 
 
 def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
-    """Fraction and shift of the best few peaks: the residual is regressed, at every shift of whole pixels, on the
-    shifted image beside the image itself (Schur's complement), all by Fourier transforms."""
+    """Returns {fraction, shift_u_px, shift_v_px} of the best few peaks. At every shift of whole pixels, the residual is
+    regressed on the shifted image beside the image itself (Schur's complement), by Fourier transforms."""
     of_moment, of_square, of_both, of_own, own = (np.zeros((2 * _MOST_PX + 1,) * 2) for _ in range(5))
     for o in images:
         image = o.expected * (o.weight > 0)
@@ -39,7 +39,8 @@ def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
 
 
 def _correlated(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Sums of a times b moved down and right, by up to the most pixels each way, [row][column]."""
+    """Returns sums of `a` times `b` shifted down and right, [row][column]; shifts run from -20 to 20 pixels
+    each way."""
     shape = [fft.next_fast_len(n + _MOST_PX, real=True) for n in a.shape]
     whole = fft.irfft2(fft.rfft2(a, shape) * fft.rfft2(b, shape).conj(), shape)
     return np.roll(whole, (_MOST_PX, _MOST_PX), (0, 1))[: 2 * _MOST_PX + 1, : 2 * _MOST_PX + 1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Near objects that grow in the disparity image."""
+"""Simulates near objects that grow in the disparity image."""
 
 import numpy as np
 from scipy.ndimage import maximum_filter

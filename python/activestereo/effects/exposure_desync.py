@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras that do not expose at the same time."""
+"""Simulates cameras that do not expose at the same time."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lamp in the room, or the sun through a window."""
+"""Simulates a lamp in the room, or the sun through a window."""
 
 from dataclasses import replace
 

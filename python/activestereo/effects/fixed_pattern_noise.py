@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Offsets of columns, rows and pixels that stay."""
+"""Simulates constant offsets of columns, rows and pixels."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
 from activestereo.effects.core.engine import EngineInputs

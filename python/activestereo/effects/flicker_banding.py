@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ambient light that flickers with the mains."""
+"""Simulates ambient light that flickers with the mains."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from activestereo.effects.core.view import View
         Parameter("depth", "1", neutral=0.0, low=0.0, high=1.0, typical=0.15),
         Parameter(
             "frequency_hz", "Hz", neutral=100.0, low=80.0, high=250.0, typical=20.0,
-            slope_step=1e-3,  # a capture of a minute tells a hundredth of a hertz
+            slope_step=1e-3,  # a capture of a minute resolves a hundredth of a hertz
         ),
         Parameter("phase_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0),
         Parameter(

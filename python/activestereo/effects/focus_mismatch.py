@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One camera out of focus."""
+"""Simulates one camera out of focus."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Disparity errors of slanted surfaces."""
+"""Simulates disparity errors of slanted surfaces."""
 
 import numpy as np
 

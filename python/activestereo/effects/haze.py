@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A participating medium between rig and scene."""
+"""Simulates a participating medium between rig and scene."""
 
 from dataclasses import replace
 
@@ -11,13 +11,13 @@ from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
-# A phase function that scatters nothing back is not one of theirs.
+# Henyey and Greenstein's phase function always scatters some light back, so g is limited.
 _MOST_FORWARD = 0.98
 
 
 def _phase_g(backscatter: float) -> float:
-    """Henyey and Greenstein's g whose phase function straight back is `backscatter` times the isotropic one: (1 - g) /
-    (1 + g)^2."""
+    """Returns the g of Henyey and Greenstein's phase function that sends `backscatter` times the isotropic share
+    straight back: (1 - g) / (1 + g)^2."""
     if backscatter == 0.0:
         return _MOST_FORWARD
     root = np.sqrt(8.0 * backscatter + 1.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holes of the depth image that a device fills with what stands beside them."""
+"""Simulates a device that fills holes of the depth image with their neighbours' depth."""
 
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter

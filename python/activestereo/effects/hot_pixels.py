@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels with much dark current."""
+"""Simulates pixels with much dark current."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
 from activestereo.effects.core.engine import EngineInputs
@@ -28,6 +28,6 @@ def hot_pixels(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None
     """A share of the pixels gathers charge without light, exponentially distributed, the same pixels in all frames."""
     for side in inputs.sides:
         side.signal["hot_pixel_share"] = share
-        # The tail is that of the present temperature; simsense's is that of the reference.
+        # The parameter holds at the present temperature, simsense's field at the reference temperature.
         warming = 2.0 ** (inputs.warming_k / side.signal["dark_doubling_k"])
         side.signal["hot_pixel_e_per_s"] = rate_dn_per_s / (side.signal["conversion_gain_dn_per_e"] * warming)

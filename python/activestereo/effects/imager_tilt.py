@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Imager that does not stand square behind its lens."""
+"""Simulates an imager that does not stand square behind its lens."""
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def imager_tilt(light: Light, view: View, tau_x_rad: float, tau_y_rad: float) ->
         return light
     turn = rotation((0.0, 1.0, 0.0), tau_y_rad) @ rotation((1.0, 0.0, 0.0), tau_x_rad)
     x, y = view.rays()
-    # A point (x, y) of the tilted imager lies at this place, in focal lengths, behind the lens; its ray goes on to the
-    # plane z = 1.
+    # `place` is the point (x, y) of the tilted imager behind the lens, in focal lengths. Its ray meets the plane z = 1
+    # at place / z.
     place = turn @ np.stack([x.ravel(), y.ravel(), np.zeros(x.size)]) + np.array([[0.0], [0.0], [1.0]])
     return light.warped(*view.to_pixels(*(place[:2] / place[2]).reshape(2, *x.shape)))

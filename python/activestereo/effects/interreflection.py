@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bounced light of a wrong strength."""
+"""Simulates bounced light of another strength than rendered."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laser power that drifts."""
+"""Simulates laser power that drifts with temperature and time."""
 
 import numpy as np
 

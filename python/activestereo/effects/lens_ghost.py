@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reflection between imager and pane."""
+"""Simulates a ghost: a reflection between imager and pane."""
 
 import numpy as np
 from scipy.ndimage import shift

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Camera blur: defocus and aberrations beyond the pixel's own square."""
+"""Simulates camera blur: defocus and aberrations beyond the pixel's own square."""
 
 import numpy as np
 

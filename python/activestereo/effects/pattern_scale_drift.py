@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pattern that grows or shrinks: laser wavelength against a diffractive element."""
+"""Simulates a pattern that grows or shrinks, as laser wavelength changes against a diffractive element."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

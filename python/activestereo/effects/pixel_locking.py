@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Disparities drawn to whole pixels."""
+"""Simulates disparities drawn to whole pixels."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filters that a device applies to disparity after matching."""
+"""Simulates filters that a device applies to disparity after matching."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter

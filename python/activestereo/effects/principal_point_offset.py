@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Principal point of the right camera off its calibration (also: yaw)."""
+"""Simulates a principal point of the right camera that differs from its calibration. A small yaw looks the same."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels of unequal sensitivity."""
+"""Simulates pixels of unequal sensitivity."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dots that blur away from the projector's focus."""
+"""Simulates dots that blur away from the projector's focus."""
 
 import numpy as np
 

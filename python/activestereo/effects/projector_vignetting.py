@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Projector that is dimmer off its axis."""
+"""Simulates a projector that is dimmer off its axis."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs
@@ -19,5 +19,5 @@ def projector_vignetting(inputs: EngineInputs, exponent: float) -> None:
     """Projected light falls by cos^exponent of the angle to the projector's axis; ambient light does not."""
     if inputs.pattern is None and inputs.projector is not None:
         inputs.projector.falloff += exponent
-    elif exponent != 0.0:  # kuafu's own falloff asks for its slower shading of shaped lights
+    elif exponent != 0.0:  # kuafu's own falloff needs its slower shading of shaped lights
         inputs.dim_pattern(lambda x, y: (1.0 + x * x + y * y) ** (-0.5 * exponent))

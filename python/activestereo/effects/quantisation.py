@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coarse digital steps."""
+"""Simulates coarse digital steps."""
 
 import numpy as np
 

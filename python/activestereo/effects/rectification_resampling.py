@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bilinear resampling on the way to rectified images."""
+"""Simulates the bilinear resampling of rectified images."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.light import Light

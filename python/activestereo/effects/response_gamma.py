@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Response that is not linear."""
+"""Simulates a response to light that is not linear."""
 
 import numpy as np
 

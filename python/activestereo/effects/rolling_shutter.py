@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Row-wise readout of a moving sensor."""
+"""Simulates the row-wise readout of a moving sensor."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Another unit that stands in the room, with a pattern projector of the same kind."""
+"""Simulates another unit that stands in the room, with a pattern projector of the same kind."""
 
 from dataclasses import replace
 

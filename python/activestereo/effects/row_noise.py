@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that whole rows share."""
+"""Simulates noise that whole rows share."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Full wells that overflow."""
+"""Simulates full wells that overflow into neighbouring pixels."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Another pattern projector that lights the scene."""
+"""Simulates another pattern projector on the rig."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Photon shot noise."""
+"""Simulates photon shot noise."""
 
 import numpy as np
 

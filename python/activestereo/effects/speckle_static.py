@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speckle of a scene that stands still."""
+"""Simulates laser speckle that stays while rig and scene stand still."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speckle that boils: mode hopping, vibration."""
+"""Simulates laser speckle that changes in every frame, by mode hopping or vibration."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A gloss that the nominal materials lack."""
+"""Simulates a gloss that the nominal materials lack."""
 
 from dataclasses import replace
 
@@ -14,8 +14,8 @@ from activestereo.effects.core.view import View
 
 
 def _layer(factor: float) -> tuple[float, float]:
-    """(specularFactor, ior) of a layer that reflects `factor` times as much as common plastic: up to 1 by glTF's
-    factor, beyond by a higher index of refraction, as varnish over metal paint or a metal does."""
+    """Returns (specularFactor, ior) of a layer that reflects `factor` times as much as common plastic. Up to 1 it is
+    glTF's factor; beyond, a higher index of refraction, as of varnish over metal paint or of a metal."""
     return (factor, IOR) if factor <= 1.0 else (1.0, ior_of(factor * float(fresnel(1.0))))
 
 
@@ -61,7 +61,7 @@ def specular(light: Light, view: View, factor: float, roughness: float, surfaces
     dots = light.direct / np.where(lit, light.flat, 1.0)
     sheen = share * np.where(shading.hit, reflected_share(cosines[0], roughness, ior), 0.0)
     white = np.pi * shading.reflectance
-    # What part of the sky a surface sees: its ambient light over that of an open surface of its albedo.
+    # The share of the surroundings that a surface sees: its ambient light over that of an open surface of its albedo.
     open_share = np.clip(light.ambient / np.where(white > 0, white, np.inf), 0.0, 1.0)
     ambient = light.ambient * (1.0 - sheen) + sheen * open_share
     return on_surfaces(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Right camera pitched against the left."""
+"""Simulates a right camera that is pitched against the left."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

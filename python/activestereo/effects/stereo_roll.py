@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Right camera rolled against the left."""
+"""Simulates a right camera that is rolled against the left."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light that wanders below the surface."""
+"""Simulates light that scatters below the surface and leaves it elsewhere."""
 
 from dataclasses import replace
 
@@ -14,30 +14,31 @@ from activestereo.effects.core.view import View
 
 
 def _mean_free_path_m(length_m: float, albedo: float) -> float:
-    """The mean free path of a medium whose light leaves at an rms distance length_m along one axis. Christensen and
-    Burley 2015 (Approximate reflectance profiles for efficient subsurface scattering): the profile of two exponentials
-    of width d = path / s has an rms distance of sqrt(7) d."""
+    """Returns the mean free path of a medium whose light leaves at an rms distance length_m along one axis. Christensen
+    and Burley 2015 (Approximate reflectance profiles for efficient subsurface scattering): the profile of two
+    exponentials of width d = path / s has an rms distance of sqrt(7) d."""
     s = 1.9 - albedo + 3.5 * (albedo - 0.8) ** 2
     return length_m / np.sqrt(7.0) * s
 
 
 # (weight, width in rms lengths) of Gaussians whose sum is a profile: the light within any radius agrees to 0.006.
-# Of two exponentials over the distance, as in _mean_free_path_m's source: light that leaves after few scatterings
-# makes a bright core where it enters.
+# This profile is two exponentials over the distance, as in _mean_free_path_m's source. Light that leaves after few
+# scatterings makes a bright core where it enters.
 _WITH_CORE = ((0.081, 0.032), (0.254, 0.193), (0.396, 0.643), (0.269, 1.751))
-# exp(-distance / width), whose rms distance is sqrt(3) widths: a medium that scatters forward turns light around only
-# deep inside (Jensen et al. 2001: the diffuse part has no core either).
+# This profile is exp(-distance / width), whose rms distance is sqrt(3) widths. A medium that scatters forward turns
+# light around only deep inside (Jensen et al. 2001: the diffuse part has no core either).
 _WITHOUT_CORE = ((0.118, 0.308), (0.525, 0.735), (0.357, 1.389))
 
-# A pixel that would get less than this share of the brightest one's light lies in shadow.
+# A pixel with less than this share of the brightest pixel's light lies in shadow.
 _LEAST_LIT = 1e-3
-# A scan goes through lengths and profiles, and comes back to them with another fraction.
+# The number of blurred images that are kept: a scan returns to a length and profile with another fraction.
 _PROFILES_KEPT = 4
 
 
 @moves("materials.subsurface", "materials.ir_subsurface_color", "materials.ir_subsurface_radius_m")
 def _engine(inputs: EngineInputs, fraction: float, length_m: float, core: float, surfaces: float) -> None:
-    """The engine scatters evenly to all sides, which is the profile with a core: of `core` it knows nothing."""
+    """Gives the materials of `surfaces` subsurface scattering. The engine scatters evenly to all sides, which is the
+    profile with a core, so it ignores `core`."""
     for material in inputs.surfaces(surfaces):
         albedo = material.base_color[0] if material.ir_albedo is None else material.ir_albedo
         material.subsurface = fraction
@@ -82,7 +83,7 @@ def subsurface(light: Light, view: View, fraction: float, length_m: float, core:
             strict=True,
         )
     )
-    # What spreads is the dots' irradiance: reflectance and shadows stay where they are.
+    # The dots' irradiance spreads; reflectance and shadows stay where they are.
     dots = np.where(share > 0, spread / np.where(share > 0, share, 1.0), 0.0)
     return on_surfaces(
         light, replace(light, direct=(1.0 - fraction) * light.direct + fraction * light.flat * dots), view, surfaces
@@ -92,8 +93,9 @@ def subsurface(light: Light, view: View, fraction: float, length_m: float, core:
 def _wandered(
     light: Light, view: View, length_m: float, profile: tuple[tuple[float, float], ...], is_wanted: bool
 ) -> np.ndarray:
-    """[2][height][width]: the pattern's share of the irradiance after its light wandered, and what of such light came
-    from lit pixels; zeros where it is not wanted. Neighbours count alike, whatever they reflect."""
+    """Returns two images [2][height][width] after light spread below the surface. The first is the pattern's share of
+    the irradiance; the second is the share of such light that came from lit pixels. Both are 0 if not is_wanted.
+    Neighbours count alike, whatever they reflect."""
     if not is_wanted:
         return np.zeros((2, *view.shape), light.direct.dtype)
 
@@ -109,9 +111,9 @@ def _wandered(
 
 
 def _pixels_per_m(view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Along image columns and rows, by how many pixels (rms) a step of a metre (rms per axis) over a surface moves:
-    what is seen aslant is foreshortened; [height][width] each, where nothing is hit as at the farthest point. That
-    columns and rows move together on surfaces turned about both axes is left out."""
+    """Returns pixels per metre on the surface along image columns and along rows, [height][width] each. Both are rms
+    values and foreshortened on slanted surfaces. Where nothing is hit, the farthest depth counts. Surfaces turned about
+    both axes move columns and rows together, which is left out."""
     hit, (x, y) = view.depth_m > 0, view.rays()
     along_x, along_y, along_z = np.moveaxis(view.normal, -1, 0)
     seen = (1.0 + ray**2 - (along - ray * along_z) ** 2 for ray, along in ((x, along_x), (y, along_y)))

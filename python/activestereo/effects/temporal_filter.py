@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device's average over the frames of its stream."""
+"""Simulates a device's average over the frames of its stream."""
 
 import numpy as np
 

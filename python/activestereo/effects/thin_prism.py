@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lens or cover glass whose faces are not parallel."""
+"""Simulates a lens or cover glass whose faces are not parallel."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
-_STEPS = 6  # of a fixed point that contracts by 2 |s| r
+_STEPS = 6  # fixed-point iterations, each of which contracts by 2 |s| r
 
 
 @effect(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces that let light through."""
+"""Simulates surfaces that let light through."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Veiling glare: light scattered in the lens falls on the whole image."""
+"""Simulates veiling glare: light scattered in the lens falls on the whole image."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lens vignetting: the camera sees less light towards its corners."""
+"""Simulates lens vignetting: the camera sees less light towards its corners."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage
 from activestereo.effects.core.engine import EngineInputs

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's own beam seen from the side: light that a medium between rig and scene scatters once towards the
-camera."""
+"""Computes the projector's light that a medium between rig and scene scatters once towards the camera."""
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -8,22 +7,23 @@ from scipy.ndimage import map_coordinates
 from activestereo.effects.core.resample import Pattern, smooth_pattern
 from activestereo.effects.core.view import View, transform
 
-# The beam's glow is smooth: it is computed on every so many-th pixel, at so many places along each ray.
+# The beam's glow is smooth, so rays through every fourth pixel are enough, with this many samples along each.
 _STEP_PX, _PLACES = 4, 24
-# Dots that a ray crosses between two places are averaged.
+# A Gaussian averages the dots that a ray crosses between two samples.
 _DOTS_PX = 8.0
-# Where nothing is hit, a ray is followed so far; a projector on a ray is kept so far beside it.
+# A ray that hits nothing ends at the first distance; the second is the least distance of the projector from a ray.
 _FAR_M, _LEAST_ASIDE_M = 10.0, 1e-3
 
 
 def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
-    """Radiance [height][width] per scattering coefficient (1/m) of isotropic single scattering, under projector power
-    1, from from_m along each pixel's ray to what it hits. Shadows in the medium are left out.
+    """Returns radiance [height][width] that isotropic single scattering of the projector's beam adds to each pixel. It
+    is per scattering coefficient (1/m), at projector power 1. Each ray is integrated from from_m metres to the surface
+    that it hits. Shadows in the medium are left out.
 
-    Places along a ray are spaced evenly in the angle at the projector, which takes 1 / distance^2 out of the integral
+    Samples along a ray are evenly spaced in the angle at the projector, which takes 1 / distance^2 out of the integral
     (Kulla and Fajardo 2012, Importance sampling techniques for path tracing in participating media)."""
     rows, columns, *_ = view.once("coarse rays", lambda: _coarse_rays(view))
-    # A scan goes through extinctions: what lies along the rays stays.
+    # A scan varies the extinction; the samples along the rays stay the same.
     intensity, way, factor = view.latest("beam", None, lambda: _along_rays(view, from_m), choice=from_m, most=2)
     coarse = (intensity * np.exp(-extinction_per_m * way)).mean(axis=0) * factor
     for axis, kept in enumerate((rows, columns)):
@@ -35,8 +35,8 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
 
 
 def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(intensity, light's way in metres) [places][rows][columns] along the coarse rays, and what their mean is to be
-    multiplied by."""
+    """Returns intensity and light path in metres, each [samples][rows][columns], along the coarse rays, and a factor
+    [rows][columns]. A ray's integral is the factor times the mean over its samples."""
     _, _, ray, end, foot, aside = view.once("coarse rays", lambda: _coarse_rays(view))
     first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
     share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
@@ -46,8 +46,8 @@ def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
-    """(rows, columns) that are kept, unit rays, distances to what they hit; how far along a ray the projector lies, and
-    how far beside."""
+    """Returns a coarse grid of camera rays: kept rows, kept columns, unit rays, and distances to the surfaces hit. Then
+    come the projector's distance along each ray and its distance from the ray. Distances are in metres."""
     rows, columns = (np.append(np.arange(0, n - 1, _STEP_PX), n - 1) for n in view.shape)
     x, y = (image[np.ix_(rows, columns)] for image in view.rays())
     ray = np.stack([x, y, np.ones(x.shape)], axis=-1)
@@ -61,7 +61,8 @@ def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
 
 
 def _intensity(view: View, points: np.ndarray) -> np.ndarray:
-    """Mean radiant intensity of the pattern around directions to camera points; 0 beside and behind the projector."""
+    """Returns the pattern's intensity, averaged over neighbouring dots, towards camera points [..., 3]. It is 0 beside
+    and behind the projector."""
     x, y, z = np.moveaxis(transform(view.camera_to_projector, points), -1, 0)
     K, ahead = view.projector_K, np.where(z > 1e-6, z, 1.0)
     u, v = (K[0, 0] * x + K[0, 1] * y) / ahead + K[0, 2], K[1, 1] * y / ahead + K[1, 2]

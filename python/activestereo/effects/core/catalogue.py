@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The effects as text: a table for the terminal, a page for the documentation. Both come from the descriptors alone."""
+"""Describes the effects as text, from their descriptors alone: a table for the terminal, a page for the
+documentation."""
 
 from textwrap import fill
 from typing import Any
@@ -23,7 +24,8 @@ _WHERE = {
 
 
 def table(effects: dict[str, Effect]) -> str:
-    """A line per effect: id, stage, family, whether the engines have it; below it parameters with units."""
+    """Returns a text table with one line per effect: id, stage, family, and 'engine' or 'image only'. Its parameters
+    and their units follow below each line."""
     rows = [("id", "stage", "family", "simulated")]
     rows += [(e.id, e.stage.name.lower(), e.family, _where(e)) for e in effects.values()]
     head, *lines = columns(rows).splitlines()
@@ -34,7 +36,8 @@ def table(effects: dict[str, Effect]) -> str:
 
 
 def as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
-    """The table's rows as values for JSON."""
+    """Returns one dict per effect for JSON: id, stage, family, 'engine' or 'image only', and parameters with unit and
+    range."""
     return [
         {
             "id": e.id,
@@ -48,8 +51,9 @@ def as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
 
 
 def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
-    """Markdown: a user's own effect as an example, what the engines have, then every effect with its parameters, in the
-    order of the pipeline. differences: how far the image function is from the engines, see compare/surrogate.py."""
+    """Returns the documentation page in Markdown: an introduction with an example, the table of engine fields, and
+    every effect by stage. differences: {effect id: relative difference of its image function from the engines}, see
+    compare/surrogate.py."""
     in_engine = sum(e.engine is not None for e in effects.values())
     lines = [
         "# Physical effects",

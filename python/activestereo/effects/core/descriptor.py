@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The descriptor of an effect: plain data and one function. A C plug-in brings the same fields.
+"""Defines the descriptor of an effect: plain data and one function. A C plug-in brings the same fields.
 
 By stage, in the order of the pipeline, `apply(value, view, **parameters)` gets and returns
 
@@ -12,11 +12,11 @@ By stage, in the order of the pipeline, `apply(value, view, **parameters)` gets 
     DISPARITY                            matched disparity in the left image, pixels, 0 = no match
     DEPTH                                depth in the left image, metres, 0 = none
 
-It must not change its input, and must return the input itself or an equal one where every parameter is neutral.
-Random effects draw from view.rng(id) alone. How the lab judges an effect stands in judging.py.
+It must not change its input, and must return the input itself or an equal one where every parameter is neutral. Random
+effects draw from view.rng(id) alone. judging.py defines how the lab judges an effect.
 
-`engine` says what the effect is inside of the engines, see engine.py; an effect without one is `image_only`,
-and says why. Where engine fields alone tell the effect, moved.py makes `apply` of them.
+`engine` applies the effect inside of the engines, see engine.py. An effect without it is `image_only`, which says why.
+Where engine fields alone express the effect, moved.py derives `apply` from them.
 """
 
 import inspect
@@ -44,8 +44,8 @@ class Stage(IntEnum):
 
 
 class Randomness(Enum):
-    """NONE: a function of its input. STATIC: drawn once per sensor (or view), the same in repeats. TEMPORAL: drawn per
-    frame."""
+    """NONE: the effect is a function of its input. STATIC: random numbers are drawn once per sensor or view, and
+    repeat. TEMPORAL: they are drawn anew for every frame."""
 
     NONE = "none"
     STATIC = "static"
@@ -54,10 +54,11 @@ class Randomness(Enum):
 
 @dataclass(frozen=True)
 class Parameter:
-    """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral.
-    choice: it says where or how, in whole numbers: fits take it as given. in_engine: whether the engines know it, in an
-    effect that they simulate. slope_step: the largest step by which a slope of an image may be taken, where the image
-    follows the parameter far more finely than `typical` tells."""
+    """One parameter of an effect. neutral: the value at which the effect changes nothing. low, high: the physically
+    possible range. typical: the standard deviation of the prior around neutral. choice: a whole number that selects
+    surfaces or a variant, which fits leave as it is. in_engine: whether the engines have the parameter, in an effect
+    that they simulate. slope_step: the largest step of a finite difference, where images follow the parameter more
+    finely than `typical` tells."""
 
     name: str
     unit: str
@@ -81,22 +82,23 @@ class Parameter:
 
     @property
     def typical_value(self) -> float:
-        """One deviation from neutral, inside the range."""
+        """Returns neutral plus `typical`, limited by the range; neutral minus `typical` where neutral is the upper
+        limit."""
         up = self.neutral + self.typical
         return min(up, self.high) if self.high > self.neutral else max(self.neutral - self.typical, self.low)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """See the head of this file.
+    """The descriptor of one effect. The head of this file says what `apply` takes and returns.
 
-    engine(inputs, **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect:
-    image_only says why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes
-    where fits begin, where a coarse scan of the parameters would miss. finding: what a verdict says where it is found,
-    a sentence without its full stop. prepare: makes what apply needs for these views; whoever lets threads apply an
-    effect calls it before they start, for it may render. remembers: it sees in view.before what it gave for the frame
-    before. is_pointwise: a pixel's light depends on that pixel alone, and fits compute the pixels that they look at; at
-    READOUT: all pixels follow one curve.
+    engine(inputs, **parameters): changes EngineInputs in place, see engine.py; None where no engine field expresses the
+    effect, for the reason in image_only. judged: how the lab finds the effect, where it does not change the expected
+    image. starts: proposes starting values of a fit, where a coarse scan of the parameters would miss. finding: the
+    sentence that a verdict shows, without its full stop. prepare(views): computes what apply needs; it may render, so
+    call it before threads apply the effect. remembers: the effect finds its result for the frame before in view.before.
+    is_pointwise: each pixel's light depends on that pixel alone, so that fits compute only some pixels. At READOUT it
+    means that all pixels follow one curve.
     """
 
     id: str
@@ -118,7 +120,7 @@ class Effect:
 
     @property
     def engine_fields(self) -> tuple[str, ...]:
-        """Names of the engine fields that it moves; empty where it is image only."""
+        """Returns the names of the engine fields that the effect changes; empty where it has no engine function."""
         return getattr(self.engine, "fields", ("not declared",) if self.engine else ())
 
     def __post_init__(self) -> None:
@@ -130,7 +132,8 @@ class Effect:
 
     @property
     def channel(self) -> Channel | None:
-        """The channel that the lab judges the effect on; None where unjudged_reason says why there is none."""
+        """Returns the channel on which the lab judges the effect, or None: unjudged_reason then says why there
+        is none."""
         if any(isinstance(j, Unjudged) for j in self.judged):
             return None
         if self.stage > Stage.DIGITAL:
@@ -145,7 +148,7 @@ class Effect:
 
     @property
     def unjudged_reason(self) -> str:
-        """Why the lab does not rank the effect, where it has no channel."""
+        """Returns why the lab does not rank the effect. Meant for effects without a channel."""
         said = (j.reason for j in self.judged if isinstance(j, Unjudged))
         silent = "it is random, and its descriptor does not say how it is judged (see effects/core/judging.py)"
         return next(said, silent)
@@ -159,8 +162,8 @@ class Effect:
         return next((j for j in self.judged if isinstance(j, EngineFault)), EngineFault())
 
     def values(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
-        """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of
-        range."""
+        """Returns {name: value} of every parameter, neutral where `given` has none. Raises ValueError for an unknown
+        name or a value out of range."""
         given = dict(given or {})
         values = {}
         for p in self.parameters:
@@ -174,7 +177,8 @@ class Effect:
         return values
 
     def on_pixels(self, values: dict[str, float], size: int) -> dict[str, float]:
-        """The values where images are averaged over size x size pixels: lengths in pixels are fewer of those."""
+        """Returns the values for images that average size x size pixels into one: parameters in px are divided
+        by size."""
         if size == 1:
             return values
         lengths = {p.name for p in self.parameters if p.unit.startswith("px")}
@@ -199,7 +203,8 @@ def effect(
     judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "", remembers: bool = False,
     is_pointwise: bool = False,
 ) -> Callable[[Callable], Effect]:  # fmt: skip
-    """Makes an Effect of a function; its docstring is the effect's summary. See Effect."""
+    """Returns a decorator that makes an Effect of a function; the function's docstring becomes the summary. Raises
+    ValueError where it has no docstring or other arguments than the parameters. The arguments are Effect's."""
 
     def make(function: Callable) -> Effect:
         summary = (inspect.getdoc(function) or "").strip()

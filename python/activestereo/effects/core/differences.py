@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measured distance of the image functions from the engines: `activestereo effect check --all --out`."""
+"""Reads the measured differences between image functions and engines: `activestereo effect check --all --out` writes
+them."""
 
 import json
 from pathlib import Path
@@ -8,5 +9,5 @@ _FILE = Path(__file__).resolve().parents[1] / "differences.json"
 
 
 def known_differences() -> dict[str, float]:
-    """{effect id: relative difference}, as measured last."""
+    """Returns {effect id: relative difference} of the last measurement; empty without one."""
     return json.loads(_FILE.read_text(encoding="utf-8")) if _FILE.is_file() else {}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's pattern as the camera's pixels see it: what lets an effect move, blur or dim dots without a new ray.
-"""
+"""Samples the projector's pattern as the camera's pixels see it, so that effects move, blur or dim dots without new
+rays."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _LARGEST_BOX = 64.0
 
 
 class DotView:
-    """Projector pixels (u, v) of every camera pixel, and the box of projector pixels that the camera pixel's square
+    """Maps every camera pixel to the projector: its pattern pixel (u, v), and the box of pattern pixels that its square
     covers."""
 
     @classmethod
     def of(cls, view: View) -> DotView:
-        """The DotView of a view, made once."""
+        """Returns the DotView of a view, computed once per view."""
         return view.once("dots", lambda: cls.of(view.source)._at(view) if isinstance(view, PickedView) else cls(view))
 
     def __init__(self, view: View) -> None:
@@ -37,7 +37,7 @@ class DotView:
         self.box_u, self.box_v = self._footprint()
 
     def _at(self, view: PickedView) -> DotView:
-        """The view at some pixels, whose boxes are those of the whole image."""
+        """Returns a copy for the pixels of `view`; their boxes are those of the whole image."""
         some = copy(self)
         some.__dict__ = {"_view": view, "_pattern": self._pattern}
         for name in ("z", "lit", "u", "v", "box_u", "box_v"):
@@ -54,20 +54,20 @@ class DotView:
 
     @computed_once
     def nominal(self) -> np.ndarray:
-        """mean() of the view's own pattern."""
+        """Returns the mean of the view's own pattern over each pixel's box, [height][width]."""
         return self.mean(self._view.pattern)
 
     def _known(self, pattern: np.ndarray) -> Pattern:
         return self._pattern if pattern is self._view.pattern else Pattern(pattern)
 
     def mean(self, pattern: np.ndarray, u: np.ndarray | None = None, v: np.ndarray | None = None) -> np.ndarray:
-        """Mean of a pattern image over each pixel's box, around (u, v) if given."""
+        """Returns the mean of a pattern image over each pixel's box, centred at pattern pixels (u, v) if given."""
         sampler = disc_sampler(self._known(pattern), 0.0)
         return sampler(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
 
     def mean_of_discs(self, pattern: np.ndarray, diameter_px: np.ndarray) -> np.ndarray:
-        """mean() of the pattern blurred by discs of a diameter [height][width] in pattern pixels, interpolated between
-        whole ones."""
+        """Returns the mean over each pixel's box of the pattern blurred by a disc. diameter_px: [height][width] in
+        pattern pixels, interpolated between whole diameters."""
         known, lit = self._known(pattern), np.flatnonzero(self.lit)
         low = np.floor(diameter_px.ravel()[lit]).astype(int)
         order = lit[np.argsort(low, kind="stable")]
@@ -76,7 +76,7 @@ class DotView:
         means = np.zeros(len(order))
         for level in np.unique(np.concatenate([low, low + 1])):
             first, middle, last = np.searchsorted(low, (level - 1, level, level + 1))
-            here = slice(first, last)  # those whose diameter lies below the level, then those above
+            here = slice(first, last)  # pixels with a diameter below this level, then those above
             weight = np.concatenate([share[first:middle], 1.0 - share[middle:last]])
             means[here] += weight * disc_sampler(known, float(level))(*(image[here] for image in at))
         out = np.zeros(self.u.shape)
@@ -84,14 +84,14 @@ class DotView:
         return out
 
     def change(self, light: Light, before: np.ndarray, after: np.ndarray) -> Light:
-        """The light after the pattern's means went from `before` to `after`: only the difference is approximated. The
-        projector's power stays, and with it bounced light."""
+        """Returns the light after the pattern's means [height][width] changed from `before` to `after`; only the
+        difference is approximated. Bounced light stays, as does the projector's power."""
         change = np.where(self.lit, light.flat * (after - before), 0.0)
         return replace(light, direct=np.maximum(light.direct + change, 0.0))
 
     def _footprint(self) -> tuple[np.ndarray, np.ndarray]:
-        """Median-guarded derivative of (u, v) by the camera's pixel steps: edges of objects must not open huge boxes.
-        """
+        """Returns (box_u, box_v), each [height][width] in pattern pixels: steps of u between camera pixels, and the
+        ratio of focal lengths. The smaller step of both sides counts: edges of objects must not open huge boxes."""
         K, view = self._view.projector_K, self._view
         ratio_u, ratio_v = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
         # Along epipolar lines the step depends on slant; one-sided differences, the smaller of both sides.

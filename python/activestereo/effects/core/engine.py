@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The inputs of the two engines for one exposure, and how an effect says which of it it moves.
+"""Defines the inputs of both engines for one exposure. An effect declares the fields that it changes:
 
     @moves("optics.vignetting_exponent")
     def _engine(inputs: EngineInputs, exponent: float) -> None:
@@ -7,9 +7,9 @@
             side.optics.vignetting_exponent += exponent
 
 An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. moved.py
-makes images of the moved fields without a render. Records are kuafu's own (kuafu.Camera, kuafu.Optics, kuafu.Light,
-kuafu.Material, kuafu.Medium), a signal is a dict of simsense_signal's fields, so a wrong field name is an error.
-Nothing here imports an engine.
+computes images of the changed fields without a render. Records are kuafu's own (kuafu.Camera, kuafu.Optics,
+kuafu.Light, kuafu.Material, kuafu.Medium). A signal is a dict of simsense_signal's fields, so a wrong field name is an
+error. Nothing here imports an engine.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ PatternGain = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.fl
 
 
 def moves(*fields: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Marks an effect's engine function with the names of the engine fields that it moves; a test compares them with
-    what it does."""
+    """Returns a decorator that stores in `function.fields` which engine fields an effect's engine function changes. A
+    test compares them with the actual changes."""
 
     def mark(function: Callable[..., None]) -> Callable[..., None]:
         function.fields = fields  # type: ignore[attr-defined]
@@ -50,8 +50,8 @@ def moves(*fields: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
 
 @dataclass
 class EngineCamera:
-    """One infrared camera: what kuafu sees through it, and the imager behind it. signal: simsense_signal's fields by
-    name."""
+    """One infrared camera: kuafu's camera and optics, and simsense's imager. signal: simsense_signal's fields by name.
+    delay_s: how long after the frame's time it exposes."""
 
     camera: kuafu.Camera
     optics: kuafu.Optics
@@ -60,55 +60,55 @@ class EngineCamera:
     delay_s: float = 0.0
 
     def move(self, x_m: float) -> None:
-        """Stands x_m further along its own x axis."""
+        """Moves the camera by x_m along its own x axis."""
         step = np.eye(4)
         step[0, 3] = x_m
         self.camera.camera_to_world = self.camera.camera_to_world @ step
 
     def turn(self, axis: tuple[float, float, float], angle_rad: float) -> None:
-        """Turns about an axis (unit) of its own frame, right-handed."""
+        """Turns the camera about a unit axis of its own frame, right-handed."""
         turned = np.eye(4)
         turned[:3, :3] = rotation(axis, angle_rad)
         self.camera.camera_to_world = self.camera.camera_to_world @ turned
 
     def shift_image(self, u_px: float, v_px: float) -> None:
-        """Everything is drawn u_px further right and v_px lower."""
+        """Shifts the image by u_px to the right and v_px down, by the principal point."""
         k = self.camera.k
         k[:2, 2] += u_px, v_px
         self.camera.k = k
 
     def scale_focal(self, factor: float) -> None:
-        """Both focal lengths grow; the principal point stays."""
+        """Multiplies both focal lengths by a factor; the principal point stays."""
         k = self.camera.k
         k[:2, :2] *= factor
         self.camera.k = k
 
     def add_distortion(self, k1: float = 0.0, k2: float = 0.0, p1: float = 0.0, p2: float = 0.0) -> None:
-        """Adds to the nominal lens' coefficients: the composition of both lenses to first order."""
+        """Adds Brown's coefficients to the nominal lens' own. To first order, this is the composition of both
+        lenses."""
         first, second, third, fourth, *others = self.camera.distortion
         k3, k4, k5, k6 = others
         self.camera.distortion = (first + k1, second + k2, third + p1, fourth + p2, k3, k4, k5, k6)
 
     def electrons(self, dn: float) -> float:
-        """Charge before the amplifier that gives so many counts behind it."""
+        """Returns the electrons before the amplifier that give `dn` digital numbers behind it."""
         return dn / (self.signal["conversion_gain_dn_per_e"] * self.signal["gain"])
 
     def add_variance(self, name: str, deviation: float) -> None:
-        """Adds independent noise to a standard deviation of the signal."""
+        """Adds independent noise to the standard deviation in the signal's field `name`: variances add up."""
         self.signal[name] = float(np.hypot(self.signal[name], deviation))
 
 
 @dataclass
 class EngineInputs:
-    """All inputs of the engines for one exposure of a rig, as the calibration has it until effects change
-    it.
+    """All inputs of the engines for one exposure of a rig. They follow the calibration until effects change them.
 
-    projector: the rig's own, None where there is none; its texture is `pattern`, relative radiant intensity
-    [height][width] 0..1 (None where it projects dots). rig_lights: further ones that move with the rig; lights: those
-    that stand in the world; both made by new_light. medium: made by new_medium. ambient_radiance: of the capture's or
-    room's infrared light, in the unit of the lights' intensities per steradian. scene_materials: id -> a fresh
-    kuafu.Material of the scene. matcher: simsense's parameters. bounds_m: a box around the scene and the rig, world.
-    speckle_of_laser: only the projectors' light has speckle. frame: exposure, gain, time, temperature.
+    projector: the rig's own, or None. pattern: its texture, relative radiant intensity [height][width] 0..1, or None
+    where it projects dots. rig_lights: further lights that move with the rig; lights: those that stand in the world;
+    new_light makes both. medium: made by new_medium. ambient_radiance: infrared, in the unit of the lights' intensities
+    per steradian. scene_materials: returns a fresh kuafu.Material of the scene by id. materials: {id: changed
+    material}. matcher: simsense's parameters. bounds_m: a box around scene and rig, world. speckle_of_laser: only
+    projectors' light has speckle. frame: exposure, gain, time, temperature.
     """
 
     left: EngineCamera
@@ -137,34 +137,36 @@ class EngineInputs:
 
     @property
     def warming_k(self) -> float:
-        """Kelvin above the reference temperature; 0 where the temperature is not known."""
+        """Returns kelvins above the reference temperature of 25 C; 0 where the temperature is not known."""
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
     def surfaces(self, chosen: float) -> Iterator[kuafu.Material]:
-        """The materials of a sum of 2^id, all of them for 0; what is changed on them is what the scene gets."""
+        """Yields the materials whose 2^id are in the sum `chosen`, or all materials for 0. Changes to them reach the
+        scene."""
         for number in material_numbers(chosen) or range(self.material_count):
             yield self.material(number)
 
     def material(self, number: int) -> kuafu.Material:
-        """One of the scene's materials; what is changed on it is what the scene gets."""
+        """Returns one of the scene's materials by id. Changes to it reach the scene."""
         if number not in self.materials:
             self.materials[number] = self.scene_materials(number)
         return self.materials[number]
 
     @property
     def added_lights(self) -> list[kuafu.Light]:
-        """Lights that effects add to the scene's own."""
+        """Returns the lights that effects have added: first those on the rig, then those in the world."""
         return [*self.rig_lights, *self.lights]
 
     def add_light(self, *, on_rig: bool, **fields: Any) -> None:
-        """One more light, on the rig or standing in the world; `fields` are kuafu.Light's."""
+        """Adds a light on the rig, or one that stands in the world; `fields` are kuafu.Light's."""
         (self.rig_lights if on_rig else self.lights).append(self.new_light(**fields))
 
     def add_unit(
         self, *, on_rig: bool, name: str, light_to_world: NDArray[np.float64], intensity_m2: float, **fields: Any
     ) -> None:
-        """Another projector with the own one's pattern; intensity_m2: radiant intensity over ambient radiance. `fields`
-        are more of kuafu.Light's. Without an own projector, or of no intensity, there is none."""
+        """Adds a projector with the same pattern as the rig's. intensity_m2: its radiant intensity over the ambient
+        radiance. `fields`: more fields of kuafu.Light. Does nothing at intensity 0, or where the rig has no projector.
+        """
         own = self.projector
         if own is None or intensity_m2 == 0.0:
             return
@@ -181,7 +183,8 @@ class EngineInputs:
         self.medium = self.new_medium(**fields)
 
     def dim_pattern(self, gain: PatternGain) -> None:
-        """Multiplies the projector's pattern image by a gain, where there is one."""
+        """Multiplies the projector's pattern image by a gain of the tangents (x, y) from its axis. Does nothing without
+        a pattern."""
         if self.projector is None or self.pattern is None:
             return
         K, (height, width) = self.projector.k, self.pattern.shape
@@ -191,7 +194,7 @@ class EngineInputs:
         self.pattern = (self.pattern * gain(x, y)).astype(np.float32)
 
     def blur_pattern(self, sigma_px: float) -> None:
-        """Blurs the projector's dots by a Gaussian of so many camera pixels: the same angle at the projector."""
+        """Blurs the projector's dots by a Gaussian of sigma_px camera pixels, taken as an angle at the projector."""
         if self.projector is None or sigma_px == 0.0:
             return
         sigma_px *= self.projector.k[0, 0] / self.left.camera.k[0, 0]
@@ -201,9 +204,9 @@ class EngineInputs:
             self.pattern = blur(self.pattern, sigma_px)
 
     def add_speckle(self, contrast: float, static_share: float) -> None:
-        """Multiplies light by independent grains, mean 1; static_share of their variance stays while rig and scene
-        stand still. Gamma variates of one scale add up to another one, so that the shares of variance are those of the
-        shape."""
+        """Multiplies light by independent speckle with mean 1. static_share: the share of its variance that stays while
+        rig and scene stand still. Gamma variates of one scale add up to another one, so shares of variance are shares
+        of the shape."""
         if contrast == 0.0:
             return
         self.speckle_of_laser = True
@@ -215,12 +218,12 @@ class EngineInputs:
             side.signal["speckle_shape"], side.signal["speckle_scale"] = 1.0 / variance, mean * variance
 
     def rng(self, name: str) -> np.random.Generator:
-        """Random numbers of the whole rig for one effect: the same as View.rng(name, per='rig') gives."""
+        """Returns the whole rig's random numbers for one effect: the same as View.rng(name, per='rig')."""
         return random_stream(self.seed, name)
 
 
 def rotation(axis: tuple[float, float, float], angle_rad: float) -> NDArray[np.float64]:
-    """3x3, right-handed about a unit axis (Rodrigues)."""
+    """Returns the right-handed rotation [3][3] about a unit axis (Rodrigues)."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=np.float64)
     return np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
@@ -229,7 +232,8 @@ def rotation(axis: tuple[float, float, float], angle_rad: float) -> NDArray[np.f
 def moved_pose(
     pose: NDArray[np.float64], linear: Sequence[float], angular: Sequence[float], time_s: float
 ) -> NDArray[np.float64]:
-    """4x4 of what stands at `pose` at time 0 with a twist in its own frame, m/s and rad/s: pose exp(t [v, w])."""
+    """Returns the pose [4][4] after time_s of a body that is at `pose` at time 0: pose exp(t [v, w]). linear (m/s),
+    angular (rad/s): its twist in its own frame."""
     if time_s == 0.0:
         return pose.copy()
     generator = np.zeros((4, 4))
@@ -242,8 +246,8 @@ def moved_pose(
 def apply_engine(
     inputs: EngineInputs, effects: tuple[tuple[Any, dict[str, float]], ...]
 ) -> tuple[tuple[Any, dict[str, float]], ...]:
-    """Lets effects, pairs (Effect, {parameter: value}), change the inputs in the pipeline's order; returns those that
-    no engine field expresses."""
+    """Applies effects, pairs (Effect, {parameter: value}), to the inputs in the pipeline's order. Returns the pairs
+    whose effect has no engine function."""
     left = []
     for effect, parameters in sorted(effects, key=lambda pair: pair[0].stage):
         if effect.engine is None:

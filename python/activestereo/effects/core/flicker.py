@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starting values for a fit of light that flickers: its likelihood has a peak every hundredth of a hertz, so all of
-them are looked at.
+"""Finds starting values for a fit of flickering light. Its likelihood has a peak every hundredth of a hertz, so all
+frequencies are tried.
 
-A row's share of ambient light is linear in the sine and cosine of the flicker's phase at that row's time: per
-frequency and line time that is a regression on a few sums per row, with the ambient level beside them: what a fit
-without flicker took for it is the mean of a few phases. Light is never negative: a wave larger than its own mean counts
-as one of that size, or slow waves of which frames show a few similar phases would pass for the level.
+The residual of a row is linear in the sine and cosine of the flicker's phase at the row's time. Each pair of frequency
+and line time is therefore a regression on a few sums per row. The ambient level is fitted as well: a fit without
+flicker took the mean of a few phases for it. Light is never negative, so a wave larger than its mean counts as one of
+that size. Slow waves, of which frames show a few similar phases, would otherwise pass for the level.
 """
 
 import numpy as np
@@ -13,21 +13,20 @@ import numpy as np
 from activestereo.capture.capture import Frame
 from activestereo.effects.core.judging import StartImage
 
-# Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %; few frames alone would fit
-# others as well.
+# Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %. A few frames would fit
+# other frequencies as well.
 _FREQUENCIES_HZ = np.arange(98.0, 122.5, 0.02)
 _FINE_STEPS = 50
 _LINE_TIMES_S = np.arange(0.0, 6.1e-5, 5e-6)
 _STARTS = 8
 
-# (frame, sums w A^2 and w A r of ambient light A over each row).
+# (frame, sums over each row of w A^2 and w A r), with weight w, ambient light A and residual r.
 _RowSums = tuple[Frame, np.ndarray, np.ndarray]
 
 
 def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Depth, frequency, phase and line time of the best few peaks for the flicker of ambient light, each at another
-    frequency: few frames see several of them nearly alike.
-    """
+    """Returns the best few fits of flicker as {depth, frequency_hz, phase_rad, line_time_s}, best first. Each has
+    another frequency, because a few frames hardly tell frequencies apart."""
     rows = [_row_sums(image) for image in images]
     gains, depths, phases = (np.stack(x) for x in zip(*(_gains(rows, t) for t in _LINE_TIMES_S), strict=True))
     line, best = gains.argmax(axis=0), gains.max(axis=0)
@@ -50,10 +49,10 @@ def _row_sums(image: StartImage) -> _RowSums:
 
 
 def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(fall of chi2, depth, phase in radians) at every frequency.
+    """Returns (fall of chi2, depth, phase in radians), each an array over all frequencies. line_time: seconds.
 
-    Sums of squares and products of sine and cosine are those of twice the angle: of a row's wave exp(i angle) and of
-    its square.
+    Sums of squares and products of sine and cosine follow from twice the angle: from a row's wave exp(i angle) and its
+    square.
     """
     total, square, product, level = 0.0, 0.0, 0.0, 0.0
     waves = {len(strength): _row_waves(len(strength), line_time) for _, strength, _ in images}
@@ -81,9 +80,8 @@ def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.nda
 
 
 def _row_waves(height: int, line_time: float) -> np.ndarray:
-    """exp(i angle) of rows counted from the middle, [frequencies][height]: products of coarse and fine steps of
-    frequency.
-    """
+    """Returns exp(i angle) of rows counted from the middle, [frequencies][height]. Products of coarse and fine steps of
+    frequency make it cheap."""
     lag = 2j * np.pi * line_time * (np.arange(height) - (height - 1) / 2)
     coarse = np.exp(np.outer(_FREQUENCIES_HZ[::_FINE_STEPS], lag))
     fine = np.exp(np.outer(_FREQUENCIES_HZ[:_FINE_STEPS] - _FREQUENCIES_HZ[0], lag))

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an effect is judged from captures: what its descriptor says to the lab, so that the lab needs no effect's
+"""Describes how captures show an effect. Each effect's descriptor holds this for the lab, which thus needs no effect's
 name.
 
-A deterministic effect up to the digital numbers changes the *expected image*, which needs no further word. All others
-say more:
+A deterministic effect up to the digital numbers changes the *expected image* and needs no description. All others have
+one:
 
-    STATIC randomness     RandomTerms: fields of draws that stay, found by predicting one frame from others
+    STATIC randomness     RandomTerms: random fields that stay, found by predicting one frame from others
     TEMPORAL randomness   RandomTerms: terms of the noise model, found in the differences of repeats
     CodeSteps             digital numbers come in steps, found in their histogram
-    EngineFault           what a fault of the depth engine resembles; other effects on disparity and depth need no word
+    EngineFault           how a fault of the depth engine is judged; other effects on disparity and depth need none
     Unjudged              why no capture shows the effect
 """
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 
 class Channel(Enum):
-    """The data that an effect is judged on: expected images, fields of draws that stay, repeats, or the device's
-    disparity."""
+    """The data on which an effect is judged: expected images, random fields that stay, repeats of a frame, or the
+    device's disparity."""
 
     EXPECTED_IMAGE = "expected image"
     STATIC_FIELD = "static field"
@@ -37,11 +37,10 @@ class Channel(Enum):
 
 
 class Lever(Enum):
-    """The factor of a random draw of deviation 1, besides the parameter.
+    """The signal that scales a random draw of standard deviation 1, besides the parameter.
 
-    ONE: 1 DN. SIGNAL: DN above black. PROJECTOR: DN of the projector's direct light. EXPOSURE: exposure x gain,
-    seconds. PHOTONS: the square root of gain x DN above black, where the parameter is the variance's factor and not
-    the deviation's.
+    ONE: 1 DN. SIGNAL: DN above black. PROJECTOR: DN of the projector's direct light. EXPOSURE: exposure time x gain,
+    seconds. PHOTONS: the square root of gain x DN above black; here the parameter scales the variance.
     """
 
     ONE = "one"
@@ -52,7 +51,7 @@ class Lever(Enum):
 
 
 class SharedBy(Enum):
-    """The pixels and images that share one draw.
+    """The pixels and images that share one random draw.
 
     PIXEL: a pixel of one camera, in all frames (in one frame, where the effect is TEMPORAL). VIEW: a pixel of one
     camera while the rig stands still. COLUMN, ROW: all pixels of a column or row of one camera. DOT: all pixels that
@@ -68,10 +67,10 @@ class SharedBy(Enum):
 
 @dataclass(frozen=True)
 class RandomTerm:
-    """One random field or one term of the noise model: parameter x lever x a draw of deviation 1.
+    """One random field or one term of the noise model: parameter x lever x a draw of standard deviation 1.
 
-    parameter: the name of the parameter that scales it. sparse_share: the name of the parameter that says which share
-    of the places has a draw at all; "" = all of them.
+    parameter: the name of the parameter that scales it. sparse_share: the name of the parameter that gives the share of
+    pixels with a draw; "" = all pixels have one.
     """
 
     parameter: str
@@ -82,18 +81,19 @@ class RandomTerm:
 
 @dataclass(frozen=True)
 class CodeSteps:
-    """Digital numbers come in multiples of a step. parameter: the name of the parameter that is the step in DN."""
+    """Declares that digital numbers are multiples of a step. parameter: the name of the parameter that holds the step
+    in DN."""
 
     parameter: str
 
 
 @dataclass(frozen=True)
 class EngineFault:
-    """The disturbance that a fault of the depth engine resembles.
+    """Declares how a fault of the depth engine is judged.
 
-    is_matcher_choice: it depends on the choice of the matcher (a sub-pixel formula, a rounding, the size of a median):
-    it is fitted and reported, and never a fault of the sensor. displaces: it moves what is measured in the picture by
-    parameters in pixels, as errors of the measured poses do.
+    is_matcher_choice: the fault depends on the choice of the matcher (a sub-pixel formula, a rounding, the size of a
+    median). It is fitted and reported, but never called a fault of the sensor. displaces: its parameters shift the
+    picture by pixels, as errors of the measured poses do.
     """
 
     is_matcher_choice: bool = False
@@ -102,7 +102,7 @@ class EngineFault:
 
 @dataclass(frozen=True)
 class Unjudged:
-    """The effect is simulated, and never ranked. reason: why a capture does not show it."""
+    """Declares that the effect is simulated but never ranked. reason: why a capture does not show it."""
 
     reason: str
 
@@ -112,11 +112,11 @@ Judgement = RandomTerm | CodeSteps | EngineFault | Unjudged
 
 @dataclass(frozen=True)
 class StartImage:
-    """The image under the model without the effect, at which the effect's own proposal of starting values looks,
+    """One image under the model without the effect, from which the effect proposes starting values. Arrays are
     [height][width].
 
-    view: a View. light: its Light. weight: 1/DN^2. residual: measured - expected, DN. ambient: DN of ambient light in
-    the expected image, 0 where it is clipped. ambient_dn: DN per unit of ambient radiance. expected: DN above black.
+    weight: 1/DN^2. residual: measured minus expected, DN. ambient: DN of ambient light in the expected image, 0 where
+    it is clipped. ambient_dn: DN per unit of ambient radiance. expected: DN above black.
     """
 
     view: View
@@ -128,5 +128,5 @@ class StartImage:
     expected: np.ndarray
 
 
-# Proposes where fits begin: the best few {parameter: value}, best first.
+# A function that proposes starting values of a fit: the best few {parameter: value}, best first.
 Starts = Callable[[list[StartImage]], list[dict[str, float]]]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A light with a place in the world, as a camera sees it: how it lights each pixel, where its shadows fall, and where a
-fit may start."""
+"""Computes how a lamp in the world, or the sun, lights the pixels of a camera, with shadows. Proposes starting values
+for its fit."""
 
 from __future__ import annotations
 
@@ -15,37 +15,38 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import View
 
-# Shadow rays step through the depth image, on every so many pixels, so far in all; something thicker than this casts no
-# shadow.
+# Shadow rays start at every second pixel and end after _REACH_M. A surface more than _THICK_M before a ray casts
+# no shadow: the ray may pass behind it.
 _EVERY_PX, _STEPS, _REACH_M, _FIRST_STEP_M = 2, 24, 0.8, 0.006
 _THICK_M = 0.3
-# A ray has to be so far behind the surface to be in its shadow: shares of depth.
+# A ray is in a surface's shadow where it runs at least this share of the depth behind the surface.
 _BEHIND_SHARE = 0.006
-# Shadows' edges are softened by so many of those pixels.
+# A Gaussian softens the shadows' edges; in pixels of the coarse shadow image.
 _SOFT_PX = 0.7
-# A grid of places where a lamp may stand, and every how many pixels it is judged.
+# The grid of places where a lamp may stand; every fourth pixel judges them.
 _AZIMUTHS_RAD = tuple((np.arange(-8, 8) * np.pi / 8).tolist())
 _ELEVATIONS_RAD, _NEARNESSES_PER_M, _GRID_EVERY_PX = (0.2, 0.6, 1.0, 1.3), (0.3, 0.6, 1.0, 1.5), 4
 
 
 @dataclass(frozen=True)
 class Lamp:
-    """direction: to the light from the world's origin, unit, world axes. nearness_per_m: 1 / its distance from there, 0
-    = infinitely far."""
+    """A point light, or one that is infinitely far. direction: unit vector from the world's origin to the light, world
+    axes. nearness_per_m: 1 / distance from the origin, 0 = infinitely far."""
 
     direction: np.ndarray
     nearness_per_m: float
 
     @classmethod
     def toward(cls, azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -> Lamp:
-        """azimuth: about the world's y axis from z towards x; elevation: above the xz plane."""
+        """Returns the Lamp in a direction. azimuth: about the world's y axis from z towards x; elevation: above the xz
+        plane."""
         level = np.cos(elevation_rad)
         direction = np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
         return cls(direction, nearness_per_m)
 
     def light_to_world(self) -> np.ndarray:
-        """A pose [4][4] at the light that looks at the world's origin along +z; at the origin where it is infinitely
-        far."""
+        """Returns the light's pose [4][4], whose +z axis points to the world's origin. A light that is infinitely far
+        stands at the origin."""
         forward = -self.direction
         right = np.cross([0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0], forward)
         right /= np.linalg.norm(right)
@@ -56,16 +57,16 @@ class Lamp:
         return pose
 
     def white_radiance(self, light: Light, view: View) -> np.ndarray:
-        """The radiance that diffuse surfaces send, [height][width]: 1 for a white one at the world's origin that faces
-        the light."""
+        """Returns the radiance [height][width] of the diffuse surfaces under this light. It is 1 for a white surface at
+        the world's origin that faces the light."""
         shading = Shading.of(light, view)
         way, square = self._way(view, shading.points)
         cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)
         return np.pi * shading.reflectance * cosine / square * self._visibility(view, way)
 
     def _way(self, view: View, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(unit vectors to the light in camera coordinates, squared distance over that of the world's origin) of
-        points."""
+        """Returns unit vectors from camera points [..., 3] to the light, and squared distances relative to that of the
+        world's origin."""
         world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
         rotation, origin = world_to_camera[:3, :3], world_to_camera[:3, 3]
         # (origin + direction / nearness - point) x nearness: the same for a light that is infinitely far.
@@ -74,12 +75,12 @@ class Lamp:
         return way / np.sqrt(square)[..., None], square
 
     def _visibility(self, view: View, way: np.ndarray) -> np.ndarray:
-        """Share of the light that arrives, from rays through the depth image: only what the camera sees casts shadows.
-        """
+        """Returns the share of the light that arrives at each pixel, [height][width]. Shadow rays go through the depth
+        image, so only surfaces that the camera sees cast shadows."""
         memory: dict[object, np.ndarray] = view.once("lamp's shadow", dict)
         key = tuple(self.direction), self.nearness_per_m
         if key not in memory:
-            memory.clear()  # fits ask again for one place, not for places long gone
+            memory.clear()  # fits ask again for the latest place only
             memory[key] = _lit(view, way)
         return memory[key]
 
@@ -109,27 +110,26 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
 
 
 def _projection(K: np.ndarray) -> tuple[tuple[np.float32, int, np.float32], ...]:
-    """Factor, index of a coordinate, and factor of z whose sum is column times z, row times z, and z itself."""
+    """Returns three triples (factor, index of a coordinate, factor of z). Their weighted sums of a camera point are
+    column times z, row times z, and z."""
     return (K[0, 0], 0, K[0, 2]), (K[1, 1], 1, K[1, 2]), (np.float32(1.0), 2, np.float32(0.0))
 
 
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Starting values of a fit: a light that is far away, the same as a lamp, and the likeliest lamp of a coarse grid
-    of places in the room.
-    """
+    """Returns starting values for a fit: a light infinitely far, a lamp at 2 m in its direction, and the best lamp of a
+    grid."""
     return _far_starts(images) + _near_starts(images)
 
 
 def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """The place of a grid from which a lamp, shadows left out, explains most of the residual beside ambient light;
-    near lamps light by their distance, of which the normals alone tell nothing.
-    """
+    """Returns the lamp of a grid of places that explains most of the residual beside ambient light, shadows left out. A
+    near lamp shows by its distance to the surfaces, of which normals alone tell nothing."""
     ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
     directions = np.stack([Lamp.toward(azimuth, elevation, 0.0).direction for azimuth, elevation in ways], axis=1)
     gram, moment = np.zeros((len(_NEARNESSES_PER_M), len(ways), 2, 2)), np.zeros((len(_NEARNESSES_PER_M), len(ways), 2))
     for world_to_camera, (points, normal, white, ambient, weight, residual) in map(_some_pixels, images):
         towards, origin = world_to_camera[:3, :3] @ directions, world_to_camera[:3, 3] - points
-        # As in _way(), of all directions at once: how the way's parts meet the normal and add up to its square.
+        # As in _way(), for all directions at once: a way is a sum, so cosines and squares are sums of products.
         facing, along = normal @ towards, origin @ towards
         aside, far = (normal * origin).sum(-1)[:, None], (origin**2).sum(-1)[:, None]
         for k, nearness in enumerate(_NEARNESSES_PER_M):
@@ -153,8 +153,8 @@ def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
 
 
 def _some_pixels(image: StartImage) -> tuple[np.ndarray, list[np.ndarray]]:
-    """World to camera [4][4], and float32 [n] each of some pixels: point, normal, DN of a white lamp, of ambient light,
-    weight, residual."""
+    """Returns world to camera [4][4], and float32 arrays of a grid of pixels: points [n][3], normals [n][3], and four
+    [n]. These are DN per unit strength of a lamp, DN of ambient light, weight, residual."""
     shading = Shading.of(image.light, image.view)
     chosen = np.zeros(shading.hit.shape, dtype=bool)
     chosen[::_GRID_EVERY_PX, ::_GRID_EVERY_PX] = True
@@ -167,10 +167,10 @@ def _some_pixels(image: StartImage) -> tuple[np.ndarray, list[np.ndarray]]:
 
 
 def _far_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Direction and strength of a light that is far away: the residual over reflectance is linear in the surface's
-    normal where it is lit.
+    """Returns starting values for a light infinitely far. On lit surfaces the residual over reflectance is linear in
+    the normal, so that a regression gives direction and strength.
 
-    Surfaces that face away show nothing of it; they are left out in turn (photometric stereo: Woodham 1980).
+    Surfaces that face away show no light; each of four rounds leaves them out (photometric stereo: Woodham 1980).
     """
     gram, moment = np.zeros((4, 4)), np.zeros(4)
     rows = [

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The laws that every effect obeys, tried on a small synthetic view: what `effect check` runs, and the tests.
+"""Checks the laws that every effect obeys on a small synthetic view. `effect check` and the tests run it.
 
-1 neutral parameters are the identity; 2 the same seed gives the same bits, random effects vary with it and with what
-they say they vary with; 3 every value in range gives finite numbers; 4 every parameter has an influence; 5 the input is
-left alone.
+1 at neutral parameters the effect changes nothing; 2 the same seed gives the same bits, and random effects vary with
+seed and frame as they declare; 3 every value in range gives finite numbers; 4 every parameter has an influence; 5 the
+input is left unchanged.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SIZE = (72, 96)
 
 
 def broken_laws(effect: Effect) -> list[str]:
-    """Sentences, one per law that the effect breaks; empty = a lawful effect."""
+    """Returns one sentence per law that the effect breaks; empty for a lawful effect."""
     view = example_view()
     value = example_value(effect.stage, view)
     failure = _failure(effect, value, view)
@@ -37,7 +37,8 @@ def broken_laws(effect: Effect) -> list[str]:
 
 
 def _failure(effect: Effect, value: Any, view: View) -> str | None:
-    """Why the effect cannot be tried at all, or None."""
+    """Returns why the effect cannot be tried at all: an exception, or a result of another type or shape. None if it
+    can."""
     try:
         given = effect(_copy(value), view, **effect.typical_values)
     except Exception as error:  # a user's function may raise anything
@@ -55,7 +56,8 @@ def _failure(effect: Effect, value: Any, view: View) -> str | None:
 def example_view(
     side: str = "right", frame_id: int = 0, seed: int = 0, temperature_c: float = 45.0, move: bool = True
 ) -> View:
-    """A plane slanted both ways before a wall, a moving warm rig, a dot pattern."""
+    """Returns a synthetic View: a slanted plane before a wall, seen by a warm rig with a dot pattern. move: whether the
+    rig moves."""
     height, width = _SIZE
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     slanted = (u > 30) & (u < 66) & (v > 20) & (v < 56)
@@ -94,7 +96,7 @@ def _dots(shape: tuple[int, int]) -> np.ndarray:
 
 
 def example_value(stage: Stage, view: View) -> Light | np.ndarray:
-    """An input for an effect of the stage: light, an image of radiance, DN up to beyond the range's end, disparity or
+    """Returns an input for an effect of the stage: a Light, radiance, DN up to beyond full scale, disparity or
     depth."""
     height, width = view.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The light that reaches one camera, by what sent it."""
+"""Holds the light that reaches one camera, split by its source."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from activestereo.effects.core.view import once_of_picked
 if TYPE_CHECKING:
     from activestereo.effects.core.view import View
 
-# Rounding of the rendered float32 images; smaller changes are none.
+# Smaller relative changes are rounding of the rendered float32 images.
 _UNCHANGED = 1e-6
 _GAIN_SIGMA_PX = 2.0
 _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
 
 
 class RenderedLight(Protocol):
-    """Radiance [height][width] of one view, as in Light: under the projector at power 1, and under ambient radiance
-    1."""
+    """Radiance [height][width] of one view, as in Light: direct and indirect under projector power 1, ambient under
+    ambient radiance 1."""
 
     @property
     def direct(self) -> np.ndarray: ...
@@ -36,21 +36,22 @@ class RenderedLight(Protocol):
 
 
 class Rendered(RenderedLight, Protocol):
-    """Rendered images of one view (compare/layers.py); it may also have `supersampled`, a SupersampledImages."""
+    """Rendered images of one view (compare/layers.py), as in Light. It may also have `supersampled`, a
+    SupersampledImages."""
 
     @property
     def flat(self) -> np.ndarray: ...
 
 
 class _Part:
-    """A field of a Light, computed when first asked for where the Light is another one's image under an operation."""
+    """A field of Light that is computed on first use, where the Light results from an operation on another Light."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name, self._key = name, f"_{name}"
 
     def __get__(self, light: Light | None, owner: type) -> np.ndarray:
         if light is None:
-            raise AttributeError(self._name)  # a field without default
+            raise AttributeError(self._name)  # dataclasses read this as: the field has no default
         if self._key not in light.__dict__:
             light.__dict__[self._key] = light.__dict__["_later"].image((self._name,))
         return light.__dict__[self._key]
@@ -61,12 +62,12 @@ class _Part:
 
 @dataclass(frozen=True)
 class Light:
-    """Radiance [height][width] under projector power 1 and ambient radiance 1, each the mean over the pixel's square.
+    """Radiance [height][width] under projector power 1 and ambient radiance 1, averaged over each pixel's square.
 
-    direct: the projector's light off the first surface; indirect: the rest of it; ambient: everything else;
-    flat: what `direct` would be under a pattern that is 1 everywhere (visibility, falloff and reflection without the
-    dots). supersampled: the same four as rendered, finer and wider than the frame, or None. Effects change the four and
-    leave it alone.
+    direct: projector light off the first surface. indirect: the rest of the projector's light. ambient: all other
+    light. flat: `direct` under a pattern that is 1 everywhere (visibility, falloff and reflection without the dots).
+    supersampled: the same four images as rendered, finer and wider than the frame, or None. Effects change the four
+    images and never `supersampled`.
     """
 
     direct: np.ndarray = _Part()  # type: ignore[assignment]
@@ -77,7 +78,7 @@ class Light:
 
     @classmethod
     def of(cls, layers: Rendered) -> Light:
-        """From rendered lab layers."""
+        """Returns the Light of rendered images."""
         images = (layers.direct, layers.indirect, layers.ambient, layers.flat)
         return cls.of_images(
             [np.asarray(image, dtype=np.float64) for image in images], getattr(layers, "supersampled", None)
@@ -87,7 +88,7 @@ class Light:
     def of_images(
         cls, images: Sequence[np.ndarray] | np.ndarray, supersampled: SupersampledImages | None = None
     ) -> Light:
-        """From [4][height][width]: direct, indirect, ambient, flat."""
+        """Returns the Light of four images [4][height][width]: direct, indirect, ambient, flat."""
         direct, indirect, ambient, flat = images
         return cls(direct, indirect, ambient, flat, supersampled)
 
@@ -97,11 +98,11 @@ class Light:
 
     @property
     def images(self) -> np.ndarray:
-        """[4][height][width]: direct, indirect, ambient, flat."""
+        """Returns the four images [4][height][width]: direct, indirect, ambient, flat."""
         return np.stack([self.direct, self.indirect, self.ambient, self.flat])
 
     def sum_of(self, names: tuple[str, ...]) -> np.ndarray:
-        """Sum of the named images; of what an operation has yet to make, one image is made instead of several."""
+        """Returns the sum of the named images. A pending operation is applied to the sum alone, not to each image."""
         if len(names) == 1:
             return getattr(self, names[0])
         later: _Later | None = self.__dict__.get("_later")
@@ -111,19 +112,19 @@ class Light:
         return self._once(("sum", names), lambda: image(names))
 
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
+        """Returns projector and ambient light, float64 [n] each, at flat indices of pixels."""
         later, has_images = self.__dict__.get("_later"), {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
         at = later.at
-        # A fit asks twice: for its error, and where that fell for the slopes there; and for all frames of this light.
+        # A fit asks for the same pixels again: for its slopes, and for other frames of this light.
         seen: tuple[np.ndarray, np.ndarray] = once_of_picked(
             self._once("seen", list), pick, lambda: (at(_PROJECTOR, pick), at(_AMBIENT, pick))
         )
         return seen
 
     def at(self, pick: np.ndarray) -> Light:
-        """The light of the pixels at flat indices, as an image [1][n] of its own."""
+        """Returns the light at flat indices of pixels, as images [1][n]."""
         later: _Later | None = self.__dict__.get("_later")
         of_name = later.at if later is not None and later.at is not None else None
         image = lambda name: getattr(self, name).ravel()[pick] if of_name is None else of_name((name,), pick)  # noqa: E731
@@ -133,7 +134,8 @@ class Light:
         return some
 
     def pointwise(self, act: Callable[[Light, View], Light], view: View) -> Light:
-        """act(light, view) on the wanted pixels alone; each pixel of its result depends on that pixel alone."""
+        """Returns act(self, view), computed only for the pixels that are asked for. Each pixel of act's result must
+        depend on that pixel alone."""
         later, some = _Later(self, lambda images: images), []  # type: ignore[var-annotated]
         light = later.light()
         later.whole = lambda names: light._once("acted", lambda: act(self, view)).sum_of(names)
@@ -143,14 +145,15 @@ class Light:
         return light
 
     def map(self, operation: Callable[[np.ndarray], np.ndarray]) -> Light:
-        """The same linear operation on every light; images come stacked, [...][height][width], any number of them."""
+        """Returns the light after a linear operation on its images, which gets any number of them as
+        [...][height][width]."""
         return _Later(self, operation).light()
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> Light:
-        """The light whose pixels show what lies at pixel positions (u, v) [height][width] here.
+        """Returns the light whose pixels show this light at pixel positions (u, v), [height][width] each.
 
-        Rendered light is looked up in the supersampled images where there are any. What effects have changed since is
-        known per pixel only: a local gain, and what that leaves."""
+        Rendered light is looked up in the supersampled images where there are any. Changes by effects since then are
+        known per pixel only: as a smooth local gain and a remainder."""
         if self.supersampled is not None:
             operation = lambda images: sample(images, u, v)  # noqa: E731
             of_gain = lambda gain: sample(gain, u, v, order=1)  # noqa: E731
@@ -166,13 +169,14 @@ class Light:
     def _warped_at(
         self, later: _Later, names: tuple[str, ...], u: np.ndarray, v: np.ndarray, pick: np.ndarray | slice
     ) -> np.ndarray:
-        """The named images' sum after a warp, at flat indices of pixels."""
+        """Returns the sum of the named images after a warp, at flat indices of pixels."""
         if self.supersampled is None or self.is_changed(names):
             return later.image(names).ravel()[pick]
         return self.supersampled.sum_of(_places(names)).means_at(u.ravel()[pick], v.ravel()[pick])[0]
 
     def is_changed(self, names: tuple[str, ...]) -> bool:
-        """Whether effects have changed the sum of the named images since the supersampled ones were rendered."""
+        """Returns whether effects have changed the sum of the named images since the supersampled images were
+        rendered."""
 
         def changed() -> bool:
             before = self.rendered(names)
@@ -181,19 +185,20 @@ class Light:
         return self._once(("changed", names), changed)
 
     def rendered(self, names: tuple[str, ...]) -> np.ndarray:
-        """The named images' sum by the supersampled images."""
+        """Returns the sum of the named images as rendered: means of the supersampled images over the pixels,
+        [height][width]."""
         assert self.supersampled is not None
         return self.supersampled.sum_of(_places(names)).pixels()[0]
 
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
-        """The light under a Gaussian blur of sigma_px, a number or an image of it; of the supersampled images where
-        there are any."""
+        """Returns the light after a Gaussian blur. sigma_px: pixels, a number or an image. The supersampled images are
+        blurred where there are any."""
         of_supersampled = None if self.supersampled is None else lambda images: images.blurred(sigma_px)
         return _Later(self, lambda images: blur(images, sigma_px), of_supersampled).light()
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
-        """The weighted sum of shifted lights, see resample.shifted_sum; of the supersampled images where there are
-        any."""
+        """Returns the weighted sum of shifted copies of the light, see resample.shifted_sum. It is taken of the
+        supersampled images where there are any."""
         of_supersampled = None if self.supersampled is None else lambda images: images.shifted_sum(along_u, along_v)
         return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_supersampled).light()
 
@@ -204,7 +209,8 @@ class Light:
         return memory[key]
 
     def scale_projector(self, gain: float | np.ndarray) -> Light:
-        """Projector light times `gain` (a number or an image); bounced light gets the mean gain of the dots."""
+        """Returns the light with the projector's direct light times `gain`, a number or an image. Bounced light gets
+        the mean gain of the dots."""
         total = self.direct.sum()
         mean = float((self.direct * gain).sum() / total) if total > 0 else float(np.mean(gain))
         return replace(self, direct=self.direct * gain, flat=self.flat * gain, indirect=self.indirect * mean)
@@ -214,16 +220,16 @@ _NAMES = ("direct", "indirect", "ambient", "flat")
 
 
 def _places(names: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices of the named images among the four."""
+    """Returns the indices of the named images in (direct, indirect, ambient, flat)."""
     return tuple(map(_NAMES.index, names))
 
 
 class _Later:
-    """A linear operation on a Light, done image by image when asked for; of_supersampled: the same on
-    SupersampledImages, where there are any.
+    """A pending linear operation on a Light, applied image by image when asked for.
 
-    of_gain: what becomes of a local gain, see Light.warped. whole: function of names, which takes the place of all
-    this, or None; at: the same of (names, flat indices of pixels), of which there are `size`.
+    of_images: the operation on images [n][height][width]; of_supersampled: on SupersampledImages, or None; of_gain: on
+    a local gain, see Light.warped. whole(names): if given, computes the sum of the named images instead. at(names, flat
+    indices): the same at some of the `size` pixels.
     """
 
     whole: Callable[[tuple[str, ...]], np.ndarray] | None = None
@@ -246,7 +252,7 @@ class _Later:
         return light
 
     def image(self, names: tuple[str, ...]) -> np.ndarray:
-        """Sum of the named images after the operation."""
+        """Returns the sum of the named images after the operation, [height][width]."""
         if self.whole is not None:
             return self.whole(names)
         now = self._source.sum_of(names)
@@ -264,6 +270,6 @@ class _Later:
 
 
 def _local_gain(before: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """The smooth gain that explains most of a change."""
+    """Returns the smooth gain [height][width] that explains most of the change from `before` to `now`."""
     both, own = (blur(image, _GAIN_SIGMA_PX) for image in (before * now, before * before))
     return both / np.maximum(own, 1e-12 * own.max() + 1e-300)

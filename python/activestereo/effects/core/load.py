@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects from a user's file: Python with the decorator, or a shared library of ks/effect.h."""
+"""Loads effects from a user's file: Python with the decorator, or a shared library of ks/effect.h."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from activestereo.effects.core.plugin import load_plugin
 
 
 def load_effects(path: str | Path) -> dict[str, Effect]:
-    """{id: Effect} of a .py file or a shared library. FileNotFoundError, or ValueError that says what is wrong with the
-    file."""
+    """Returns {id: Effect} of a .py file or a shared library. Raises FileNotFoundError, or ValueError that says what is
+    wrong with the file."""
     path = Path(path)
     if not path.is_file():
         words = "no such effect file (Python, or a shared library; built-in effects need none)"
@@ -44,7 +44,7 @@ def _from_python(path: Path) -> list[Effect]:
 
 
 def _line_in(error: BaseException, path: Path) -> int | None:
-    """The last line of the file that the error went through."""
+    """Returns the last line of the file that the error went through, or None."""
     step, line = error.__traceback__, None
     while step:
         if step.tb_frame.f_code.co_filename == str(path):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A model: the base renderer plus effects with their parameters, from light layers to what the sensor gives."""
+"""Applies a model (effects with their parameters) to rendered light, up to the digital numbers or the depth that the
+sensor gives."""
 
 from __future__ import annotations
 
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
 
 class Scales(Protocol):
-    """Factors on the projector's and the ambient light, and the black level in DN: compare.nuisances.Nuisances, for
-    one."""
+    """Factors on the projector's and the ambient light, and the black level in DN; compare.nuisances.Nuisances has
+    them."""
 
     @property
     def projector_scale(self) -> float: ...
@@ -31,7 +32,7 @@ class Scales(Protocol):
 
 
 class SeenLight(Protocol):
-    """The light that falls on an imager: a Light, for one."""
+    """The projector's and the ambient light on an imager, [height][width] each; a Light has them."""
 
     @property
     def projector(self) -> np.ndarray: ...
@@ -42,12 +43,13 @@ class SeenLight(Protocol):
 
 @dataclass(frozen=True)
 class Model:
-    """effects: pairs (Effect, {parameter: value}); applied in stage order, within a stage in the order given."""
+    """A model of a sensor. effects: pairs (Effect, {parameter: value}), applied by stage, and in the given order within
+    a stage."""
 
     effects: tuple[tuple[Effect, dict[str, float]], ...] = ()
 
     def with_effect(self, effect: Effect, **parameters: float) -> Model:
-        """A model with one effect more, or with other parameters of one that it has."""
+        """Returns a model with one more effect, or with new parameters of an effect that it has."""
         kept = tuple((e, p) for e, p in self.effects if e.id != effect.id)
         return Model((*kept, (effect, effect.values(parameters))))
 
@@ -55,30 +57,31 @@ class Model:
         return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
 
     def light(self, layers: Rendered, view: View, random: bool = False, supersampled: bool = True) -> Light:
-        """The Light that falls on the sensor, from rendered layers. supersampled=False: warps look up the pixels even
-        where the layers have supersampled images: less than half the time, for scans."""
+        """Returns the Light that falls on the sensor: rendered layers after all effects up to the lens. random=False
+        leaves random effects out. supersampled=False: warps look up camera pixels, which takes less than half the time,
+        for scans."""
         light = Light.of(layers) if supersampled else replace(Light.of(layers), supersampled=None)
         for effect, parameters in self.on_light(random):
             light = acted(effect, parameters, light, view)
         return light
 
     def on_light(self, random: bool = False) -> tuple[tuple[Effect, dict[str, float]], ...]:
-        """Pairs (Effect, {parameter: value}) up to the lens, in the order of the pipeline."""
+        """Returns the pairs (Effect, {parameter: value}) that act up to the lens, in the order of the pipeline."""
         return self._of(Stage.PROJECTOR, Stage.OPTICS, random)
 
     def outside_engines(self) -> Model:
-        """The effects that no engine field expresses."""
+        """Returns a model of the effects that have no engine function."""
         return Model(tuple((e, p) for e, p in self.effects if e.engine is None))
 
     @property
     def is_linear(self) -> bool:
-        """Whether nothing acts between the lens and the digital numbers: without random effects, signal() is linear but
-        for clipping."""
+        """Returns whether no deterministic effect acts between the lens and the digital numbers. signal() is then
+        linear but for clipping."""
         return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
 
     def signal(self, light: SeenLight, view: View, nuisances: Scales, random: bool = False) -> np.ndarray:
-        """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is
-        left out and random fields are drawn as their mean. random=True: one exposure."""
+        """Returns DN [height][width] of a light, black level included. random=False: the expected value, without random
+        effects. random=True: one exposure. Only effects round."""
         projector, ambient = scales(view.frame)
         value = (
             nuisances.projector_scale * projector * light.projector + nuisances.ambient_scale * ambient * light.ambient
@@ -86,7 +89,7 @@ class Model:
         return self.digital(value, view, nuisances.black_dn, random)
 
     def digital(self, value: np.ndarray, view: View, black_dn: float, random: bool = False) -> np.ndarray:
-        """signal() of DN above black [height][width] that an ideal sensor would count."""
+        """Returns signal() for DN above black [height][width] that an ideal sensor would count."""
         for effect, parameters in self._of(Stage.CHARGE, Stage.READOUT, random):
             value = effect.apply(value, view, **effect.on_pixels(parameters, view.binning))
         value = value + black_dn
@@ -95,10 +98,10 @@ class Model:
         return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
     def depth(self, depth_m: np.ndarray, view: View, stream: dict[str, np.ndarray] | None = None) -> np.ndarray:
-        """A matched depth image (left camera, metres, 0 = none) as the device gives it. view: the left camera's.
+        """Returns the device's depth image from a matched one: left camera, metres, 0 = none. view: the left camera's.
 
-        stream: {effect: what it gave for the frame before} of effects that remember, changed to this frame's; None:
-        the first frame of one.
+        stream: {effect id: its result for the frame before}, updated in place for effects that remember; None: the
+        first frame of a stream.
         """
         stream = {} if stream is None else stream
         matched = np.asarray(depth_m, dtype=np.float64)
@@ -113,7 +116,7 @@ class Model:
 
     @property
     def remembers(self) -> bool:
-        """Whether an effect on disparity or depth follows a stream of frames."""
+        """Returns whether an effect on disparity or depth depends on the frame before."""
         return any(effect.remembers for effect, _ in self.effects)
 
     def _of(self, first: Stage, last: Stage, random: bool) -> tuple[tuple[Effect, dict[str, float]], ...]:
@@ -126,7 +129,8 @@ class Model:
 def _in_stream(
     effect: Effect, parameters: dict[str, float], image: np.ndarray, view: View, stream: dict[str, np.ndarray]
 ) -> np.ndarray:
-    """A disparity or depth image after an effect that may remember the frame before."""
+    """Returns a disparity or depth image after an effect. If the effect remembers, its result for the frame before
+    comes from `stream`, which is updated."""
     if not effect.remembers:
         return effect.apply(image, view, **parameters)
     stream[effect.id] = effect.apply(image, replace(view, before=stream.get(effect.id)), **parameters)
@@ -134,7 +138,7 @@ def _in_stream(
 
 
 def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View) -> Light:
-    """A Light after an effect up to the lens."""
+    """Applies one effect, of a stage up to the lens, to a Light; returns the new Light."""
     own = effect.on_pixels(parameters, view.binning)
     if effect.stage is Stage.OPTICS:
         return light.map(lambda images: effect.apply(images, view, **own))
@@ -144,11 +148,12 @@ def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View
 
 
 def scales(frame: Frame) -> tuple[float, float]:
-    """The factors of projector light and of ambient light by a frame's settings: seconds x gain x level."""
+    """Returns a frame's factors of projector and ambient light: exposure in seconds x gain x projector power or ambient
+    level."""
     level = 1.0 if frame.ambient is None else frame.ambient
     return frame.exposure_gain * frame.projector_power, frame.exposure_gain * level
 
 
 def inverse_depth(image: np.ndarray, view: View) -> np.ndarray:
-    """Disparity in px of depth in m, or depth of disparity; 0 stays 0. view: the left camera's."""
+    """Returns disparity in px from depth in m, or depth from disparity; 0 stays 0. view: the left camera's."""
     return np.where(image > 0, view.K[0, 0] * view.baseline_m / np.where(image > 0, image, 1.0), 0.0)

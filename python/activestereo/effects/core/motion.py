@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images of a camera at another pose: turned about its centre, where every pixel sees what another saw, whatever the
-depth; moved, where each pixel looks up by its own depth; and with its rig before or after mid-exposure, where the scene
-shifts and the rig's own dots hardly do."""
+"""Computes images of a camera at another pose. A turn about its centre moves pixels whatever their depth; a shift moves
+each pixel by its depth. A rig before or after mid-exposure sees the scene shifted, and its own dots hardly."""
 
 from __future__ import annotations
 
@@ -19,8 +18,8 @@ _ITERATIONS = 3
 
 
 def posed(light: Light, view: View, to_nominal: np.ndarray) -> Light:
-    """The Light of a camera at another pose; to_nominal: its coordinates to those of the view's camera, [4][4]. New
-    occlusions are not seen: moves are of a few pixels."""
+    """Returns the Light of a camera at another pose. to_nominal: that camera's coordinates to those of the view's
+    camera, [4][4]. New occlusions are not seen, since poses differ by a few pixels."""
     turn, shift = to_nominal[:3, :3], to_nominal[:3, 3]
     if shift.any():
         return light.warped(*_source_pixels(view, np.broadcast_to(to_nominal, (view.shape[0], 4, 4)))[:2])
@@ -32,11 +31,11 @@ def posed(light: Light, view: View, to_nominal: np.ndarray) -> Light:
 
 
 def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
-    """The Light at time mid-exposure + dt_s: a number, or one per row [height] (row-wise readout).
+    """Returns the Light at time mid-exposure + dt_s: a number, or one per row [height] for row-wise readout.
 
-    Each pixel looks up where the point that it sees then is at mid-exposure. Scene light is taken from there; the dots
-    stay with the rig, are placed by the pixel's own new depth, and their strength follows the new distance and angle to
-    the projector. New occlusions and shadows are not seen: the motions meant here are of few pixels.
+    Each pixel finds where its surface point is at mid-exposure, and takes the scene's light from there. The dots stay
+    with the rig: the pixel's new depth places them, and the new distance and angle to the projector scale them. New
+    occlusions and shadows are not seen, since motions are of a few pixels.
     """
     rows = np.broadcast_to(np.asarray(dt_s, dtype=np.float64), view.shape[:1])
     if not view.frame.is_moving or not rows.any():
@@ -55,7 +54,8 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
 
 
 def _poses(view: View, rows: np.ndarray) -> np.ndarray:
-    """[height][4][4]: camera coordinates at each row's time to those at mid-exposure."""
+    """Returns [height][4][4]: camera coordinates at each row's time to those at mid-exposure. rows: seconds,
+    [height]."""
     twist = view.frame.camera_velocity
     velocity, spin = twist[:3], twist[3:]
     generator = np.zeros((4, 4))
@@ -68,10 +68,11 @@ def _poses(view: View, rows: np.ndarray) -> np.ndarray:
 
 
 def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(u, v) at mid-exposure of what each pixel sees then, and its camera coordinates then and at mid-exposure."""
+    """Returns (u, v) at mid-exposure of each pixel's surface point, and its camera coordinates at the row's time and at
+    mid-exposure."""
     rotation, shift = then_to_mid[:, :3, :3], then_to_mid[:, None, :3, 3]
     far = view.depth_m.max() if view.depth_m.any() else 1.0
-    depth_mid = np.where(view.depth_m > 0, view.depth_m, 100.0 * far)  # the sky only turns
+    depth_mid = np.where(view.depth_m > 0, view.depth_m, 100.0 * far)  # at such a depth only turns show
     depth = depth_mid
     for _ in range(_ITERATIONS):
         then = view.points(depth)
@@ -85,8 +86,8 @@ def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.
 def _falloff_ratio(
     view: View, then_to_mid: np.ndarray, u: np.ndarray, v: np.ndarray, then: np.ndarray, mid: np.ndarray
 ) -> np.ndarray:
-    """Projector irradiance then over that at mid-exposure, of one surface point: the rig moves, the surface does not.
-    """
+    """Returns the projector's irradiance of each surface point at the row's time over that at mid-exposure,
+    [height][width]. Only the rig moves."""
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
     normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
     normal_then = normal_mid @ then_to_mid[:, :3, :3]

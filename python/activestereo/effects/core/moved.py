@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that are moves of engine fields, and images under such fields.
+"""Makes effects of functions that change engine fields, and computes images under the changed fields.
 
     @engine_effect("vignetting", moves=("optics.vignetting_exponent",), stage=Stage.OPTICS, ...)
     def vignetting(inputs: EngineInputs, exponent: float) -> None:
         for side in inputs.sides:
             side.optics.vignetting_exponent += exponent
 
-The function is the effect inside of the engines. Its images follow here from the moved fields, whichever effect moved
-them: cameras look up other places, a projector's dots lie elsewhere, optics blur and dim, and simsense's signal counts.
+The function is the effect inside of the engines. Its images follow from the changed fields, whichever effect changed
+them. Cameras look up other places, a projector's dots lie elsewhere, optics blur and dim, and simsense's signal counts.
 Nothing is rendered.
 """
 
@@ -40,17 +40,17 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.motion import displaced, posed
 from activestereo.effects.core.view import PickedView, View
 
-# The mean over an exposure is that of so many instants; a disc of confusion is no wider.
+# An exposure is the mean of this many instants; discs of confusion are limited to this diameter.
 _INSTANTS, _LARGEST_DISC_PX = 5, 40.0
-# Only motion shows these.
+# Engine fields that change images of moving frames alone.
 _TIMES = ("delay_s", "exposure_s", "shutter", "line_time_s", "readout")
 
 
 def engine_effect(
     id: str, *, moves: tuple[str, ...], **descriptor: Any
 ) -> Callable[[Callable[..., None]], Effect]:
-    """Makes an Effect of a function of EngineInputs and the parameters, which changes the fields `moves`. Its docstring
-    is the effect's summary. descriptor: see Effect."""
+    """Returns a decorator that makes an Effect of a function of EngineInputs and the parameters. moves: names of the
+    engine fields that the function changes. Its docstring becomes the summary. descriptor: further fields of Effect."""
 
     def make(move: Callable[..., None]) -> Effect:
         marked = marks(*moves)(move)
@@ -61,12 +61,13 @@ def engine_effect(
 
 @dataclass(frozen=True)
 class _Image:
-    """The image function of a move of engine fields."""
+    """Computes images under an effect from its engine function, `move`, which changes EngineInputs."""
 
     move: Callable[..., None]
 
     def function(self) -> Callable[..., Any]:
-        """The function of (value, view, **parameters) that effect() takes."""
+        """Returns the function of (value, view, **parameters) that effect() takes. The names of the changed fields
+        select the computation."""
         fields: tuple[str, ...] = self.move.fields  # type: ignore[attr-defined]
         names = {name.removeprefix("right.").removeprefix("left.") for name in fields}
         only_times = all(name.removeprefix("camera.") in _TIMES for name in names)
@@ -100,8 +101,8 @@ class _Image:
     # ---- the imager ----
 
     def _counted(self, dn: np.ndarray, view: View, values: dict[str, float]) -> np.ndarray:
-        """DN above black, or DN, under simsense's signal without rounding. What the signal leaves alone stays to the
-        bit."""
+        """Returns DN after the changed signal of simsense, without rounding. dn: with or without black level, by stage.
+        Pixels that the signal leaves alone stay the same to the bit."""
         nominal = frame_signal(view.frame)
         moved = self._side(view, values, nominal).signal
         if moved == nominal:
@@ -110,7 +111,7 @@ class _Image:
         return np.asarray(dn + (_analogue(moved, light, view) - _analogue(nominal, light, view)), dtype=np.float64)
 
     def _speckled(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """The projector's light times simsense's grains."""
+        """Returns the light with its projector part multiplied by simsense's speckle."""
         inputs = self._inputs(view, values, simsense.signal_preset("neutral"))
         if not inputs.speckle_of_laser:
             return light
@@ -121,8 +122,8 @@ class _Image:
     # ---- the lens ----
 
     def _through_optics(self, value: Any, view: View, values: dict[str, float]) -> Any:
-        """A Light, or images [..., height, width], behind the lens' point spread, falloff and glare (kuafu_optics_desc,
-        for a camera that has none of its own)."""
+        """Returns a Light after the lens' point spread, or images [..., height, width] after its falloff and glare
+        (kuafu_optics_desc). The view's own camera has none of these."""
         optics = self._side(view, values).optics
         if isinstance(value, Light):
             sigma_px: float | np.ndarray = optics.psf_sigma_px
@@ -139,7 +140,7 @@ class _Image:
     # ---- the camera ----
 
     def _redrawn(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """The light that a camera at another place, or behind another lens, draws."""
+        """Returns the light as a camera at another pose, or behind another lens, sees it."""
         camera = self._side(view, values).camera
         light = posed(light, view, camera.camera_to_world)
         lens = tuple(camera.distortion)[: len(view.distortion)]
@@ -148,7 +149,7 @@ class _Image:
         return light.warped(*view.drawn_by(camera.k, lens))
 
     def _in_motion(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """The mean over the exposure of what rows see, each at its time."""
+        """Returns the mean light over the exposure, where each row is exposed at its own time."""
         if not view.frame.is_moving:
             return light
         side, height = self._side(view, values), view.shape[0]
@@ -163,7 +164,7 @@ class _Image:
     # ---- the projector ----
 
     def _projected(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """The light of a projector with other dots; the surfaces' part of it stays."""
+        """Returns the light under a projector with other dots; the surfaces' reflection and shadows stay."""
         inputs = self._inputs(view, values)
         own = inputs.projector
         assert own is not None
@@ -191,8 +192,8 @@ class _Image:
 
 @dataclass
 class _ViewInputs(EngineInputs):
-    """EngineInputs as one view knows them, both cameras at its own place. Gains and a blur of the whole pattern are
-    kept apart: on the view's pixels they need no dots."""
+    """EngineInputs for the images of one view, with both cameras at the view's own place. Gains and a blur of the whole
+    pattern are stored apart, because the view's pixels need no dots for them."""
 
     gains: list[PatternGain] = field(default_factory=list)
     blur_px: float = 0.0
@@ -220,7 +221,8 @@ class _ViewInputs(EngineInputs):
 
 
 def frame_signal(frame: Frame) -> dict[str, float]:
-    """A noiseless imager under a frame's settings, in counts: input is counts per second at gain 1."""
+    """Returns simsense's signal fields of a noiseless imager under a frame's settings. Its input is counts per second
+    at gain 1."""
     temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
     settings = {
         "exposure_s": frame.exposure_s,
@@ -232,7 +234,8 @@ def frame_signal(frame: Frame) -> dict[str, float]:
 
 
 def _analogue(signal: dict[str, float], light: np.ndarray, view: View, unit: float | None = None) -> np.ndarray:
-    """Counts of simsense's signal. unit: full scale of 8 bits over the view's own."""
+    """Returns simsense's analogue signal for `light`, in the view's DN. unit: simsense's counts per DN of the view;
+    None = 255 over the view's full scale."""
     scale = 255.0 / view.max_dn if unit is None else unit
     in_counts = ("conversion_gain_dn_per_e", "black_level_dn", "black_level_dn_per_k")
     fine = signal | {name: signal[name] * scale for name in in_counts}
@@ -241,14 +244,16 @@ def _analogue(signal: dict[str, float], light: np.ndarray, view: View, unit: flo
 
 
 def tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Tangents of the angles from the projector's axis to what the pixels see, [height][width]."""
+    """Returns the tangents of the angles from the projector's axis to each pixel's surface point, x and y,
+    [height][width] each."""
     points = view.projector_points()
     z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
     return points[..., 0] / z, points[..., 1] / z
 
 
 def _before(dots: DotView, view: View, projector: kuafu.Light) -> tuple[np.ndarray, np.ndarray]:
-    """Pattern pixels whose light the projector's lens and scale send to where the nominal pixels (u, v) lie."""
+    """Returns the pattern pixels (u, v) whose light the changed projector sends to where the nominal pixels of `dots`
+    lie."""
     K = view.projector_K
     y = (dots.v - K[1, 2]) / K[1, 1]
     x = (dots.u - K[0, 2] - K[0, 1] * y) / K[0, 0]

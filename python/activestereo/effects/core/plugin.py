@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects from C: the descriptors of a shared library (capi/include/ks/effect.h) as Effects."""
+"""Loads effects from C: makes Effects of the descriptors in a shared library (capi/include/ks/effect.h)."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ _RNG_PER = {Randomness.NONE: "rig", Randomness.STATIC: "sensor", Randomness.TEMP
 
 
 def load_plugin(path: str | Path) -> list[Effect]:
-    """The Effects of a shared library. ValueError says what is wrong with its tables; OSError where it cannot be
-    loaded. It runs in this process with all of its rights: pointers in the tables are followed as they are."""
+    """Returns the Effects of a shared library. Raises ValueError that says what is wrong with its tables, or OSError
+    where it cannot be loaded. It runs in this process with all rights: pointers in the tables are followed unchecked.
+    """
     library = c.CDLL(str(Path(path).resolve()))
     try:
         entry = getattr(library, _ENTRY)
@@ -48,7 +49,8 @@ def load_plugin(path: str | Path) -> list[Effect]:
 
 
 def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
-    """The records of a C array. A count beyond all measure, or without an array, is known from one that can be."""
+    """Returns the records of a C array. Raises ValueError for a count above `most`, or where NULL stands for
+    the array."""
     if count > most:
         raise ValueError(f"{count} {what}s are said to be there, the most is {most}")
     if count > 0 and not first:
@@ -77,7 +79,7 @@ def _effect(record: records.Effect, library: c.CDLL) -> Effect:
         raise ValueError(f"effect '{name}' has stage {record.stage}, not one of KS_STAGE_*") from None
 
     def apply(value: Any, view: View, **values: float) -> Any:
-        assert library  # its code runs below
+        assert library  # keeps the library loaded while its code runs
         return _run(record.apply, name, randomness, value, view, [values[p.name] for p in parameters])
 
     texts: dict[str, Any] = {field: _text(getattr(record, field)) for field in ("family", "summary", "source")}
@@ -126,7 +128,7 @@ def _run(function: Any, name: str, randomness: Randomness, value: Any, view: Vie
 
 
 def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any, ...]]:
-    """The C record of a View, and the arrays that it points into."""
+    """Returns the C record of a View, and the arrays that it points into, which must outlive the record."""
     frame = view.frame
     depth = np.ascontiguousarray(view.depth_m, dtype=np.float64)
     normal = np.ascontiguousarray(view.normal, dtype=np.float64)

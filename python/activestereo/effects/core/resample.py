@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moving and blurring images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over
-the image; and light between pixels, in images finer than the camera's and wider than its frame, so that a warp has
-something to look up."""
+"""Moves and blurs images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over the
+image. SupersampledImages are finer than the camera's pixels and wider than its frame, so that a warp has detail to look
+up."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from scipy.special import ive
 
 from activestereo.common.computed_once import computed_once
 
-# Uniform blurs of which one that varies is made, an equal step or an equal ratio of variances apart.
+# The most uniform blurs that make up one that varies: by equal steps, and by equal ratios, of variance.
 _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
-# A blur's kernel ends where so many of its deviations, and a pixel, are passed.
+# A blur's kernel reaches this many standard deviations and one pixel.
 _REACH = 4.0
-# A blur by less shows nothing; nor does one by this share of an image's widest.
+# Narrower blurs show nothing: in pixels, and as a share of the widest blur of an image.
 _LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
-# Stamps that reach no farther are laid over a pattern with so much room around it.
+# The least margin around a pattern for its convolution, per side.
 _LEAST_ROOM_PX = 8
 
 
 def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> np.ndarray:
-    """Values of images [..., height][width] at pixels (u, v); the border value beyond the border. order 3: cubic
-    spline."""
+    """Returns values of images [..., height][width] at pixel positions (u, v). order 3: cubic spline, mirrored beyond
+    the border; 1: linear, with the border's value beyond it."""
     height, width = images.shape[-2:]
     stack = images.reshape(-1, height, width)
     out = np.empty((len(stack), *u.shape))
@@ -42,14 +42,14 @@ def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> 
 
 
 class Spline:
-    """A cubic spline through an image [height][width], in its precision: fitted once, looked up often."""
+    """A cubic spline through an image [height][width], in the image's precision: fitted once, evaluated often."""
 
     def __init__(self, image: np.ndarray) -> None:
         self._coefficients = spline_filter(image, 3, np.result_type(image, np.float32), mode="mirror")
         self._low, self._high = image.min(), image.max()
 
     def __call__(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Values at pixels (u, v) of any shape."""
+        """Returns the values at pixel positions (u, v) of any shape, limited to the image's range."""
         out = map_coordinates(
             self._coefficients, [v, u], self._coefficients.dtype, order=3, mode="mirror", prefilter=False
         )
@@ -57,7 +57,8 @@ class Spline:
 
 
 class BoxSampler:
-    """Means of an image over axis-aligned boxes of any fractional size, by its integral; zero outside the image."""
+    """Computes means of an image over axis-aligned boxes of any fractional size, from its integral image. The image is
+    0 outside."""
 
     def __init__(self, image: np.ndarray) -> None:
         height, width = image.shape
@@ -68,7 +69,7 @@ class BoxSampler:
         self._limits = (width, height)
 
     def __call__(self, u: np.ndarray, v: np.ndarray, box_u: np.ndarray, box_v: np.ndarray) -> np.ndarray:
-        """Mean over boxes of size box_u x box_v around (u, v), pixel centres at integers."""
+        """Returns the means over boxes of box_u x box_v pixels around (u, v), with pixel centres at integers."""
         # Pixel i spans i - 0.5 .. i + 0.5, so the integral's corner i lies at i - 0.5.
         (left, a), (right, b) = (_place(u + 0.5 + side * box_u, self._limits[0]) for side in (-0.5, 0.5))
         total = 0.0
@@ -82,7 +83,8 @@ class BoxSampler:
         return total / (box_u * box_v)
 
     def _between(self, index: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """The integral between a flat index and the next, along a row."""
+        """Returns the integral image at a fraction `share` between a flat index and the next one in its row. Adds 1 to
+        `index` in place."""
         at = self._integral.ravel()
         low = at.take(index)
         index += 1
@@ -90,7 +92,7 @@ class BoxSampler:
 
 
 def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """(whole part, fraction) of positions in an integral of `size` pixels."""
+    """Returns (whole part, fraction) of positions, limited to 0..size, in an integral image of `size` pixels."""
     x = np.minimum(np.maximum(x, 0.0), size)
     i = np.minimum(x.astype(np.intp), size - 1)
     return i, x - i
@@ -99,9 +101,9 @@ def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
 def shifted_sum(
     images: np.ndarray, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]
 ) -> np.ndarray:
-    """Sums of shifted images [..., height][width], cubic splines between their samples: weight times the image at (u +
-    shift), for all pairs (shift in samples, weight) along columns and along rows; the border value beyond the border.
-    """
+    """Returns sums of shifted images [..., height][width], interpolated by cubic splines. along_u, along_v: pairs
+    (shift in samples, weight) along columns and along rows; each takes the image at (position + shift). Images are
+    mirrored beyond the border."""
     coefficients = np.stack(
         [spline_filter(image, 3, image.dtype, mode="mirror") for image in images.reshape(-1, *images.shape[-2:])]
     )
@@ -116,15 +118,16 @@ def shifted_sum(
 
 
 def _cubic_spline(x: np.ndarray) -> np.ndarray:
-    """The cubic B-spline: of one coefficient, its share in the value at a distance x."""
+    """Returns the cubic B-spline at a distance x: the weight of a coefficient in the value there."""
     x = np.abs(x)
     return np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
 
 
 def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
-    """Gaussian blur of images [..., height][width] by a sigma in pixels: a number, or an image of it.
+    """Returns images [..., height][width] after a Gaussian blur. sigma_px: pixels, a number or an image
+    [height][width].
 
-    Its kernel is the discrete analogue of the Gaussian (Lindeberg 1990), whose variance is sigma^2 below a pixel too. A
+    The kernel is the discrete analogue of the Gaussian (Lindeberg 1990), whose variance is sigma^2 below a pixel too. A
     varying sigma is interpolated in variance between a few uniform blurs."""
     if np.ndim(sigma_px) == 0:
         if sigma_px == 0:
@@ -142,10 +145,10 @@ def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
 
 
 class BlurAlong:
-    """blur() along one axis of an image, -1 (columns) or -2 (rows), by an image of sigma times a number.
+    """Blurs images along one axis, -1 (columns) or -2 (rows), by an image `sigma` [height][width] times a number.
 
-    Its uniform blurs are a constant ratio of variances apart, twice where their number allows: between equal steps a
-    narrow blur beside the widest would keep a core.
+    It mixes a few uniform blurs, whose variances are a constant ratio apart: at most 2 where their number allows.
+    Between equal steps a narrow blur beside the widest would keep a core.
     """
 
     def __init__(self, sigma: np.ndarray, axis: int) -> None:
@@ -156,7 +159,7 @@ class BlurAlong:
         self._weights = _weights(np.interp(variance, levels, np.arange(len(levels))), len(levels))
 
     def __call__(self, images: np.ndarray, times: float) -> np.ndarray:
-        """Images [..., height][width] under sigma * times pixels."""
+        """Returns images [..., height][width] after a blur by sigma * times pixels."""
         if times * self._sigmas[-1] < _LEAST_SIGMA_PX:
             return images
         kernels = [[_kernel(times * sigma), np.ones(1)][:: 1 if self._axis == -1 else -1] for sigma in self._sigmas]
@@ -167,7 +170,8 @@ _Weights = list[tuple[slice, np.ndarray]]
 
 
 def _weights(position: np.ndarray, levels: int) -> _Weights:
-    """The rows that want each level, and its weight there: linear between whole positions [height][width]."""
+    """Returns, for each level, the rows that need it and its weights there. position: level of each pixel
+    [height][width]; weights are linear between whole levels."""
     out, position = [], position.astype(np.float32)
     for i in range(levels):
         weight = np.maximum(1.0 - np.abs(position - np.float32(i)), 0.0)
@@ -178,8 +182,8 @@ def _weights(position: np.ndarray, levels: int) -> _Weights:
 
 
 def _between_levels(images: np.ndarray, weights: _Weights, kernels: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Images under the kernels, by their weights. A kernel looks at the rows that want it: what is near stands low in
-    most images."""
+    """Returns the weighted sum of the images under each level's kernels. A kernel is applied to the rows that need it
+    alone: near surfaces stand low in most images."""
     out = np.zeros(images.shape, np.result_type(images, np.float32))
     for (rows, weight), (kernel_u, kernel_v) in zip(weights, kernels, strict=True):
         if len(weight):
@@ -197,7 +201,8 @@ def _kernel(sigma_px: float) -> np.ndarray:
 
 
 def _along_both(images: np.ndarray, kernel_u: np.ndarray, kernel_v: np.ndarray) -> np.ndarray:
-    """Images [..., height][width] under kernels along columns (u) and rows (v); the border value beyond the border."""
+    """Returns images [..., height][width] convolved along columns (u) and rows (v); beyond the border, the border's
+    value."""
     floats = images.astype(np.result_type(images, np.float32), copy=False)
     try:
         import cv2  # five times as fast as SciPy, and the same to rounding; loaded where something is blurred
@@ -209,7 +214,7 @@ def _along_both(images: np.ndarray, kernel_u: np.ndarray, kernel_v: np.ndarray) 
 
 
 class Pattern:
-    """A pattern image that compares by content: what samplers of it are remembered under."""
+    """A pattern image that compares by content, so that caches of samplers use it as a key."""
 
     def __init__(self, image: np.ndarray) -> None:
         self.image = np.ascontiguousarray(image, dtype=np.float32)
@@ -224,13 +229,14 @@ class Pattern:
 
 @lru_cache(maxsize=8)
 def smooth_pattern(pattern: Pattern, sigma_px: float) -> np.ndarray:
-    """A Pattern under a Gaussian, float64; zero outside."""
+    """Returns a Pattern's image after a Gaussian blur, float64; the pattern is 0 outside."""
     return gaussian_filter(pattern.image.astype(np.float64), sigma_px, mode="constant")
 
 
 @lru_cache(maxsize=48)
 def disc_sampler(pattern: Pattern, diameter_px: float) -> BoxSampler:
-    """BoxSampler of a Pattern blurred by a disc (0 = sharp); the disc's edge pixels weigh by coverage."""
+    """Returns a BoxSampler of a Pattern blurred by a disc (diameter 0 = sharp). The disc's edge pixels weigh by
+    coverage."""
     if diameter_px == 0.0:
         return BoxSampler(pattern.image)
     radius = diameter_px / 2
@@ -243,9 +249,10 @@ def disc_sampler(pattern: Pattern, diameter_px: float) -> BoxSampler:
 
 
 def _convolved(pattern: Pattern, stamp: np.ndarray, reach: int) -> np.ndarray:
-    """The pattern under a stamp whose middle is at (reach, reach); zero outside the image."""
+    """Returns the pattern convolved with a stamp, whose middle is at (reach, reach); the pattern is 0 outside the
+    image."""
     height, width = pattern.image.shape
-    # A few sizes serve all stamps: the pattern's own transform is the same for them.
+    # A few sizes serve all stamps, so that the pattern's transform is computed once for each.
     room = 2 * max(_LEAST_ROOM_PX, 1 << (reach - 1).bit_length())
     shape = tuple(next_fast_len(size + room, real=True) for size in pattern.image.shape)
     full = irfft2(_spectrum(pattern, shape) * rfft2(stamp.astype(np.float32), shape), shape)
@@ -259,8 +266,10 @@ def _spectrum(pattern: Pattern, shape: tuple[int, int]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SupersampledImages:
-    """samples, images(): float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]; margin_px in
-    pixels of the camera."""
+    """Images that have `scale` samples per camera pixel along each axis, and extend margin_px camera pixels beyond the
+    frame.
+
+    samples, images(): float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]."""
 
     samples: np.ndarray
     scale: int
@@ -271,7 +280,7 @@ class SupersampledImages:
 
     @computed_once
     def pixels(self) -> np.ndarray:
-        """Means over the pixels' squares, float64 [n][height][width]."""
+        """Returns the means over the camera pixels' squares, float64 [n][height][width]."""
         s, edge = self.scale, self.margin_px * self.scale
         images = self.images()
         inside = images[:, edge : images.shape[1] - edge, edge : images.shape[2] - edge]
@@ -279,9 +288,10 @@ class SupersampledImages:
         return np.add.reduce([rows[:, :, k::s] for k in range(s)]) / s**2
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
-        """The images of a camera whose pixels show what lies at pixel positions (u, v) [height][width] here.
+        """Returns the images of a camera whose pixels show these images at pixel positions (u, v), [height][width]
+        each.
 
-        The displacement goes on beyond the frame as it is at the border."""
+        Beyond the frame, the displacement is that of the border."""
         return _WarpedSupersampled(self, u, v)
 
     def _warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
@@ -292,8 +302,8 @@ class SupersampledImages:
         return SupersampledImages(self.at(*moved), self.scale, self.margin_px)
 
     def blurred(self, sigma_px: float | np.ndarray) -> SupersampledImages:
-        """The images under a Gaussian blur; sigma_px: a number, or an image of it [height][width] that goes on beyond
-        the frame."""
+        """Returns the images after a Gaussian blur. sigma_px: camera pixels, a number or an image [height][width] that
+        goes on beyond the frame."""
         if np.ndim(sigma_px):
             sigma_px = self._refined(np.asarray(sigma_px, dtype=np.float64))
         return _LaterSupersampled(
@@ -304,24 +314,25 @@ class SupersampledImages:
     def shifted_sum(
         self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]
     ) -> SupersampledImages:
-        """See resample.shifted_sum; shifts in pixels."""
+        """Returns sums of shifted images, see resample.shifted_sum; shifts are in camera pixels."""
         u, v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
         return _LaterSupersampled(
             self, lambda images: SupersampledImages(shifted_sum(images.images(), u, v), self.scale, self.margin_px)
         )
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Values at pixel positions (u, v) of any shape, float32 [n][...]."""
+        """Returns the values at camera pixel positions (u, v) of any shape, float32 [n][...]."""
         u, v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
         return np.stack([spline(u, v) for spline in self._splines()])
 
     def means_at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Means over squares of a pixel's size around pixel positions (u, v) of any shape, float32 [n][...]."""
+        """Returns means over squares of a pixel's size around camera pixel positions (u, v) of any shape, float32
+        [n][...]."""
         u, v = ((x + self.margin_px) * self.scale for x in (u, v))
         return np.stack([spline(u, v) for spline in self._splines_of_means()])
 
     def sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
-        """SupersampledImages of one image, the sum of those at the indices."""
+        """Returns SupersampledImages with a single image: the sum of the images at the indices."""
         known = self._sums()
         if indices not in known:
             known[indices] = self._sum_of(indices)
@@ -338,12 +349,13 @@ class SupersampledImages:
 
     @computed_once
     def _splines(self) -> list[Spline]:
-        """One set serves every warp of a fit."""
+        """Returns one Spline per image; one set serves every warp of a fit."""
         return [Spline(image) for image in self.images()]
 
     @computed_once
     def _splines_of_means(self) -> list[Spline]:
-        """Splines of the means over squares of a pixel's size, by the sample where each square begins."""
+        """Returns one Spline per image, of means over squares of a pixel's size. A mean's index is the sample at which
+        its square begins."""
         means, s = self.images(), self.scale
         for axis in (1, 2):
             count = means.shape[axis] - s + 1
@@ -351,7 +363,8 @@ class SupersampledImages:
         return [Spline(image) for image in means]
 
     def _refined(self, image: np.ndarray) -> np.ndarray:
-        """An image [height][width] at the samples, linear between pixels; beyond the frame as at its border."""
+        """Returns an image [height][width] at the samples, linear between pixels; beyond the frame, the
+        border's value."""
         for axis, size in enumerate(image.shape):
             at = np.clip(self._positions(size), 0.0, size - 1.0)
             low = np.minimum(at.astype(np.intp), max(size - 2, 0))
@@ -361,12 +374,12 @@ class SupersampledImages:
         return image
 
     def _positions(self, size: int) -> np.ndarray:
-        """Pixel coordinates of the samples along an axis of `size` pixels."""
+        """Returns the pixel coordinates of the samples along an axis of `size` camera pixels."""
         return (np.arange((size + 2 * self.margin_px) * self.scale) + 0.5) / self.scale - 0.5 - self.margin_px
 
 
 class _LaterSupersampled(SupersampledImages):
-    """SupersampledImages under a linear operation that is done for the images that are asked for."""
+    """SupersampledImages after a linear operation, which is computed only for the images that are asked for."""
 
     _source: SupersampledImages
     _operation: Callable[[SupersampledImages], SupersampledImages]
@@ -385,8 +398,8 @@ class _LaterSupersampled(SupersampledImages):
 
 
 class _WarpedSupersampled(_LaterSupersampled):
-    """SupersampledImages under a warp. Within a pixel a warp hardly changes but for its displacement: means over pixels
-    are means of the source."""
+    """SupersampledImages after a warp. Within a pixel a warp is hardly more than a shift, so means over its pixels are
+    means of the source."""
 
     _place: tuple[np.ndarray, np.ndarray]
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Room light that was measured on each surface, in place of even light from all sides.
+"""Renders room light that was measured on each surface, in place of even light from all sides.
 
-A scene whose asset has the extras {"room_light": "emission"} holds in its emission what light of the room each surface
-gives off, as `activestereo calibrate world` measures it. All bounces are in it already, so it lights nothing else, and
-nothing mirrors it: the surfaces of such a scene are matt.
+A scene whose asset has the extras {"room_light": "emission"} stores in each surface's emission the room's light that
+the surface sends out. `activestereo calibrate world` measures it. All bounces are in it, so it lights nothing else.
+Nothing mirrors it: the surfaces of such a scene are matt.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from scipy.ndimage import gaussian_filter
 import kuafu
 from activestereo.scene_io.scene_files import load_scene_file, read_document
 
-# Of a pixel's samples in such a room, for light that is bounced: the projector's alone, a hundredth of what it lights
-# first. It has no dots, and is spread over its neighbourhood.
+# The share of a pixel's samples for bounced light in such a room. That light is the projector's alone, a hundredth of
+# its direct light. It has no dots, and is blurred over its neighbourhood.
 BOUNCED_SHARE = 1.0 / 16.0
 _SPREAD_PX = 1.5
 BOUNCED_VERSION = f"{BOUNCED_SHARE} spread {_SPREAD_PX}"
-# Emission has no noise: samples only spread over a pixel's square.
+# Emission has no noise: more samples only cover a pixel's square more evenly.
 _MOST_SAMPLES = 4
 
 
 def has_room_light(scene_path: Path) -> bool:
-    """Whether a scene file's emission is measured room light."""
+    """Returns whether a scene file's emission is measured room light."""
     if scene_path.suffix.lower() not in (".gltf", ".glb"):
         return False
     extras = read_document(scene_path).get("asset", {}).get("extras")
@@ -36,7 +36,8 @@ def has_room_light(scene_path: Path) -> bool:
 
 
 class RoomLight:
-    """The room's light of a scene, in a kuafu scene of its own whose surfaces shine and reflect nothing."""
+    """Renders the measured room light of a scene, from a kuafu scene of its own. Its surfaces emit that light and
+    reflect nothing."""
 
     def __init__(self, device: kuafu.Device, scene_path: Path) -> None:
         self._scene = kuafu.Scene(device)
@@ -44,12 +45,12 @@ class RoomLight:
         for number in range(self._scene.summary.material_count):
             material = self._scene.get_material(number)
             material.base_color, material.ir_albedo = (0.0, 0.0, 0.0, 1.0), 0.0
-            material.ir_emission = material.emission[0]  # glTF's emission is of the visible band
+            material.ir_emission = material.emission[0]  # which glTF has for visible light alone
             self._scene.set_material(number, material)
 
     def images(self, renderer: kuafu.Renderer, cameras: Sequence[Any], spp: int, **options: Any) -> np.ndarray:
-        """Radiance [camera][height][width][1] under an ambient scale of 1. No light is sampled: the first hit has all
-        of it."""
+        """Returns radiance [camera][height][width][1] under an ambient scale of 1. No light is sampled, since the first
+        hit emits all of it."""
         room = renderer.render(
             self._scene, cameras, ("ambient",), band="infrared", max_bounces=0, light_sampling="bsdf",
             spp=min(spp, _MOST_SAMPLES), **options,
@@ -58,15 +59,15 @@ class RoomLight:
 
 
 def spread(bounced: np.ndarray, pixel: float = 1.0) -> np.ndarray:
-    """Bounced light [camera][height][width][1] as the mean of its neighbourhood. pixel: the width of its pixels, in the
-    camera's."""
+    """Returns bounced light [camera][height][width][1] blurred over its neighbourhood. pixel: the width of its pixels,
+    in camera pixels."""
     sigma = _SPREAD_PX / pixel
     return np.asarray(gaussian_filter(bounced, (0.0, sigma, sigma, 0.0), mode="nearest"))
 
 
 def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:
-    """Gives a loaded scene its ambient light: 1 from all sides, or none where the file has measured room light, which
-    is returned."""
+    """Sets the ambient light of a loaded scene. Without measured room light in the file, it is 1 from all sides, and
+    the result is None. Otherwise it is 0, and the result is the RoomLight that renders it."""
     if not has_room_light(scene_path):
         scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         return None

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starting values for a fit of a pattern projector that stands in the world.
+"""Finds starting values for a fit of a pattern projector that stands in the world.
 
-The search first keeps the places whose light would fall onto the surfaces as strongly as the residual's dots show. At
-each of them the residual, gathered by its direction, is correlated with the pattern at all pans and tilts. The best few
-places are then polished, first with a blurred pattern, then with a sharper one.
+The search first keeps the places whose light would fall onto the surfaces as strongly as the residual's dots show. From
+each place, the residual by direction is correlated with the pattern at all pans and tilts. The best few places are then
+polished, first with a blurred pattern, then with a sharper one.
 """
 
 from __future__ import annotations
@@ -15,28 +15,27 @@ from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.unit_match import PlaneMatch, SeenPoints, SphereMatch
 
 _IMAGES, _COARSE_PIXELS, _FINE_PIXELS = 4, 10000, 20000
-# Places around the seen points: so far beyond them, so far apart (blurred dots meet their own within some 3 cm), not
-# nearer to them, and how many are looked at with the pattern. In a room that would have more places than the grid's
-# most they are farther apart.
+# The grid of places: its margin around the seen points, its step (blurred dots match within some 3 cm), the least
+# distance to a seen point, and the number of places that are matched with the pattern. Where a room would need more
+# than _MOST_OF_GRID places, the step grows.
 _BEYOND_M, _STEP_M, _NEAR_M, _PLACES = 0.7, 0.05, 0.15, 5000
 _MOST_OF_GRID = 200_000
-# Of the pattern: (Gaussian in radians, focal length in pixels) of the search and of the polish.
+# The pattern's blur (Gaussian, radians) and resolution (focal length, pixels) in the search and in the polish.
 _COARSE, _FINE = (4.0 / 592.0, 148.0), (2.0 / 592.0, 296.0)
 _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
-# What is finer than so many pixels is dots or noise; where its mean square is less than so much noise, nothing is
-# searched: no unit shows.
+# Detail finer than this many pixels is dots or noise. Where its mean square is less than this multiple of the noise, no
+# unit shows and nothing is searched.
 _FINE_PX, _LEAST_CHI2 = 4.0, 1.1
-# Nor where no place's light varies as the dots' size does (their correlation: 0.33 to 0.49 where a unit shines, 0.07 to
-# 0.16 with the dots' size at random).
+# The least correlation of a place's light with the dots' size; below it nothing is searched. It is 0.33 to 0.49 where a
+# unit shines, and 0.07 to 0.16 where the dots' size is random.
 _LEAST_LIKENESS = 0.2
-# A fall of chi2 that no correlation with noise gives, whichever of some 10^8 poses is the best (2 ln 10^8 = 37).
+# Correlation with noise gives no such fall of chi2, even for the best of some 10^8 poses (2 ln 10^8 = 37).
 _LEAST_GAIN = 100.0
 
 
 def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Intensity and pose of the best few places, by the images with the least of the own projector's dots. The neutral
-    values alone where the residual has no dots.
-    """
+    """Returns intensity and pose of the best few places, {parameter: value} each, from images at the least power of the
+    own projector. Returns the neutral values alone, [{}], where the residual has no dots."""
     least = min((image.view.frame.projector_power for image in images), default=0.0)
     chosen = [image for image in images if image.view.frame.projector_power == least][:_IMAGES]
     if not chosen or np.mean([_fine_chi2(image) for image in chosen]) < _LEAST_CHI2:
@@ -65,15 +64,15 @@ def _first(scored: list[tuple[float, np.ndarray]], most: int) -> list[tuple[floa
 
 
 def _fine_chi2(image: StartImage) -> float:
-    """Mean square of the residual's fine part over what noise alone leaves of it."""
+    """Returns the mean square of the residual's fine part in units of its noise: about 1 where it is noise alone."""
     fine = image.residual - gaussian_filter(image.residual, _FINE_PX)
     return float(np.mean(image.weight * fine**2))
 
 
 def _likely_places(seen: SeenPoints) -> np.ndarray:
-    """Places [n][3], best first, whose light varies over the surfaces as the size of the dots does; none where no
-    place's does. (Its mean does not count: a fit of ambient light has taken that.)
-    """
+    """Returns places [n][3] in the world, best first, whose light varies over the surfaces as the size of the dots
+    does. No place is left, [0][3], if none correlates. (The light's mean does not count: a fit of ambient light has
+    taken that.)"""
     if len(seen.points) == 0:
         return np.empty((0, 3))
     low, high = np.quantile(seen.points, 0.02, axis=0) - _BEYOND_M, np.quantile(seen.points, 0.98, axis=0) + _BEYOND_M

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces of a scene: a material on an object. Two objects of one paint are two surfaces, since one of them may be
-varnished; kuafu, which knows materials, then has one of its own for each.
+"""Lists the surfaces of a scene: a surface is a material on an object. Two objects of one paint are two surfaces, since
+one of them may be varnished. kuafu knows materials only, so each surface then gets a material of its own.
 
 A surface that is all of its material has the material's name; others are called `plaster of ball`. The first object of
 a material keeps the material's number; those after it follow the scene's materials.
@@ -31,8 +31,8 @@ _DEFAULT = "glTF default"
 
 @dataclass(frozen=True)
 class Surface:
-    """material: its number in the scene as the file has it. instance: the object, by kuafu's number; None = every
-    object of the material."""
+    """A material on an object. material: its number in the scene file. instance: kuafu's number of the object; None =
+    every object with the material."""
 
     name: str
     material: int
@@ -41,7 +41,8 @@ class Surface:
 
 @dataclass(frozen=True)
 class _Instance:
-    """materials: of each slot, -1 where the file names none. to_file: 4x4."""
+    """An object of a glTF file. materials: the number of each part's material, -1 where the file names none. to_file:
+    4x4, from the mesh's axes to the file's."""
 
     name: str
     materials: tuple[int, ...]
@@ -49,7 +50,8 @@ class _Instance:
 
 
 def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
-    """The surfaces of a glTF file by number; none where the file cannot be read, which loading it explains."""
+    """Returns the surfaces of a glTF file by number. Returns none where the file cannot be read: loading it raises the
+    error."""
     try:
         document = read_document(Path(scene_path)) if scene_path is not None else {}
         instances = _instances(document)
@@ -78,8 +80,8 @@ def surface_names(scene_path: str | Path | None) -> list[str]:
 
 
 def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
-    """Numbers of the surfaces of the objects of a name. ValueError lists the objects where there is none, and where one
-    has no material."""
+    """Returns the numbers of the surfaces on the objects of this name. Raises ValueError where there is no such object,
+    and lists those there are; also where a part of one has no material."""
     instances = _instances(read_document(Path(scene_path)))
     chosen = [k for k, instance in enumerate(instances) if instance.name == name]
     if not chosen:
@@ -97,7 +99,8 @@ def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
 
 
 def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
-    """Gives every surface of a scene, loaded from this file alone, a material of its own: surface k is material k."""
+    """Gives every surface of a scene a material of its own: surface k is material k. The scene must be loaded from this
+    file alone; else raises ValueError."""
     surfaces = scene_surfaces(scene_path)
     extra = range(scene.summary.material_count, len(surfaces))
     if not extra:
@@ -126,12 +129,13 @@ def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
 
 
 def material_of(surface_name: str) -> str:
-    """The material's name in a surface's."""
+    """Returns the name of a surface's material: plaster for `plaster of ball`."""
     return surface_name.rpartition(_OF)[0] or surface_name
 
 
 def names_of(chosen: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
-    """Names of chosen surfaces among all; a material whose surfaces are all chosen has its own name."""
+    """Returns names of the chosen surfaces; `names` are those of all surfaces. A material whose surfaces are all chosen
+    appears once, under its own name."""
     of_material: dict[str, set[int]] = {}
     for k, name in enumerate(names):
         of_material.setdefault(material_of(name), set()).add(k)
@@ -141,14 +145,14 @@ def names_of(chosen: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
 
 
 def numbers_of(name: str, names: Sequence[str]) -> list[int]:
-    """The surfaces that a name means: one, or all of a material."""
+    """Returns the numbers of the surfaces that a name means: one surface, or all surfaces of a material."""
     exact = [k for k, other in enumerate(names) if other == name]
     return exact or [k for k, other in enumerate(names) if material_of(other) == name]
 
 
 def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float64]:
-    """[count, 4, 4]: from the meshes' axes to the file's, of the instances that loading the file makes. Files other
-    than glTF have no transforms of their own."""
+    """Returns [count, 4, 4]: transforms from the meshes' axes to the file's, of the objects that loading the file
+    makes. They are the identity for files other than glTF. Raises ValueError where the count differs."""
     path = Path(scene_path)
     if path.suffix.lower() not in (".gltf", ".glb"):
         return np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
@@ -159,7 +163,7 @@ def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float6
 
 
 def _instances(document: dict[str, Any]) -> list[_Instance]:
-    """Objects in the order of kuafu's numbers: of the default scene, each node before its children."""
+    """Returns the objects of the default scene in the order of kuafu's numbers: each node before its children."""
     nodes, meshes = document.get("nodes", []), document.get("meshes", [])
     out: list[_Instance] = []
     stack = [(n, np.eye(4)) for n in reversed(_roots(document))]
@@ -186,7 +190,7 @@ def _roots(document: dict[str, Any]) -> list[int]:
 
 
 def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
-    """4x4 to the parent (glTF 2.0, section 3.5.3)."""
+    """Returns a node's transform to its parent, 4x4 (glTF 2.0, section 3.5.3)."""
     if "matrix" in node:
         return np.reshape(np.array(node["matrix"], np.float64), (4, 4)).T
     x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starting values for a fit of a second unit's dots: they match the picture at one place of that unit alone.
+"""Finds starting values for a fit of a second projector on the rig, whose dots match the picture from one place alone.
 
-A fine grid of places beside the rig and of yaw angles is looked at, each by the regression of the residual on the
-dots that a unit there would project.
+A fine grid of places beside the rig and of yaw angles is tried. At each, the residual is regressed on the dots that a
+projector there would cast.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import transform
 
 _REACH_M, _LARGEST_YAW_RAD = 0.4, 0.3
-# Apart by about a dot's width: dots are blurred to it, so that none falls between two trials.
+# The step of the trials is about a dot's width. Dots are blurred to it, so that none falls between two trials.
 _STEP_RAD = 0.009
 _IMAGES, _PIXELS = 3, 1500
 _STARTS = 4
@@ -21,9 +21,8 @@ _SEED = 12
 
 
 def unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Intensity, place and yaw of the best few places of a second unit; images without the own projector's dots
-    count first.
-    """
+    """Returns intensity, place and yaw of the best few places, {parameter: value} each. Images without the own
+    projector's dots are taken first."""
     chosen = sorted(images, key=lambda image: image.view.frame.projector_power)[:_IMAGES]
     scenes = [_Scene(image) for image in chosen]
     depth = np.median(np.concatenate([s.points[:, 2] for s in scenes])) if scenes else 1.0
@@ -47,7 +46,7 @@ def unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
 
 
 class _Scene:
-    """Random pixels of one image. points: projector coordinates [n][3]."""
+    """Random pixels of one image, with their part in the regression. points: projector coordinates [n][3], metres."""
 
     def __init__(self, image: StartImage) -> None:
         view, shading = image.view, Shading.of(image.light, image.view)
@@ -61,12 +60,11 @@ class _Scene:
         self._K = view.projector_K
         sigma_px = 0.5 * _STEP_RAD * self._K[0, 0]
         smooth = smooth_pattern(view.once("pattern", lambda: Pattern(view.pattern)), sigma_px)
-        self._pattern = np.pad(smooth.astype(np.float32), 1)  # what falls beside it is dark
+        self._pattern = np.pad(smooth.astype(np.float32), 1)  # pixels beside the pattern are dark
 
     def products(self, x: float, yaws: np.ndarray) -> np.ndarray:
-        """[2][yaws]: of the dots of unit intensity projected from x beside the projector, with the residual and with
-        themselves.
-        """
+        """Returns [2][yaws]: weighted products of the dots with the residual, and with themselves. A projector of unit
+        intensity, x metres beside the own one, casts the dots at each yaw in radians."""
         way = self.points - [x, 0.0, 0.0]
         square = np.maximum((way**2).sum(-1), 1e-6)
         irradiance = np.maximum(-(way * self._normal).sum(-1), 0.0) / (square * np.sqrt(square))

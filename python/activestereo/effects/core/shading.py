@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's light on the surface in each pixel: distance, angles, the diffuse reflectance by the light layers,
-and the dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1.
+"""Computes the projector's light on each pixel's surface: distance, angles, and the diffuse reflectance that the light
+layers show. Also computes the dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance,
+specularFactor 1.
 
 Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is
 1.5 where it is not given, as in glTF."""
@@ -21,13 +22,14 @@ _RINGS, _SPOKES = 96, 64
 
 
 def ior_of(reflectance: float) -> float:
-    """The index of refraction that reflects this share at normal incidence."""
+    """Returns the index of refraction of a surface that reflects this share of the light at normal incidence."""
     root = np.sqrt(reflectance)
     return float((1.0 + root) / (1.0 - root))
 
 
 class Cosines(NamedTuple):
-    """Between normal (n), light (l), camera (v) and the half vector of these two (h); [...] each, or a number."""
+    """Cosines between the normal (n), light (l), camera (v) and the half vector of light and camera (h); arrays or
+    numbers."""
 
     n_h: np.ndarray
     n_l: np.ndarray
@@ -36,7 +38,7 @@ class Cosines(NamedTuple):
 
 
 def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) -> Cosines:
-    """The cosines of directions [...][3], unit."""
+    """Returns the Cosines of unit directions [...][3], limited to 0..1."""
     half = to_light + to_camera
     half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
     dot = lambda a, b: np.clip((a * b).sum(-1), 0.0, 1.0)  # noqa: E731
@@ -44,7 +46,7 @@ def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) 
 
 
 def highlight(cosines: Cosines, roughness: float, ior: float = IOR) -> np.ndarray:
-    """Radiance reflected per irradiance, [...]. Walter et al. 2007, height-correlated Smith shadowing."""
+    """Returns the highlight's radiance per irradiance, [...]. Walter et al. 2007, height-correlated Smith shadowing."""
     n_h, n_l, n_v, h_v = cosines
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
@@ -53,7 +55,7 @@ def highlight(cosines: Cosines, roughness: float, ior: float = IOR) -> np.ndarra
 
 
 def fresnel(cosine: float | np.ndarray, ior: float = IOR) -> np.ndarray:
-    """Reflectance of unpolarised light (Hecht, Optics, 4.6)."""
+    """Returns the reflectance of unpolarised light at a cosine to the normal (Hecht, Optics, 4.6)."""
     inside = np.sqrt(1.0 - (1.0 - cosine * cosine) / ior**2)
     across = (cosine - ior * inside) / (cosine + ior * inside)
     along = (ior * cosine - inside) / (ior * cosine + inside)
@@ -61,15 +63,16 @@ def fresnel(cosine: float | np.ndarray, ior: float = IOR) -> np.ndarray:
 
 
 def reflected_share(cosine: np.ndarray, roughness: float, ior: float = IOR) -> np.ndarray:
-    """Share of light from a direction, at a cosine to the normal, that the lobe reflects."""
+    """Returns the share of the light that the highlight reflects in all directions. cosine: of the incoming light to
+    the normal."""
     return np.interp(cosine, *_shares(float(roughness), float(ior)))
 
 
 def base_share(
     cosine_in: np.ndarray, cosine_out: np.ndarray, roughness: float, factor: float, ior: float = IOR
 ) -> np.ndarray:
-    """Brightness of the diffuse base below `factor` of the lobe, relative to the bare one: what the lobe lets in and
-    out, as the renderer has it (Kelemen and Szirmay-Kalos 2001)."""
+    """Returns the brightness of the diffuse base below a highlight of strength `factor`, relative to the bare base. The
+    highlight's layer lets less light in and out, as in the renderer (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness), float(ior))
     mean = trapezoid(shares * 2 * cosines, cosines)
     let_in, let_out = (1.0 - factor * reflected_share(cosine, roughness, ior) for cosine in (cosine_in, cosine_out))
@@ -78,8 +81,8 @@ def base_share(
 
 @lru_cache(maxsize=64)
 def _shares(roughness: float, ior: float) -> tuple[np.ndarray, np.ndarray]:
-    """(cosines, reflected shares): the lobe's integral over outgoing directions, by rings of equal projected solid
-    angle about the half vector's density, so that narrow lobes are resolved."""
+    """Returns (cosines, reflected shares): the highlight's integral over outgoing directions. Its rings have equal
+    projected solid angle about the half vector's density, so that narrow highlights are resolved."""
     cosines = np.linspace(0.0, 1.0, _COSINES)
     cosines[0] = 1e-3
     square = roughness**4
@@ -92,19 +95,19 @@ def _shares(roughness: float, ior: float) -> tuple[np.ndarray, np.ndarray]:
         v_h = across * np.sqrt(1.0 - cosine * cosine) + n_h * cosine
         n_l = 2 * v_h * n_h - cosine
         way = Cosines(n_h, np.clip(n_l, 0.0, 1.0), cosine, np.clip(v_h, 0.0, 1.0))
-        # Density of the half vectors is D n_h, of the reflected ones that over 4 v_h.
+        # Half vectors have the density D n_h; reflected directions have it divided by 4 v_h.
         ratio = n_l * 4.0 * np.maximum(v_h, 1e-9) / np.maximum(density, 1e-300)
         shares.append(np.where((v_h > 0) & (n_l > 0), highlight(way, roughness, ior) * ratio, 0.0).mean())
     return cosines, np.array(shares)
 
 
-# Below this cosine a grazing surface tells nothing of its reflectance.
+# Light at a smaller cosine, grazing the surface, does not show its reflectance.
 _LEAST_COSINE = 0.05
 
 
 class Facing:
-    """How surfaces face camera and projector. Directions are unit, camera coordinates, [height][width][3]; cosines
-    are 0 where nothing is seen or it faces away."""
+    """Computes how surfaces face camera and projector. Directions are unit, camera coordinates, [height][width][3];
+    cosines are 0 where nothing is hit or the surface faces away."""
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -117,11 +120,12 @@ class Facing:
         self.to_projector, self.projector_cosine, self.irradiance = self.from_source(source)
 
     def lobe(self) -> Cosines:
-        """The cosines of a highlight of the projector."""
+        """Returns the Cosines of the projector's highlight, one per pixel."""
         return self._view.once("lobe", lambda: cosines_of(self.normal, self.to_projector, self.to_camera))
 
     def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source without shadows."""
+        """Returns (direction to a point source, cosine, irradiance per radiant intensity in 1/m^2) per pixel, without
+        shadows. position: camera coordinates."""
         way = position - self.points
         square = np.maximum((way**2).sum(-1), 1e-12)
         direction = _unit(way)
@@ -133,15 +137,15 @@ class Facing:
 
 
 class Shading(Facing):
-    """A Facing, with what the light layers tell of the surfaces.
+    """Computes how surfaces face camera and projector, as Facing does, and the reflectance that the light layers show.
 
-    reflectance: diffuse radiance per irradiance, albedo / pi, [height][width]; where the projector does not reach it is
-    guessed from the ambient light by the scene's median.
+    reflectance: diffuse radiance per irradiance, albedo / pi, [height][width]. Where the projector does not reach, it
+    is guessed from the ambient light by the scene's median ratio.
     """
 
     @classmethod
     def of(cls, light: Light, view: View) -> "Shading":
-        """The Shading of the light that a view was asked for last."""
+        """Returns the Shading of a light and a view; the view remembers it for the latest light."""
         return view.latest("shading", light, lambda: cls(light, view))
 
     def __init__(self, light: Light, view: View) -> None:
@@ -155,8 +159,8 @@ class Shading(Facing):
         return np.where(self.hit, np.where(lit, own, light.ambient * share), 0.0)
 
     def pattern_from(self, projector_points: np.ndarray, sampler: BoxSampler) -> np.ndarray:
-        """Means of a BoxSampler's pattern at points in a projector's frame, 0 behind it; the own projector's footprint
-        holds."""
+        """Returns the means of a sampler's pattern at points [..., 3] in a projector's frame, 0 behind it. Each mean's
+        box is the ratio of the own projector's and the camera's focal lengths."""
         K, view = self._view.projector_K, self._view
         z = np.where(projector_points[..., 2] > 0, projector_points[..., 2], np.inf)
         y = projector_points[..., 1] / z
@@ -166,8 +170,8 @@ class Shading(Facing):
         return np.where(np.isfinite(z) & self.hit, mean, 0.0)
 
     def light_of_unit(self, intensity_m2: float, unit_points: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Radiance over the ambient one under another projector with the own one's pattern. unit_points: the points in
-        its frame; position: its place in the camera's."""
+        """Returns the radiance that another projector with the own pattern adds, over the ambient radiance.
+        unit_points: the surface points in its frame; position: its place in camera coordinates."""
         view = self._view
         sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
         _, _, irradiance = self.from_source(position)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that only some of the scene's surfaces show: a glaze on one object, a clear wall."""
+"""Restricts effects to some of the scene's surfaces, such as a glaze on one object or a clear wall."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from activestereo.effects.core.descriptor import Parameter
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
-# A number in a file holds so many materials exactly.
+# A float in a file holds a sum of powers of 2 exactly up to this number of materials.
 MOST_MATERIALS = 48
 
 SURFACES = Parameter(
@@ -17,13 +17,13 @@ SURFACES = Parameter(
 
 
 def material_numbers(surfaces: float) -> list[int]:
-    """The materials k of a sum of 2^k."""
+    """Returns the materials k whose 2^k are in the sum."""
     return [k for k in range(MOST_MATERIALS) if int(surfaces) >> k & 1]
 
 
 def chosen(view: View, surfaces: float) -> np.ndarray:
-    """Pixels [height][width] whose material is among the chosen; all of them for 0, or where the view knows no
-    materials."""
+    """Returns the mask [height][width] of pixels whose material's 2^k is in the sum `surfaces`. It holds all pixels for
+    0, or where the view knows no materials."""
     if surfaces == 0 or view.material is None:
         return np.ones(view.shape, dtype=bool)
     material = view.material
@@ -31,7 +31,7 @@ def chosen(view: View, surfaces: float) -> np.ndarray:
 
 
 def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Light:
-    """The changed light where a chosen surface is seen, the light as it was elsewhere."""
+    """Returns the changed light where a chosen surface is seen, and the original light elsewhere."""
     if surfaces == 0:
         return changed
     here = chosen(view, surfaces)

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The match of a pattern projector that stands in the world with points in several images, by the images' unexplained
-part.
+"""Matches the pattern of a projector in the world, a unit, with pixels of several images by their residual.
 
-On the unit's own image plane pan and tilt move the pattern, nearly, so that a correlation finds the best ones near a
-pose at once. Farther away the plane is seen too obliquely: what is not explained is then gathered by its direction from
-a place, on a grid of azimuths and elevations. A pan moves the pattern along the azimuths of that grid, exactly; for
-each of some tilts the pattern is drawn once on the same grid. Correlations over the azimuth, by their Fourier
-transforms, then are the gain of all pans and tilts. (On an image plane, a turn by more than a few degrees bends the
-pattern: random dots no longer meet their own.)"""
+On the unit's own image plane pan and tilt nearly shift the pattern, so that a correlation finds the best ones near a
+pose. Farther away the plane is seen too obliquely. The residual is then collected by its direction from a place, on a
+grid of azimuths and elevations. A pan shifts the pattern along that grid's azimuths, exactly; for each of some tilts
+the pattern is drawn once on the same grid. Correlations over the azimuth, by their Fourier transforms, then give the
+gain of all pans and tilts. (On an image plane, a turn by more than a few degrees bends the pattern: random dots no
+longer match.)"""
 
 from __future__ import annotations
 
@@ -24,9 +23,8 @@ from activestereo.effects.core.view import View
 
 
 def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
-    """Rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam about the
-    world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed.
-    """
+    """Returns the rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam
+    about the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
     level = np.cos(elevation_rad)
     along = np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
     right = np.array([-np.cos(azimuth_rad), 0.0, np.sin(azimuth_rad)])
@@ -36,20 +34,20 @@ def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarra
 
 
 def angles(along: np.ndarray) -> tuple[float, float]:
-    """(azimuth, elevation) of a direction."""
+    """Returns (azimuth, elevation) in radians of a world direction [3], as in axes()."""
     x, y, z = along / np.linalg.norm(along)
     return float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
 
 
 _SEED = 12
-# Dots lie between these sizes, in pixels: Gaussians that take noise and smooth light away.
+# The difference of these two Gaussians (sigma in pixels) keeps dots: it removes noise and smooth light.
 _DOTS_PX = 0.8, 4.0
 
 
 @dataclass(frozen=True)
 class SeenPoints:
-    """n pixels. points, normals: world [n][3], metres. glow: DN of irradiance 1. weight: 1/DN^2. residual: DN.
-    dots: size of its part that is as fine as dots are, over the noise of a pixel."""
+    """n pixels as surface points. points, normals: world [n][3], metres. glow: DN under irradiance 1. weight: 1/DN^2.
+    residual: DN. dots: size of the residual's part that is as fine as dots are, over the noise of a pixel."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -60,7 +58,7 @@ class SeenPoints:
 
     @classmethod
     def of(cls, images: list[StartImage], most: int) -> SeenPoints:
-        """At most so many pixels, by chance, of those that see a surface."""
+        """Returns at most `most` random pixels of the images, among those that see a surface."""
         columns = []
         for image in images:
             view, shading = image.view, Shading.of(image.light, image.view)
@@ -85,24 +83,27 @@ class SeenPoints:
         return SeenPoints(*(x[pick] for x in columns))
 
     def in_single(self) -> SeenPoints:
-        """The points in single precision, in which angles take a fifth of the time."""
+        """Returns the points in single precision, in which angles take a fifth of the time."""
         columns = self.points, self.normals, self.glow, self.weight, self.residual, self.dots
         return SeenPoints(*(x.astype(np.float32) for x in columns))
 
     def lit_from(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(ways from a place, or from places [...][3], to the points, DN of a source of intensity 1 there)."""
+        """Returns vectors from a place, or from places [...][3], to the points, and each point's DN under a source of
+        intensity 1 there."""
         way = self.points - place[..., None, :]
         square = np.maximum((way**2).sum(-1), 1e-6)
         return way, self.glow * np.maximum(-(way * self.normals).sum(-1), 0.0) / (square * np.sqrt(square))
 
     def beyond_even(self, lit: np.ndarray) -> np.ndarray:
-        """The residual without what a beam without a pattern would explain, as a gradient: weight times DN."""
+        """Returns weight times the residual after a fit of a beam without a pattern: chi2's gradient by further light.
+        lit: DN of that beam at intensity 1."""
         even = max(float(lit @ (self.weight * self.residual)), 0.0) / max(float(lit**2 @ self.weight), 1e-300)
         return self.weight * (self.residual - even * lit)
 
 
 def blurred_pattern(view: View, sigma_rad: float, focal_px: float) -> tuple[np.ndarray, np.ndarray]:
-    """(the projector's pattern, its intrinsics [3][3]) after a Gaussian, resized to a focal length."""
+    """Returns the projector's pattern after a Gaussian blur, resized to a focal length in pixels, and its intrinsics
+    [3][3]."""
     size = focal_px / view.projector_K[0, 0]
     blurred = gaussian_filter(np.asarray(view.pattern, dtype=np.float64), sigma_rad * view.projector_K[0, 0])
     pattern = zoom(blurred, size, order=1)
@@ -114,8 +115,8 @@ def blurred_pattern(view: View, sigma_rad: float, focal_px: float) -> tuple[np.n
 def pixels_of(
     beam: np.ndarray, K: np.ndarray, shape: tuple[int, ...], margin_px: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(row, column, whether there is one) where directions [...][3] of a unit's frame meet an image plane of this shape
-    [rows, columns]. margin_px: rows and columns of it before the pattern's first."""
+    """Returns (row, column, whether inside) where directions [...][3] in a unit's frame meet an image plane of shape
+    [rows, columns]. margin_px: rows and columns of the plane before the pattern's first."""
     z = np.where(beam[..., 2] > 0.05, beam[..., 2], np.inf)
     column = np.rint(K[0, 0] * beam[..., 0] / z + K[0, 2] + margin_px[1]).astype(int)
     row = np.rint(K[1, 1] * beam[..., 1] / z + K[1, 2] + margin_px[0]).astype(int)
@@ -124,7 +125,8 @@ def pixels_of(
 
 
 class PlaneMatch:
-    """The pattern at one sharpness, on a plane about twice its size. Poses are (x, y, z, azimuth, elevation, roll)."""
+    """Matches the pattern at one sharpness near a pose, on an image plane about twice its size. Poses are (x, y, z,
+    azimuth, elevation, roll), metres and radians."""
 
     def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
         pattern, self._K = blurred_pattern(view, sigma_rad, focal_px)
@@ -134,7 +136,7 @@ class PlaneMatch:
         self._of_pattern, self._of_square = (np.conj(fft.rfft2(x)) for x in (plane, plane**2))
 
     def best(self, seen: SeenPoints, pose: np.ndarray) -> tuple[float, float, np.ndarray]:
-        """(fall of chi2, intensity, pose) at the best pan and tilt near a pose."""
+        """Returns (fall of chi2, intensity, pose) at the best pan and tilt near a pose."""
         way, lit = seen.lit_from(pose[:3])
         turn = axes(*pose[3:])
         height, width = self._shape
@@ -157,7 +159,8 @@ class PlaneMatch:
         return fft.irfft2(fft.rfft2(plane) * conjugate, self._shape)
 
     def polished(self, seen: SeenPoints, pose: np.ndarray, size: float) -> np.ndarray:
-        """The pose from which place (a simplex of so many metres) and roll gain most, pan and tilt being the best."""
+        """Returns the pose whose place and roll give the largest fall of chi2, at the best pan and tilt. size: edge of
+        the first simplex, metres and radians."""
         towards = pose[3:5]
 
         def loss(x: np.ndarray) -> float:
@@ -169,18 +172,19 @@ class PlaneMatch:
         return self.best(seen, np.array([*found[:3], *towards, found[3]]))[2]
 
 
-# Rows from straight down to the highest direction that a tilt below sees.
+# Columns cover all azimuths. Rows go from straight down to the highest direction that the highest tilt sees.
 _COLUMNS, _ROWS = 384, 160
 _STEP_RAD = 2 * np.pi / _COLUMNS
-# Waves around the circle: dots of 0.8 degrees have no finer ones; the norm varies as the pattern's outline does.
+# Fourier waves around the circle. Dots of 0.8 degrees have no finer ones; the norm varies with the pattern's outline.
 _WAVES, _WAVES_OF_NORM, _COLUMNS_OF_NORM = 150, 24, 64
-# Tilts of a unit that stands, from nearly straight down to well above the horizon, as far apart as its dots are wide.
+# Tilts of a standing unit, from nearly straight down to well above the horizon; the step is a dot's width.
 _TILTS_RAD = np.arange(-1.4, 0.4, 0.025)
 _REACH_RAD, _AT_ONCE = 1.6, 32
 
 
 class SphereMatch:
-    """The pattern at one sharpness, drawn at all tilts. Units stand level: their roll is 0."""
+    """Matches the pattern at one sharpness from given places, at all pans and tilts. Units stand level: their roll is
+    0."""
 
     def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
         pattern, K = blurred_pattern(view, sigma_rad, focal_px)
@@ -199,7 +203,8 @@ class SphereMatch:
         )
 
     def best(self, seen: SeenPoints, places: np.ndarray) -> list[tuple[float, np.ndarray]]:
-        """(fall of chi2, pose (x, y, z, azimuth, elevation, roll)) at the best pan and tilt of each place [n][3]."""
+        """Returns (fall of chi2, pose) at the best pan and tilt of each place [n][3]. Poses are (x, y, z, azimuth,
+        elevation, roll)."""
         found: list[tuple[float, np.ndarray]] = []
         seen, places = seen.in_single(), places.astype(np.float32)
         for first in range(0, len(places), _AT_ONCE):
@@ -218,14 +223,15 @@ class SphereMatch:
 
 
 def _drawn(pattern: np.ndarray, K: np.ndarray, beam: np.ndarray) -> np.ndarray:
-    """The pattern in directions of a unit's frame; 0 beside it."""
+    """Returns the pattern's values in directions [...][3] of a unit's frame; 0 beside the pattern."""
     height, width = pattern.shape
     row, column, inside = pixels_of(beam, K, pattern.shape)
     return np.where(inside, pattern[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
 
 
 def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
-    """[2][row][column]: gradient by, and curvature of chi2 in, what is sent that way from a place."""
+    """Returns [2][row][column]: gradient and curvature of chi2 by the light that a source at a place sends in each
+    direction (elevation, azimuth)."""
     way, lit = seen.lit_from(place)
     left = seen.beyond_even(lit)
     column = np.floor(np.arctan2(way[:, 0], way[:, 2]) / _STEP_RAD).astype(int) % _COLUMNS
@@ -238,7 +244,8 @@ def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
 
 
 def _correlated(gathered: np.ndarray, conjugate: np.ndarray, columns: int) -> np.ndarray:
-    """[place][tilt][column]: sums over rows and azimuths of what was gathered times what was drawn."""
+    """Returns [place][tilt][column]: sums over rows and azimuths of gathered times drawn values. gathered:
+    [place][row][column]; conjugate: the drawn pattern's spectrum [wave][row][tilt]."""
     waves = len(conjugate)
     of_gathered = np.ascontiguousarray(fft.rfft(gathered, axis=2)[..., :waves].transpose(2, 0, 1))
     spectrum = (of_gathered @ conjugate).transpose(1, 2, 0)

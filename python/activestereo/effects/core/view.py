@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A View holds what an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its
-own. Counter-based streams by seed and name give every part that asks the same numbers."""
+"""A View holds all that an effect may know of one image: camera, rig, geometry, frame settings, and random numbers.
+Seed and name determine a random stream, so every caller gets the same numbers."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from activestereo.common.lens import distort, is_distorting, undistort
 
 
 def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generator:
-    """A numpy Generator of its own for each seed, name and salt."""
+    """Returns the numpy Generator that seed, name and salt determine."""
     digest = hashlib.sha256(f"{seed} {name} ".encode() + salt).digest()
     return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
 
 
 def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: Callable[[], Any]) -> Any:
-    """make(), computed the first time that these pixels are asked for. known: what was made so far, is extended."""
+    """Returns make(), computed the first time that the pixels `pick` are asked for. known: pairs (pick, value) of
+    earlier calls; it is extended."""
     for before, value in known:
         if before is pick or np.array_equal(before, pick):
             return value
@@ -39,8 +40,8 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RenderedSurfaces(Protocol):
-    """The parts of rendered images that a View takes (compare/layers.py), each [height][width]; normal
-    [height][width][3]. They may also have `ambient_direct`."""
+    """The rendered images of surfaces that a View takes (compare/layers.py), each [height][width]; normal
+    [height][width][3], world. They may also have `ambient_direct`."""
 
     @property
     def depth_m(self) -> np.ndarray: ...
@@ -57,14 +58,13 @@ class RenderedSurfaces(Protocol):
 
 @dataclass(frozen=True)
 class View:
-    """One camera of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
-    camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
-    activestereo/common/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient
-    light that comes over other surfaces, or None where it is not known; known: where the scene is known, bool, None:
-    everywhere. binning: over how many pixels, along rows and columns, its
-    images are averaged. before: what a disparity or depth effect that remembers gave for the frame before, None at the
-    start of a stream. Disparity and depth effects get the left camera's view.
-    """
+    """One camera of one frame. Arrays are [height][width]. K: intrinsics [3][3]. depth_m: z, 0 = nothing there. normal:
+    [height][width][3], unit, camera coordinates. pattern: relative radiant intensity 0..1. a_to_b: maps coordinates in
+    a to those in b. distortion: of the nominal camera, see activestereo/common/lens.py. material: index in the scene
+    file, or None. ambient_bounced: the share of ambient light that comes over other surfaces, or None = unknown. known:
+    bool, where the scene is known; None = everywhere. binning: images average binning x binning pixels. before: the
+    result that an effect with memory gave for the frame before; None at the start of a stream. Effects on disparity and
+    depth get the left camera's view."""
 
     side: str
     K: np.ndarray
@@ -123,7 +123,7 @@ class View:
 
     @property
     def warming_k(self) -> float:
-        """Kelvin above the reference temperature; 0 where the temperature is not known."""
+        """Returns kelvins above the reference temperature of 25 C; 0 where the temperature is not known."""
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
     @computed_once
@@ -131,8 +131,8 @@ class View:
         return {}
 
     def once(self, name: Hashable, make: Callable[[], Any]) -> Any:
-        """make(), computed the first time that this view is asked for `name`: fits look at one view hundreds of times.
-        """
+        """Returns make(), computed the first time that this view is asked for `name`. Fits use one view hundreds of
+        times."""
         known = self._memory()
         if name not in known:
             known[name] = make()
@@ -141,8 +141,8 @@ class View:
     def latest(
         self, name: Hashable, light: Any, make: Callable[[], Any], choice: Hashable = None, most: int = 1
     ) -> Any:
-        """make(), remembered for the latest `most` choices under the same light: fits change one parameter at a time.
-        """
+        """Returns make(), remembered for the latest `most` values of `choice` under the same light. Fits change one
+        parameter at a time."""
         known = self._memory().get(name, ())
         for seen_light, seen_choice, value in known:
             if seen_light is light and seen_choice == choice:
@@ -155,27 +155,28 @@ class View:
         return value
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
-        """(u, v) of every pixel's centre, float64 [height][width] each."""
+        """Returns (u, v) of every pixel's centre, float64 [height][width] each."""
         return _pixels(self.shape)
 
     def rays(self, u: np.ndarray | None = None, v: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(x, y) with z = 1 through pixels (all of them by default) of the nominal camera, its lens included."""
+        """Returns (x, y) of directions (x, y, 1) through pixels (u, v), by default all, of the nominal camera and its
+        lens."""
         if u is None or v is None:
             return self.once("rays", lambda: _read_only(*self.rays(*self.pixels())))
         return _rays(u, v, self.K, self.distortion)
 
     def to_pixels(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(u, v) at which the nominal camera draws the direction (x, y, 1)."""
+        """Returns (u, v) at which the nominal camera draws the direction (x, y, 1)."""
         return _to_pixels(x, y, self.K, self.distortion)
 
     def drawn_by(self, K: np.ndarray, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """(u, v) at which the nominal camera draws what each pixel of a camera of intrinsics K and this distortion
-        shows; computed once for all views of the same camera."""
+        """Returns (u, v) at which the nominal camera draws the direction of each pixel of another camera. K,
+        distortion: that camera's. It is computed once for all views of the same cameras."""
         own, other = (tuple(k.ravel().tolist()) for k in (self.K, K))
         return _drawn_by(self.shape, own, self.distortion, other, distortion)
 
     def field(self) -> tuple[np.ndarray, np.ndarray]:
-        """(fx, fy): position in the image, -1..1 from border to border, 0 at its middle."""
+        """Returns (fx, fy): each pixel's position in the image, -1..1 from border to border, 0 at its middle."""
         height, width = self.shape
         u, v = self.pixels()
         return 2 * u / (width - 1) - 1, 2 * v / (height - 1) - 1
@@ -183,7 +184,8 @@ class View:
     def points(
         self, depth_m: np.ndarray | None = None, u: np.ndarray | None = None, v: np.ndarray | None = None
     ) -> np.ndarray:
-        """Camera coordinates [..., 3] of what the pixels see."""
+        """Returns camera coordinates [..., 3] of the surface points that pixels see. depth_m, or pixels (u, v), replace
+        the view's own."""
         if depth_m is None and u is None:
             return self.once("points", lambda: _read_only(self.points(self.depth_m))[0])
         x, y = self.rays(u, v)
@@ -191,17 +193,17 @@ class View:
         return np.stack([x * z, y * z, z], axis=-1)
 
     def projector_points(self) -> np.ndarray:
-        """Projector coordinates [height][width][3] of what the pixels see."""
+        """Returns projector coordinates [height][width][3] of the surface points that the pixels see."""
         return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
     def at(self, pick: np.ndarray) -> PickedView:
-        """The view of the pixels at flat indices, as an image [1][n] of its own."""
+        """Returns the view of the pixels at flat indices, as an image [1][n]."""
         known = self.once("picked", list)
         some: PickedView = once_of_picked(known, pick, lambda: PickedView.of_pixels(self, pick))
         return some
 
     def rng(self, name: str, per: str = "sensor") -> np.random.Generator:
-        """A numpy Generator of this view for one effect. per: 'sensor' (one per camera), 'pose' (the same while the rig
+        """Returns a numpy Generator for one effect. per: 'sensor' (one per camera), 'pose' (the same while the rig
         stands still), 'frame', or 'rig' (one for both cameras)."""
         salt = {
             "rig": b"",
@@ -214,7 +216,7 @@ class View:
 
 @dataclass(frozen=True)
 class PickedView(View):
-    """Some pixels of a whole View, at flat indices `pick`: what its effects may ask of single pixels."""
+    """Some pixels of a whole View, at flat indices `pick`, as an image [1][n] for effects that are pointwise."""
 
     whole: View | None = None
     pick: np.ndarray | None = None
@@ -269,7 +271,7 @@ def _drawn_by(
     other_k: tuple[float, ...],
     other: tuple[float, ...],
 ) -> tuple[np.ndarray, np.ndarray]:
-    # Behind one lens, what both draw differs by their intrinsics alone.
+    # Cameras with the same lens differ by their intrinsics alone.
     own, lens = ((), ()) if nominal == other else (nominal, other)
     u, v = _to_pixels(*_rays(*_pixels(shape), np.reshape(other_k, (3, 3)), lens), np.reshape(k, (3, 3)), own)
     _read_only(u, v)
@@ -290,5 +292,5 @@ def _read_only(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def transform(a_to_b: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points [..., 3] from a to b."""
+    """Returns points [..., 3] in frame b from those in frame a. a_to_b: [4][4]."""
     return points @ a_to_b[:3, :3].T + a_to_b[:3, 3]

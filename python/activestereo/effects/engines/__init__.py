@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The engines under a model: what effects make of kuafu's and simsense's inputs, and images that the engines then give.
+"""Applies effects to the inputs of kuafu and simsense, and renders a capture's images under them.
 
 renderer = CaptureRenderer(read_capture("captures/table"))
 images = renderer.expected(model, nuisances)          # {(frame id, side): DN}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""EngineInputs of a capture's frame: its calibration, pose and settings, before any effect."""
+"""Makes the EngineInputs of a capture's frame from its calibration, pose and settings, before any effect."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from activestereo.common.pose import carried_twist
 from activestereo.effects.core.engine import EngineCamera, EngineInputs
 from activestereo.effects.core.moved import frame_signal
 
-# Media reach so far beyond scene and rig.
+# The box of a medium extends beyond scene and rig by this margin.
 _MARGIN_M = 0.05
 
 
 def capture_inputs(
     capture: Capture, frame: Frame, scene: kuafu.Scene, pattern: NDArray[np.float32], seed: int = 0
 ) -> EngineInputs:
-    """Projector at 1 W/sr under ambient radiance 1; counts per second and gain are left to the nuisances. A moving
-    frame stands still until an effect opens its shutter."""
+    """Returns the engines' inputs for a frame, with the projector at 1 W/sr and ambient radiance 1. Nuisances (DN per
+    second and gain, found by a fit) scale the images later. A moving frame stands still until an effect opens its
+    shutter."""
     rig = capture.rig
     summary = scene.summary
     return EngineInputs(
@@ -75,7 +76,7 @@ def _projector(capture: Capture, frame: Frame) -> kuafu.Light:
 
 
 def _bounds(capture: Capture, summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """A box around the scene and every pose of the rig."""
+    """Returns the lower and upper corner of a box around the scene and every pose of the rig, world, metres."""
     corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
     points = np.array([*corners, *(f.camera_to_world[:3, 3] for f in capture.frames)])
     return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)

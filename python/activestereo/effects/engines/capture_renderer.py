@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders a capture's frames with the engines under a model: every effect that has engine fields acts inside of kuafu
-and simsense."""
+"""Renders a capture's frames under a model: its effects with an engine function act inside of the engines."""
 
 from __future__ import annotations
 
@@ -33,17 +32,17 @@ from activestereo.effects.engines.world import (
     world_key,
 )
 
-# Lights that effects add have a group of their own: the room's light is scaled, theirs is not.
+# Lights that effects add have a light group of their own, since only the room's light is scaled.
 _ADDED_GROUP = 1
-# So many renders are remembered.
+# The number of renders that are remembered.
 _KEPT = 3
 
 
 @dataclass(frozen=True)
 class CameraLight:
-    """One camera of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1
-    (direct, indirect) and under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world;
-    material: id."""
+    """The light of one camera in one frame behind its optics, float32 [height][width]. direct, indirect: radiance under
+    projector power 1; ambient: under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3],
+    world; material: id."""
 
     direct: NDArray[np.float32]
     indirect: NDArray[np.float32]
@@ -59,18 +58,19 @@ class CameraLight:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """One pose under one set of inputs, and the frames that share its images; each has its own powers."""
+    """One pose with its engine inputs, and the frames that share its images. Each frame comes with its own inputs,
+    whose powers may differ."""
 
     inputs: EngineInputs
     frames: list[tuple[Frame, EngineInputs]]
 
 
 class CaptureRenderer:
-    """A capture's scene in kuafu. lights() and expected() leave it as they found it.
+    """Renders a capture's scene in kuafu. lights() and expected() leave the scene as they found it.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered,
-    see effects/engines/smooth.py. Every call has the same seed, and frames the same places in the batch: images of two
-    models differ by what the models differ in, not by noise.
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filters bounced and ambient light on matt surfaces, see
+    effects/engines/smooth.py. Every call has the same seed, and frames have the same places in the batch. Images of two
+    models therefore differ by the models alone, not by noise.
     """
 
     def __init__(
@@ -94,8 +94,8 @@ class CaptureRenderer:
         return self._world.device
 
     def inputs(self, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None) -> EngineInputs:
-        """The engines' inputs for a frame: calibration and settings, the scene measurement's corrections, then the
-        model's effects but for those that draw numbers, which have no part in an expected image."""
+        """Returns the engines' inputs for a frame: calibration and settings, the scene measurement's corrections, then
+        the model's deterministic effects. Random effects have no part in an expected image."""
         inputs = capture_inputs(self.capture, frame, self._world.scene, self._pattern, self.seed)
         if scene_measurement is not None:
             scene_measurement.apply(inputs)
@@ -111,9 +111,9 @@ class CaptureRenderer:
         progress: Callable[[float], object] | None = None,
         half: int | None = None,
     ) -> dict[ImageKey, CameraLight]:
-        """{(frame id, side): CameraLight} of the frames, all by default. Frames that differ in exposure, power or gain
-        alone share their images; all poses of one world are one render. half: 0 or 1, one of two independent halves of
-        the samples (smooth.py)."""
+        """Returns {(frame id, side): CameraLight} of the frames, all by default. Frames that differ in exposure, power
+        or gain alone share their images. All poses with the same materials and medium are one render. half: 0 or 1, one
+        of two independent halves of the samples (smooth.py)."""
         jobs: dict[tuple, _Job] = {}
         for frame in self.capture.frames if frames is None else frames:
             inputs = self.inputs(frame, model, scene_measurement)
@@ -139,8 +139,8 @@ class CaptureRenderer:
         scene_measurement: SceneMeasurement | None = None,
         half: int | None = None,
     ) -> str:
-        """Hash of all that decides lights(), but for the scene's files and the engine's version: equal in every
-        process."""
+        """Returns a hash of all that decides lights(), but for the scene's files and the engine's version. It is equal
+        in every process."""
         inputs = [self.inputs(f, model, scene_measurement) for f in (self.capture.frames if frames is None else frames)]
         powers = [(i.frame.id, i.projector and i.projector.ir_intensity) for i in inputs]
         smooth = self._smooth and SMOOTH_VERSION
@@ -150,7 +150,8 @@ class CaptureRenderer:
     def expected(
         self, model: Model, nuisances: Scales, scene_measurement: SceneMeasurement | None = None
     ) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, side): expected DN [height][width]}."""
+        """Returns {(frame id, side): expected DN [height][width]} of all frames. Effects on light without an engine
+        function are left out."""
         frames, out = {frame.id: frame for frame in self.capture.frames}, {}
         for (number, side), light in self.lights(model, None, scene_measurement).items():
             view = View.of(self.capture, frames[number], side, light, self.seed)
@@ -162,7 +163,8 @@ class CaptureRenderer:
     def _images(
         self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """[job][side]: images by name; remembered, so that what changes no ray traces none."""
+        """Returns {output: image} of each job and side, [job][side]. The last few renders are remembered, so that
+        changes which move no ray trace none."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
         with self._world.alone() as scene:
             if key not in self._kept:
@@ -177,7 +179,7 @@ class CaptureRenderer:
     ) -> list[list[dict[str, NDArray]]]:
         images = self._render(jobs, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
-            # Projectors' light has one pair of outputs; that of further units belongs to the room's.
+            # All projectors share one pair of outputs, so a second render gives the further ones, which light the room.
             others = self._render(jobs, LIGHT[:2], own=False, progress=None, half=half)
             images["added"] = images["added"] + others["projector_direct"]
             images["added_indirect"] = others["projector_indirect"]
@@ -192,8 +194,8 @@ class CaptureRenderer:
         progress: Callable[[float], object] | None,
         half: int | None,
     ) -> dict[str, NDArray]:
-        """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further
-        projectors alone."""
+        """Renders all jobs at once and returns {output: [camera][height][width][channels]}. own: the lights are the
+        rig's projector at 1 W/sr and lamps; otherwise they are the further projectors alone."""
         lights: list[tuple[kuafu.Light, NDArray | None]] = []
         has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
         group = (f"light_group_{_ADDED_GROUP}",) if has_lamps else ()
@@ -223,12 +225,14 @@ class CaptureRenderer:
 
 
 def _moments(jobs: list[_Job]) -> list[tuple[_Job, float]]:
-    """(job, seconds after its time) of every environment: cameras that open together share one."""
+    """Returns (job, seconds after the job's time) for every environment, which is the set of lights of one moment.
+    Cameras of a job that open together share one."""
     return [(job, delay_s) for job in jobs for delay_s in dict.fromkeys(side.delay_s for side in job.inputs.sides)]
 
 
 def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
-    """Copies of the lights of one pass, those of the rig where they are by then."""
+    """Returns copies of the lights of one pass, see _render. Lights on the rig are moved to their pose delay_s seconds
+    later."""
     on_rig = [*([_unit(inputs.projector)] if own and inputs.projector is not None else []), *inputs.rig_lights]
     lights = [copy_light(light, delay_s) for light in on_rig] + [copy_light(light) for light in inputs.lights]
     first = 1 if own and inputs.projector is not None else 0
@@ -236,14 +240,15 @@ def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light
 
 
 def _unit(projector: kuafu.Light) -> kuafu.Light:
-    """The projector at 1 W/sr: its power scales the image afterwards."""
+    """Returns a copy of the projector at 1 W/sr: its power scales the image afterwards."""
     unit = copy_record(projector)
     unit.ir_intensity = 1.0
     return unit
 
 
 def _job_key(inputs: EngineInputs) -> tuple:
-    """The key of everything that decides the images of one pose; powers scale them and do not count."""
+    """Returns a key of everything that decides the images of one pose. Powers do not count, since they scale the images
+    afterwards."""
     sides = tuple((record_key(side.camera), record_key(side.optics), side.delay_s) for side in inputs.sides)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
     pattern = hashlib.sha256(b"" if inputs.pattern is None else inputs.pattern.tobytes())
@@ -251,7 +256,7 @@ def _job_key(inputs: EngineInputs) -> tuple:
 
 
 def _side_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
-    """A rendered view under a frame's own powers."""
+    """Returns the CameraLight of a rendered view under the powers of a frame's inputs."""
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
     ambient = view["ambient"] + view["added"] + view["added_indirect"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])

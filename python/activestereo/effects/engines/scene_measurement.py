@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fit's findings of calibration and scene beside the effects: focal lengths and albedos."""
+"""Corrects calibration and scene by values that a fit finds beside the effects: focal lengths, albedos, material
+fields."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field
 import kuafu
 from activestereo.effects.core.engine import EngineInputs
 
-# Textures that a measured value takes the place of.
+# The texture that a measured value replaces.
 _TEXTURES = {
     "roughness": "metallic_roughness_texture",
     "metallic": "metallic_roughness_texture",
@@ -20,7 +21,7 @@ _TEXTURES = {
 
 
 def set_surface(material: kuafu.Material, values: Mapping[str, float]) -> None:
-    """Measured fields in place of a material's own, their textures included."""
+    """Sets measured fields of a material, {name: value}, and removes the textures that they replace."""
     for name, value in values.items():
         setattr(material, name, value)
         setattr(material, _TEXTURES[name], None)
@@ -30,15 +31,15 @@ def set_surface(material: kuafu.Material, values: Mapping[str, float]) -> None:
 
 @dataclass(frozen=True)
 class SceneMeasurement:
-    """focal: relative change of the left and the right focal length. albedo: {material id: factor on its infrared
-    albedo}. surfaces: {material id: {field of kuafu's Material: value in place of the scene's}}."""
+    """Corrections of calibration and scene. focal: relative change of the left and the right focal length. albedo:
+    {material id: factor on its infrared albedo}. surfaces: {material id: {field of kuafu's Material: new value}}."""
 
     focal: tuple[float, float] = (0.0, 0.0)
     albedo: dict[int, float] = field(default_factory=dict)
     surfaces: dict[int, dict[str, float]] = field(default_factory=dict)
 
     def apply(self, inputs: EngineInputs) -> None:
-        """Corrects the calibration's focal lengths and the scene's albedos."""
+        """Corrects the focal lengths, material fields and albedos of the inputs in place."""
         for side, change in zip(inputs.sides, self.focal, strict=True):
             if change:
                 side.scale_focal(1.0 + change)

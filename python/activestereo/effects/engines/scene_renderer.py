@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene file in kuafu and images of its light, infrared band: the one renderer of captures. The base model's layers
-(compare/kuafu_renderer.py) and the images under a model (capture_renderer.py) are both its images."""
+"""Loads a scene file into kuafu and renders images of its light in the infrared band. It is the one renderer of
+captures: the base model's layers (compare/kuafu_renderer.py) and the images under a model (capture_renderer.py) come
+from it."""
 
 from __future__ import annotations
 
@@ -29,10 +30,11 @@ GEOMETRY = ("depth", "normal", "position", "material_id")
 
 
 class SceneRenderer:
-    """Its scene has ambient light 1 from all sides, or the room's own, and no other.
+    """Renders a scene file whose ambient light is 1 from all sides, or the room's measured light; it has no other
+    light.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered,
-    see smooth.py. Raises kuafu.NoDeviceError or kuafu.FileError.
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filters bounced and ambient light on matt surfaces, see
+    smooth.py. Raises kuafu.NoDeviceError or kuafu.FileError.
     """
 
     def __init__(self, scene_path: Path, device: str | int | kuafu.Device = "auto", smooth: bool = True) -> None:
@@ -50,17 +52,18 @@ class SceneRenderer:
 
     @property
     def has_room_light(self) -> bool:
-        """Whether ambient light was measured on each surface (room_light.py)."""
+        """Returns whether the file's ambient light was measured on each surface (room_light.py)."""
         return self._room is not None
 
     def room_light(self, cameras: Sequence[kuafu.Camera], samples_per_pixel: int, **options: Any) -> NDArray:
-        """The measured ambient light of a scene with has_room_light, [camera][height][width][1]."""
+        """Returns the measured ambient light of a scene with has_room_light, [camera][height][width][1]."""
         assert self._room is not None
         return self._room.images(self._renderer, cameras, samples_per_pixel, **options)
 
     @contextmanager
     def alone(self) -> Iterator[kuafu.Scene]:
-        """The scene, for one thread at a time. After an error, what could not be taken back goes with the old scene."""
+        """Gives the scene to one thread at a time. After an error the next call loads a new scene, since changes may be
+        left in the old one."""
         with self._one_at_a_time:
             if self._is_changed:
                 self._load()
@@ -70,7 +73,7 @@ class SceneRenderer:
 
     @contextmanager
     def lit(self, lights: Iterable[tuple[kuafu.Light, NDArray | None]]) -> Iterator[None]:
-        """The scene under further lights, each with its projector's pattern or None."""
+        """Adds lights to the scene while the context lasts; each comes with its projector's pattern or None."""
         numbers: list[int] = []
         textures: dict[bytes, int] = {}
         try:
@@ -99,12 +102,12 @@ class SceneRenderer:
         environments: Sequence[int] | None = None,
         **options: Any,
     ) -> dict[str, NDArray]:
-        """{output: [camera][height][width][channels]}. keeps_surfaces: whether surfaces are matt where a room has its
-        own light, as the file has them. options: as of kuafu.Renderer.render()."""
+        """Renders {output: [camera][height][width][channels]}. keeps_surfaces: whether the surfaces reflect as in the
+        file, where a room with measured light has matt ones alone. options: as of kuafu.Renderer.render()."""
         images: dict[str, NDArray] = {}
         passes = [(tuple(outputs), max_bounces, samples_per_pixel)]
         if self._room is not None and keeps_surfaces and max_bounces > 0:
-            # The projector's light alone is bounced, and by matt surfaces: it takes few samples.
+            # Bounced light is the projector's alone, by matt surfaces, so a few samples are enough.
             bounced = tuple(name for name in outputs if name in LIGHT[1:])
             few = max(1, round(BOUNCED_SHARE * samples_per_pixel))
             first = tuple(name for name in outputs if name not in bounced)
@@ -122,7 +125,8 @@ class SceneRenderer:
         return images
 
     def views(self, images: Mapping[str, NDArray], cameras: Sequence[kuafu.Camera]) -> list[dict[str, NDArray]]:
-        """[camera]: {output: [height][width][channels]}, smoothed."""
+        """Splits rendered images by camera: returns {output: [height][width][channels]} each, filtered if the renderer
+        smooths."""
         views = [{name: image[k] for name, image in images.items()} for k in range(len(cameras))]
         if not self._smooth:
             return views
@@ -132,13 +136,15 @@ class SceneRenderer:
 
 
 def engine_version(device: kuafu.Device) -> str:
-    """Changes with the library's code and the device: pixels are the same bits on one device only."""
+    """Returns a text that changes with the library's code and the device: pixels are the same bits on one
+    device only."""
     return f"kuafu {kuafu.__version__} {_library_digest()} on {device.info.name}"
 
 
 @cache
 def _library_digest() -> str:
-    """Short content hash of the loaded libkuafu, so that no cached picture outlives the code that made it."""
+    """Returns a short hash of the loaded libkuafu's content, so that no cached picture outlives the code that
+    made it."""
     maps = Path("/proc/self/maps").read_text(encoding="utf-8").split("\n")
     paths = sorted({line.split(maxsplit=5)[5] for line in maps if "/libkuafu.so" in line})
     return hashlib.sha256(b"".join(Path(path).read_bytes() for path in paths)).hexdigest()[:12]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The renderer's noise in bounced and ambient light: two independent halves of the samples show it, an edge-avoiding
-a-trous wavelet filter takes it out (Dammertz et al. 2010, HPG).
+"""Filters the renderer's noise out of bounced and ambient light by an edge-avoiding a-trous wavelet filter (Dammertz et
+al. 2010, HPG). Two independent halves of the samples show the noise.
 
 Such light is smooth along a diffuse surface, so a pixel may learn from neighbours of the same material that lie in its
-tangent plane. The weights look at geometry alone, never at the noisy light, so the filter is linear in it; its mean
+tangent plane. The weights depend on geometry alone, never on the noisy light, so the filter is linear in it. Its mean
 stays within a per cent (measured). Direct light has edges of its own, shadows of lamps and dots of further projectors:
 it is never filtered."""
 
@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 import kuafu
 
-# Changes whenever the filter does.
+# Part of cache keys: increase it whenever the filter changes.
 SMOOTH_VERSION = 6
 
 # Cubic B-spline, 5 taps.
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
-# A level doubles the reach; so many make about this angle, whatever the resolution.
+# The filter reaches about this angle at any resolution; each level doubles its reach.
 _REACH_RAD = 0.02
 # Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle:
 # cosine^24.
@@ -30,7 +30,7 @@ _PLANE_SHARE = 0.006
 
 
 class Surfaces(NamedTuple):
-    """Surfaces that the samples of a view see, [height][width]; vectors [3][height][width] in one frame."""
+    """Geometry of the surfaces that a view's samples see, [height][width]; vectors [3][height][width] in one frame."""
 
     depth_m: np.ndarray
     normal: np.ndarray
@@ -39,20 +39,21 @@ class Surfaces(NamedTuple):
 
     @classmethod
     def of(cls, depth_m: np.ndarray, normal: np.ndarray, points: np.ndarray, material: np.ndarray) -> Surfaces:
-        """From vectors [height][width][3]."""
+        """Returns Surfaces of vectors [height][width][3]."""
         normals, places = (
             np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype=np.float32) for vectors in (normal, points)
         )
         return cls(np.asarray(depth_m, dtype=np.float32), normals, places, np.asarray(material))
 
     def at(self, place: Any) -> Surfaces:
-        """The surfaces at an index of rows and columns."""
+        """Returns the surfaces at an index of rows and columns."""
         index = (..., *place)
         return Surfaces(self.depth_m[index], self.normal[index], self.points[index], self.material[index])
 
 
 def smooth_bounced(image: np.ndarray, surfaces: Surfaces, focal_px: float) -> np.ndarray:
-    """image [..., height, width], filtered where something is hit. focal_px: the camera's, in samples of the image."""
+    """Returns the image [..., height, width], filtered where a surface is hit. focal_px: the focal length in samples of
+    the image."""
     levels = max(1, round(np.log2(focal_px * _REACH_RAD)))
     out = np.asarray(image, dtype=np.float32)
     for level in range(levels):
@@ -75,7 +76,8 @@ def _filter(image: np.ndarray, surfaces: Surfaces, step: int) -> np.ndarray:
 
 
 def alike(here: Surfaces, there: Surfaces) -> np.ndarray:
-    """1 for samples there of the surface here, towards 0 for those of another."""
+    """Returns weights of samples: 1 where `there` is of the same surface as `here`, towards 0 where it is of
+    another."""
     cosine = np.maximum(_dot(here.normal, there.normal), np.float32(1e-6))
     eighth = cosine * cosine
     eighth *= eighth
@@ -89,7 +91,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
-    """Slices of the samples that have a neighbour at (down, right), and of those neighbours."""
+    """Returns slices of the samples that have a neighbour at (down, right), and slices of those neighbours."""
 
     def axis(size: int, shift: int) -> tuple[slice, slice]:
         return slice(max(0, -shift), size - max(0, shift)), slice(max(0, shift), size - max(0, -shift))
@@ -102,20 +104,20 @@ def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
 _MATT_ROUGHNESS = 0.5
 _NOTHING_HIT = 0xFFFFFFFF
 _EVEN = ("ambient", "ambient_direct")
-# Below a surface that lets light wander, these hold the dots.
+# Under subsurface scattering these images hold the dots.
 _BOUNCED = ("projector_indirect", "added_indirect")
 
 
 def seen_surfaces(scene: kuafu.Scene, material: NDArray[np.uint32]) -> dict[int, kuafu.Material]:
-    """The scene's materials whose ids are in an image of any shape, by their id. A scene is one thread's at a time:
-    read them before images are smoothed in several threads."""
+    """Returns {id: material} of the scene's materials whose ids are in an image of any shape. Only one thread may read
+    a scene, so call this before several threads filter images."""
     return {int(m): scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
 
 
 def smooth_view(
     view: dict[str, NDArray], camera: kuafu.Camera, surfaces: Mapping[int, kuafu.Material]
 ) -> dict[str, NDArray]:
-    """A view's images [height][width][channels] with its bounced and ambient light smoothed on matt surfaces."""
+    """Returns a view's images [height][width][channels], with bounced and ambient light filtered on matt surfaces."""
     depth_m, material = view["depth"][..., 0], view["material_id"][..., 0]
     light = {name: view[name][..., 0] for name in (*_EVEN, *_BOUNCED) if name in view and view[name].any()}
     points = np.where(depth_m[..., None] > 0, view["position"], 0.0)
@@ -132,8 +134,8 @@ def smooth_light(
     focal_px: float,
     surfaces: Mapping[int, kuafu.Material],
 ) -> dict[str, NDArray]:
-    """Images [height][width] of bounced and ambient light, by their output's name, smoothed on matt surfaces. normal
-    and points [height][width][3] in one frame; material: ids; surfaces: at least those materials, by id."""
+    """Returns {output: image [height][width]} of bounced and ambient light, filtered on matt surfaces. normal, points:
+    [height][width][3] in one frame; material: ids; surfaces: {id: material}, at least of those ids."""
     is_matt = np.isin(material, [number for number, m in surfaces.items() if is_matt_surface(m)])
     if not light or not is_matt.any():
         return light
@@ -146,7 +148,7 @@ def smooth_light(
 
 
 def is_matt_surface(m: kuafu.Material) -> bool:
-    """Whether bounced and ambient light follow the surface alone: no mirror, no glass, no albedo texture."""
+    """Returns whether bounced and ambient light follow the surface alone: no mirror, no glass, no albedo texture."""
     roughness = m.roughness if m.ir_roughness is None else m.ir_roughness
     transmission = m.transmission if m.ir_transmission is None else m.ir_transmission
     plain = m.base_color_texture is None or m.ir_albedo is not None
@@ -154,15 +156,15 @@ def is_matt_surface(m: kuafu.Material) -> bool:
 
 
 HALVES = (0, 1)
-# The second half's random numbers have nothing in common with any first half's of a seed below this.
+# Seeds this far apart give independent random numbers to both halves.
 _SEEDS_APART = 1 << 32
 
 
 def half_samples(samples_per_pixel: int) -> int:
-    """Samples per pixel of each half."""
+    """Returns the samples per pixel of each of the two halves."""
     return max(1, (samples_per_pixel + 1) // 2)
 
 
 def half_seeds(seed: int) -> tuple[int, int]:
-    """The seeds of both halves."""
+    """Returns the seeds of both halves; their random numbers are independent."""
     return seed, seed + _SEEDS_APART

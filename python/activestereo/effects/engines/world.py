@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of the world itself by effects: materials, the medium, ambient light. Put into a kuafu scene, and taken
-back."""
+"""Puts effects' changes of the world (materials, the medium) into a kuafu scene, and takes them back."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from activestereo.effects.core.engine import EngineInputs, moved_pose
 
 
 def record_key(record: Any) -> tuple:
-    """The values of all fields of one of kuafu's records: equal keys mean equal records."""
+    """Returns (name, value) of all fields of one of kuafu's records, () for None. Equal keys mean equal records."""
     if record is None:
         return ()
     names = [n for n, value in vars(type(record)).items() if isinstance(value, property)]
@@ -27,14 +26,15 @@ def record_key(record: Any) -> tuple:
 
 
 def copy_record(record: Any) -> Any:
-    """Another record with the same fields; not for cameras, which are made with arguments."""
+    """Returns a copy of one of kuafu's records, field by field. Cameras need copy_camera: their constructor takes
+    arguments."""
     return type(record)(
         **{n: getattr(record, n) for n, value in vars(type(record)).items() if isinstance(value, property)}
     )
 
 
 def copy_camera(camera: kuafu.Camera, delay_s: float) -> kuafu.Camera:
-    """The camera where it is `delay_s` seconds after its time."""
+    """Returns a copy of the camera at its pose `delay_s` seconds after its time."""
     names = ("lens_model", "distortion", "lens_radius_m", "focus_m", "shutter", "readout", "exposure_s", "line_time_s")
     fields = {name: getattr(camera, name) for name in (*names, "linear_velocity", "angular_velocity")}
     pose = moved_pose(camera.camera_to_world, camera.linear_velocity, camera.angular_velocity, delay_s)
@@ -42,21 +42,20 @@ def copy_camera(camera: kuafu.Camera, delay_s: float) -> kuafu.Camera:
 
 
 def copy_light(light: kuafu.Light, delay_s: float = 0.0) -> kuafu.Light:
-    """The light where it is `delay_s` seconds after its time."""
+    """Returns a copy of the light at its pose `delay_s` seconds after its time."""
     later = copy_record(light)
     later.light_to_world = moved_pose(light.light_to_world, light.linear_velocity, light.angular_velocity, delay_s)
     return later
 
 
 def world_key(inputs: EngineInputs) -> tuple:
-    """The key of everything that all poses of one render share."""
+    """Returns a key of the materials and the medium, which all poses of one render share."""
     materials = tuple((number, record_key(m)) for number, m in sorted(inputs.materials.items()))
     return materials, record_key(inputs.medium)
 
 
 def keeps_surfaces(inputs: EngineInputs) -> bool:
-    """Whether the inputs leave the world as it is but for shares that surfaces reflect: no new gloss, glass, fog or
-    lamp."""
+    """Returns whether the inputs change nothing in the world but diffuse albedos: no new gloss, glass, fog or lamp."""
 
     def as_in_scene(number: int, material: kuafu.Material) -> kuafu.Material:
         own = inputs.scene_materials(number)
@@ -70,7 +69,7 @@ def keeps_surfaces(inputs: EngineInputs) -> bool:
 
 @contextmanager
 def changed_world(scene: kuafu.Scene, inputs: EngineInputs) -> Iterator[None]:
-    """The scene with the inputs' materials and medium, as it was before afterwards."""
+    """Gives the scene the inputs' materials and medium while the context lasts, and restores it afterwards."""
     before = {number: scene.get_material(number) for number in inputs.materials}
     try:
         enter_world(scene, inputs)
