@@ -2,8 +2,8 @@
 """simsense: stereo depth engine (imager noise, rectification, census, semi-global matching, checks, registration).
 
 Metres; camera x right, y down, z forward; depth is z, 0 = invalid; disparity in pixels, -1 = invalid; a 4x4 named
-a_to_b maps coordinates in a to coordinates in b. `Engine` is the whole engine; `DepthSensor` keeps the arguments of the
-published SimSense.
+a_to_b maps coordinates in a to coordinates in b. `Engine` gives access to all stages; `DepthSensor` keeps the arguments
+of the published SimSense; `StereoSGM` keeps those of cv2.StereoSGBM.
 
     engine = simsense.Engine(simsense.Device("host"), left, right, left_to_right, rectified=True, max_disparity=96)
     depth = engine.compute(left_image, right_image)["depth"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""DepthSensor with the arguments, defaults and ranges of the published SimSense, on this engine."""
+"""Provides DepthSensor, with the arguments, defaults and ranges of the published SimSense, on this engine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from ._simsense import FAULTS, Camera, Device, Engine
 
 
 class SettingError(ValueError, TypeError):
-    """A setting is out of its range. Both ValueError, which it is, and TypeError, which SimSense raises."""
+    """A setting is out of its range. It is a ValueError by its meaning, and a TypeError because SimSense raises
+    that."""
 
 
 def _require(condition: object, text: str) -> None:
@@ -73,26 +74,27 @@ def _penalties(p1: int, p2: int) -> dict[str, Any]:
 
 def _uniqueness(ratio: int) -> dict[str, Any]:
     _require(_is_int(ratio) and 0 <= ratio <= 255, f"uniqueness_ratio must be an integer in 0..255, not {ratio}")
-    return {"uniqueness_ratio": min(int(ratio), 100)}  # from 100 on nothing is unique enough
+    return {"uniqueness_ratio": min(int(ratio), 100)}  # at 100 and above no match is unique enough
 
 
 def _lr_max_diff(pixels: int) -> dict[str, Any]:
     _require(_is_int(pixels) and -1 <= pixels <= 255, f"lr_max_diff must be an integer in -1..255, not {pixels}")
-    return {"lr_max_diff": -1 if pixels == 255 else int(pixels)}  # both switch the check off
+    return {"lr_max_diff": -1 if pixels == 255 else int(pixels)}  # 255 and -1 switch the check off
 
 
 class DepthSensor:
-    """Depth from an infrared pair.
+    """Computes depth from an infrared stereo pair.
 
     Sizes are (width, height); k_* are 3x3; l2r and l2rgb are 4x4 changes of frame from the left camera to the right and
-    to the RGB camera, OpenCV axes. With rgb_size, k_rgb and l2rgb depth is registered to the RGB camera. rectified: the
-    pair is row-aligned already. lr_max_diff 255 and speckle_shape 0 switch their stage off. device: which device
-    computes ('host' needs no Vulkan). Raises SettingError (a ValueError and a TypeError) out of range.
+    to the RGB camera, OpenCV axes. With rgb_size, k_rgb and l2rgb depth is registered to the RGB camera. min_depth,
+    max_depth: metres. rectified: the pair is row-aligned already. lr_max_diff 255 and speckle_shape 0 switch their
+    stage off. device: computes the depth ('host' needs no Vulkan). Raises SettingError (a ValueError and a TypeError)
+    out of range.
 
-    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults, its census of every
-    count and its parabola as subpixel step, and gives its results bit for bit as long as noise is off: SimSense's
-    random numbers are CUDA's, ours are drawn from the same distributions. faults: names out of simsense.FAULTS, those
-    to keep instead of the mode's (none, or all of them); simsense/README.md says what each does.
+    mode 'fixed' computes as the arguments are documented. 'simsense-exact' keeps SimSense's faults, its census of every
+    count and its parabola as subpixel step. It gives SimSense's results bit for bit as long as noise is off: SimSense's
+    random numbers are CUDA's, ours are drawn from the same distributions. faults: names out of simsense.FAULTS to keep
+    instead of the mode's (none, or all); simsense/README.md explains each.
     """
 
     def __init__(
@@ -188,12 +190,12 @@ class DepthSensor:
 
     @property
     def engine(self) -> Engine:
-        """The engine underneath, for its other outputs and parameters."""
+        """Returns the engine underneath, for its other outputs and parameters."""
         return self._engine
 
     def compute(self, img_l: NDArray[np.uint8], img_r: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Depth float32 [height, width] in metres, 0 = invalid. img_l, img_r: uint8 [height, width], any strides. Each
-        call has new noise."""
+        """Returns depth float32 [height, width] in metres, 0 = invalid, of the left or, if given, the RGB camera.
+        img_l, img_r: uint8 [height, width], any strides. Each call has new noise."""
         for image, name in ((img_l, "img_l"), (img_r, "img_r")):
             ok = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape == self._size
             _require(ok, f"{name} must be a uint8 array of shape {self._size}")
@@ -204,14 +206,14 @@ class DepthSensor:
     def set_ir_noise_parameters(
         self, speckle_shape: float, speckle_scale: float, gaussian_mu: float, gaussian_sigma: float
     ) -> None:
-        """speckle_shape 0 switches the noise off."""
+        """Sets the noise of the infrared images; speckle_shape 0 switches it off."""
         self._engine.set_parameters(**_noise(speckle_shape, speckle_scale, gaussian_mu, gaussian_sigma))
 
     def set_census_window_size(self, census_width: int, census_height: int) -> None:
         self._engine.set_parameters(**_check_window(census_width, census_height, 65, "census"))
 
     def set_matching_block_size(self, block_width: int, block_height: int) -> None:
-        """1x1 switches block matching off."""
+        """Sets the block over which matching costs are summed, in pixels; 1x1 switches block matching off."""
         self._engine.set_parameters(**_check_window(block_width, block_height, 256, "block"))
 
     def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
@@ -221,5 +223,5 @@ class DepthSensor:
         self._engine.set_parameters(**_uniqueness(uniqueness_ratio))
 
     def set_lr_max_diff(self, lr_max_diff: int) -> None:
-        """255 switches the check off."""
+        """Sets the largest difference of the left-right check, in pixels of disparity; 255 switches the check off."""
         self._engine.set_parameters(**_lr_max_diff(lr_max_diff))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""StereoSGM: cv2.StereoSGBM's parameters and result on this engine, so that a script which has one needs one line
-changed."""
+"""Provides StereoSGM: cv2.StereoSGBM's parameters and result on this engine. A script with cv2.StereoSGBM needs one
+line changed."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ def _setter(name: str) -> Callable[[StereoSGM, int], None]:
 
 
 class StereoSGM:
-    """Disparity of a rectified pair: compute(left, right) gives int16 [height, width], sixteenths of pixels,
-    (minDisparity - 1) * 16 = invalid.
+    """Computes the disparity of a rectified pair. compute(left, right) returns int16 [height, width] in sixteenths of
+    pixels, (minDisparity - 1) * 16 = invalid.
 
-    The parameters are cv2.StereoSGBM's, in its order. What differs: the cost is census, not Birchfield-Tomasi, so
-    preFilterCap has nothing to do; P1 and P2 are divided by blockSize * blockSize and then count differing census bits
-    (1 <= P1 < P2 <= 223 after that; the usual 8 and 32 times the block's area are good values here too; 0, 0 means this
-    engine's own); numDisparities is 16..1024 and need not be a multiple of 16; the columns left of the largest
-    disparity are computed as well. disp12MaxDiff 0 means 1, as OpenCV takes it; -1 switches the check off. A
-    speckleWindowSize of 0 switches the speckle filter off. mode: MODE_HH follows 8 paths, the others 4. A 3x3 median
-    follows, as in OpenCV.
+    The parameters are cv2.StereoSGBM's, in its order, with these differences. The cost is census, not
+    Birchfield-Tomasi, so preFilterCap has no effect. P1 and P2 are divided by blockSize * blockSize and then count
+    differing census bits (1 <= P1 < P2 <= 223 after that). The usual 8 and 32 times the block's area are good values
+    here too; 0, 0 means this engine's own. numDisparities is 16..1024 and need not be a multiple of 16. The columns
+    left of the largest disparity are computed as well. disp12MaxDiff 0 means 1, as OpenCV takes it; -1 switches the
+    check off. A speckleWindowSize of 0 switches the speckle filter off. mode: MODE_HH follows 8 paths, the others 4. A
+    3x3 median follows, as in OpenCV.
 
     device: 'host', 'auto', an index, or a simsense.Device. Raises ValueError out of range. One thread at a time may use
     an object.
@@ -108,14 +108,14 @@ class StereoSGM:
 
     @classmethod
     def create(cls, *args: Any, **kwargs: Any) -> StereoSGM:
-        """The constructor, under the name that cv2.StereoSGBM has."""
+        """Returns a new StereoSGM; cv2.StereoSGBM has a constructor of this name."""
         return cls(*args, **kwargs)
 
     def compute(
         self, left: NDArray[Any], right: NDArray[Any], disparity: NDArray[np.int16] | None = None
     ) -> NDArray[np.int16]:
-        """left, right: uint8 or uint16 [height, width], or [height, width, 3] BGR. disparity: an int16 array to fill,
-        or None."""
+        """Returns the disparity, see the class. left, right: uint8 or uint16 [height, width], or [height, width, 3]
+        BGR. disparity: an int16 array to fill, or None. Raises ValueError for other arrays."""
         left, right = _gray(left, "left"), _gray(right, "right")
         if left.shape != right.shape or left.dtype != right.dtype:
             raise ValueError(f"the images differ: left is {left.shape} {left.dtype}, right {right.shape} {right.dtype}")
@@ -126,7 +126,7 @@ class StereoSGM:
         engine = self._engine_of(left)
         wanted: Any = np.int16 if disparity is None else disparity
         disparity = engine.compute(left, right, {"disparity": wanted})["disparity"]
-        if self._values["MinDisparity"] > 0:  # the engine's own invalid is -1 pixel then
+        if self._values["MinDisparity"] > 0:  # the engine marks invalid pixels with -1 pixel here
             disparity[disparity < 0] = (self._values["MinDisparity"] - 1) * self.DISP_SCALE
         return disparity
 
@@ -135,7 +135,7 @@ class StereoSGM:
         parameters: dict[str, Any] = self._parameters() | {"bit_depth": 16 if image.dtype == np.uint16 else 8}
         if self._engine is None or self._size != (width, height):
             camera = (
-                Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]])  # any: disparities alone are asked for
+                Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]])  # any will do: depth is not computed
             )
             left_to_right = np.eye(4)
             left_to_right[0, 3] = -1
@@ -146,7 +146,7 @@ class StereoSGM:
         return self._engine
 
     def _parameters(self) -> dict[str, Any]:
-        """The engine's parameters."""
+        """Returns the engine's parameters. Raises ValueError for a value out of range."""
         v = self._values
         for name, value in v.items():
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
@@ -176,7 +176,7 @@ class StereoSGM:
     def _penalties(self, area: int) -> dict[str, Any]:
         p1, p2 = self._values["P1"], self._values["P2"]
         if p1 == 0 and p2 == 0:
-            engine = default_parameters()  # no smoothness at all, OpenCV's default, is no use to anybody
+            engine = default_parameters()  # OpenCV's default, no smoothness at all, is useless
             return {"p1": engine["p1"], "p2": engine["p2"]}
         p1, p2 = max(1, round(p1 / area)), round(p2 / area)
         if not p1 < p2 < 224:
