@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts that keep the C ABI: which bytes must be zero, the exported initialiser, and the test of every offset."""
+"""Writes the parts that keep the C ABI: the bytes that must be zero, the exported initialiser, and the test of every
+offset."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ COUNTS = {"KS_MAX_DIMS": 5}
 
 
 def check_no_padding(tables: Tables) -> None:
-    """A field appended into padding would leave sizeof, and with it the version check, as it was. Raises TableError."""
+    """Checks that no struct ends in padding. A field appended into padding would leave sizeof, and with it the version
+    check, as it was. Raises TableError."""
     for s in tables.structs.values():
         *fields, (_, size, _) = layout(s, tables, COUNTS)
         name, at, length = fields[-1]
@@ -22,7 +24,7 @@ def check_no_padding(tables: Tables) -> None:
 
 
 def _reserved(struct: Struct, tables: Tables) -> list[str]:
-    """{offset, bytes} of everything that must be zero, in C++."""
+    """Returns {offset, bytes} of every part of the struct that must be zero, in C++."""
     out = []
     for f in struct.fields:
         if f.reserved:
@@ -39,7 +41,7 @@ def _reserved(struct: Struct, tables: Tables) -> list[str]:
 
 
 def struct_table(tables: Tables, library: str) -> str:
-    """The bytes of the structs that must be zero, for ks::read_struct."""
+    """Returns C++ that lists the bytes of a library's structs that must be zero, for ks::read_struct."""
     structs = [s for s in tables.of(library) if s.type_id is not None and not s.plugin]
     public = (
         ["ks/buffer.h", "ks/device.h", "ks/image.h", "ks/sync.h"] if library == "ks" else [f"{library}/{library}.h"]
@@ -57,7 +59,7 @@ def struct_table(tables: Tables, library: str) -> str:
 
 
 def struct_init(tables: Tables, library: str) -> str:
-    """The exported initialiser of every struct of a library and of ks."""
+    """Returns C++ of the exported initialiser for every struct of a library and of ks."""
     structs = [s for owner in ("ks", library) for s in tables.of(owner) if s.type_id is not None and not s.plugin]
     text = [*banner(*structs), '#include "device/struct_read.h"', f'#include "{library}/{library}.h"', "",
             "namespace {", "", "template <class T>",
@@ -82,7 +84,7 @@ def _argument(struct: Struct, name: str, tables: Tables) -> str:
 
 
 def layout_test(tables: Tables) -> str:
-    """tests/capi/abi_layout_tables.c: size and offset of every field, for 64-bit targets."""
+    """Returns tests/capi/abi_layout_tables.c, which checks size and offset of every field on 64-bit targets."""
     doc = "Sizes and offsets of every field of the public structs, on 64-bit targets. "
     text = [c_comment(GENERATED.format("all files of that folder")),
             c_comment(doc + "A failure is a negative array size."),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The public headers and the test of their layout."""
+"""Writes the public headers, and computes the layout of their structs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _is_zero(value: object) -> bool:
 
 
 def assignments(struct: Struct, variable: str, embedded: frozenset[str] = frozenset()) -> list[str]:
-    """C statements that give a zeroed struct its defaults where these are not 0."""
+    """Returns C statements that give a zeroed struct its defaults where these are not 0."""
     out = []
     for f in struct.fields:
         value = f.default
@@ -84,12 +84,12 @@ def _init(struct: Struct, embedded: frozenset[str]) -> list[str]:
 
 
 def embedded_structs(tables: Tables) -> frozenset[str]:
-    """Those with a header that stand inside others by value, and have defaults."""
+    """Returns the names of structs with a header and defaults that stand inside other structs by value."""
     return frozenset(s.name for s in tables.structs.values() if s.embedded and s.type_id is not None)
 
 
 def header(entry: Header, embedded: frozenset[str]) -> str:
-    """A public header: constants, structs, initialisers."""
+    """Returns the text of a public header: constants, structs, initialisers."""
     sources = ", ".join(s.source for s in entry.structs)
     guard = entry.path.upper().replace("/", "_").replace(".", "_")
     text = [c_comment(GENERATED.format(sources)), c_comment(entry.doc), f"#ifndef {guard}", f"#define {guard}", ""]
@@ -118,7 +118,7 @@ def _uses_math(field: Field) -> bool:
 
 
 def field_bytes(field: Field, tables: Tables, counts: dict[str, int]) -> tuple[int, int]:
-    """Bytes of the whole field, and its alignment, on 64-bit targets."""
+    """Returns (bytes of the whole field, its alignment) on 64-bit targets. counts: {constant: length of an array}."""
     if field.is_pointer or field.type.endswith("_fn"):
         size = align = 8
     elif field.type in SCALARS:
@@ -132,7 +132,8 @@ def field_bytes(field: Field, tables: Tables, counts: dict[str, int]) -> tuple[i
 
 
 def layout(struct: Struct, tables: Tables, counts: dict[str, int]) -> list[tuple[str, int, int]]:
-    """(name, offset, bytes) of each field; at the end ('', sizeof, 0)."""
+    """Returns (name, offset, bytes) of each field, and at the end ('', sizeof, 0). counts: {constant: length of an
+    array}."""
     at, widest, out = (8, 4, []) if struct.type_id is not None else (0, 1, [])
     for f in struct.fields:
         size, align = field_bytes(f, tables, counts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""C++ of the engines: checks of the fields, and copies of them into what the stages read."""
+"""Writes C++ of the engines: checks of the fields, and copies of the fields that the stages read."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ OFF = "// clang-format off"
 
 
 def banner(*structs: Struct, note: str = "") -> list[str]:
-    """The first lines of a generated C++ file."""
+    """Returns the first lines of a generated C++ file."""
     return ["// " + GENERATED.format(", ".join(s.source for s in structs)), *([f"// {note}"] if note else []), OFF]
 
 
 def cpp_file(head: list[str], includes: list[str], body: list[str], namespace: str = "kuafu") -> str:
-    """A C++ file: its banner; what it includes, "" between blocks, "once" for a header; its body in a namespace."""
+    """Returns a C++ file. head: its banner. includes: names, with "" between blocks and "once" for a header. body:
+    lines in the namespace."""
     lines = ["#pragma once" if name == "once" else f"#include {name}" if name else "" for name in includes]
     return "\n".join([*head, *lines, "", f"namespace {namespace} {{", *body, "", f"}}  // namespace {namespace}", ""])
 
 
 def check_functions(structs: list[Struct], copied: bool = False) -> list[str]:
-    """Definitions of check_fields, each after an empty line; copied: of the records."""
+    """Returns definitions of check_fields, each after an empty line. copied: they check the records, not the public
+    structs."""
     out = []
     for s in structs:
         name = (s.record or s.scene) if copied else s.name
@@ -33,12 +35,12 @@ def check_functions(structs: list[Struct], copied: bool = False) -> list[str]:
 
 
 def _bound(field: Field, value: float) -> str:
-    """A bound in the field's own precision: 0.1 as a float is not 0.1 as a double."""
+    """Returns a bound in the field's own precision: 0.1 as a float is not 0.1 as a double."""
     return c_literal("float" if field.type == "float" else "double", value)
 
 
 def _check(field: Field, value: str) -> list[str]:
-    """Statements that check one value of the field."""
+    """Returns C++ statements that check one value of the field. value: an expression."""
     name = f'{{owner, "{field.name}", "{field.unit}"}}'
     real = field.type in ("float", "double")
     out = []
@@ -70,8 +72,8 @@ def _check(field: Field, value: str) -> list[str]:
 
 
 def checks(struct: Struct, copied: bool = False) -> list[str]:
-    """Statements that check every field that the table bounds. copied: of the record, where they may stand elsewhere
-    and choices are enums."""
+    """Returns C++ statements that check every field that the table bounds. copied: they check the record, where fields
+    may have other places and choices are enums."""
     out: list[str] = []
     for f in struct.fields:
         if not f.check or (copied and not f.copy):
@@ -87,7 +89,7 @@ def checks(struct: Struct, copied: bool = False) -> list[str]:
 
 
 def simsense_fields_h(tables: Tables) -> str:
-    """simsense/src/parameters/fields.h"""
+    """Returns simsense/src/parameters/fields.h: declarations of the fields' checks and of the copy for the matcher."""
     both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
     note = "Checks of every field by itself; what two fields mean together is checked where it matters."
     body = [
@@ -102,12 +104,13 @@ def simsense_fields_h(tables: Tables) -> str:
     return cpp_file(banner(*both, note=note), includes, body, "simsense")
 
 
-# Ids of the specialisation constants that all shaders of the matcher share; below are those of single shaders.
+# The first id of the specialisation constants that all shaders of the matcher share. Single shaders use lower ids.
 FIRST_MATCH_CONSTANT = 64
 
 
 def simsense_match_fields_h(tables: Tables) -> str:
-    """simsense/src/parameters/match_fields.h"""
+    """Returns simsense/src/parameters/match_fields.h: the matcher's parameters, and its shaders' specialisation
+    constants."""
     struct = tables.structs["simsense_parameters"]
     fields = [f for f in struct.fields if f.match]
     constants = [f for f in fields if f.kernel]
@@ -125,12 +128,13 @@ def simsense_match_fields_h(tables: Tables) -> str:
 
 
 def _word(field: Field) -> str:
-    """A field of `m` as the 32 bits of a specialisation constant."""
+    """Returns C++ that gives a field of `m` as the 32 bits of a specialisation constant."""
     return f"m.{field.name}" if field.type == "uint32" else f"static_cast<uint32_t>(m.{field.name})"
 
 
 def simsense_match_constants_glsl(tables: Tables) -> str:
-    """simsense/shaders/shared/match_constants.glsl"""
+    """Returns simsense/shaders/shared/match_constants.glsl: the parameters that the matcher's shaders have as
+    constants."""
     struct = tables.structs["simsense_parameters"]
     words = {"uint32": ("uint", "u"), "int32": ("int", "")}
     text = [banner(struct, note="Parameters of the matcher that its shaders have as constants.")[i] for i in (0, 1)]
@@ -145,7 +149,7 @@ def simsense_match_constants_glsl(tables: Tables) -> str:
 
 
 def simsense_fields_cpp(tables: Tables) -> str:
-    """simsense/src/parameters/fields.cpp"""
+    """Returns simsense/src/parameters/fields.cpp: the fields' checks and the copy for the matcher."""
     both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
     body = [*check_functions(both), "", "MatchFields match_fields(const simsense_parameters& s) {", "  MatchFields m;"]
     body += [f"  m.{f.name} = s.{f.name};" for f in both[0].fields if f.match]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The interface for languages that read no C headers: Python's ctypes and Rust. Both keep the names of C."""
+"""Writes the interface for languages that read no C headers: Python's ctypes and Rust. Both keep the names of C."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ pub unsafe fn packed_image(format: u32, item_bytes: i64, shape: &[usize]) -> ks_
 
 
 def _constants(headers: dict[str, str]) -> dict[str, str]:
-    """Numbers that the generated headers define."""
+    """Returns {name: number as text} of the constants that the generated headers define. headers: {path: text}."""
     text = "\n".join(headers.values())
     return dict(re.findall(r"^#define (\w+) (0x[0-9a-f]+|\d+)u?\b(?!\.)", text, re.MULTILINE))
 
@@ -127,7 +127,7 @@ def _count(field: Field, constants: dict[str, str]) -> int:
 
 
 def _in_order(tables: Tables) -> list[Struct]:
-    """Structs that stand inside others first."""
+    """Returns the structs, each after those that stand inside it."""
     left, out = [s for s in tables.structs.values() if not s.plugin], []
     while left:
         names = {s.name for s in left}
@@ -144,7 +144,7 @@ def _type(field: Field, scalars: dict[str, str], pointer: str, tables: Tables) -
 
 
 def python_structs(tables: Tables, headers: dict[str, str]) -> str:
-    """examples/clients/interface.py"""
+    """Returns examples/clients/interface.py: a caller, constants and structs for ctypes. headers: {path: text}."""
     constants = _constants(headers)
     numbers = [f"{name} = {value}" for name, value in constants.items()]
     out = ["# " + GENERATED.format("*.toml"), PYTHON_HEAD, *numbers, ""]
@@ -162,7 +162,7 @@ def python_structs(tables: Tables, headers: dict[str, str]) -> str:
 
 
 def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
-    """examples/clients/interface.rs"""
+    """Returns examples/clients/interface.rs: structs, constants and functions for Rust. headers: {path: text}."""
     constants = _constants(headers)
     out = ["// " + GENERATED.format("*.toml"), RUST_HEAD]
     for struct in _in_order(tables):
@@ -183,7 +183,7 @@ def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
 
 
 def _rust_function(function: Function, tables: Tables) -> str:
-    """The declaration of a function of C, in Rust."""
+    """Returns the declaration of a C function in Rust."""
     given = [] if function.parameters == "void" else function.parameters.split(", ")
     parameters = [_rust_parameter(text, tables) for text in given]
     result = "" if function.result == "void" else f" -> {_rust_type(function.result, tables)}"
@@ -200,7 +200,7 @@ def _rust_name(name: str) -> str:
 
 
 def _rust_type(kind: str, tables: Tables) -> str:
-    """A type of C: numbers and structs by their names, handles and all else without a type."""
+    """Returns a C type in Rust: numbers and structs by their names, handles and all else as untyped pointers."""
     kind = kind.strip()
     if kind.endswith("*"):
         inner = kind.removesuffix("*").strip()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""kuafu's scene: its records, their checks, their copies from and to the public structs, and a glTF material's
-extras."""
+"""Writes C++ of kuafu's scene: its records, their checks, their copies from and to the public structs, and a glTF
+material's extras."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ CHECKS = f"// Each field by itself: {THROWS}"
 
 
 def _records(tables: Tables) -> list[Struct]:
-    """Structs whose record is made here."""
+    """Returns the structs whose record is generated here."""
     return [s for s in tables.of("kuafu") if s.scene]
 
 
 def _copied(tables: Tables) -> list[Struct]:
-    """Structs that are copied to a record, this one's or one written by hand."""
+    """Returns the structs that are copied to a record, generated or written by hand."""
     return [s for s in tables.of("kuafu") if s.scene or s.record]
 
 
 def _checked(tables: Tables) -> list[Struct]:
-    """Structs whose record has fields to check."""
+    """Returns the structs whose record has fields to check."""
     return [s for s in _copied(tables) if checks(s, copied=True)]
 
 
@@ -56,7 +56,8 @@ def _record_type(field: Field) -> str:
 
 
 def _record_default(field: Field) -> str:
-    """Ids count from 1 and 0 is none; in the records they are indices, and none is 0xffffffff."""
+    """Returns the initialiser of a field in the record, in C++. Ids count from 1 and 0 is none; in the records they are
+    indices, and none is 0xffffffff."""
     if field.type in ("text", "ks_lens"):
         return ""
     if field.shape:
@@ -80,7 +81,7 @@ def _member(field: Field) -> list[str]:
 
 
 def fields_h(tables: Tables) -> str:
-    """kuafu/src/scene/fields.h"""
+    """Returns kuafu/src/scene/fields.h: the scene's records, and declarations of their checks."""
     records, material = _records(tables), tables.structs["kuafu_material_desc"]
     text = [""]
     for s in records:
@@ -101,7 +102,7 @@ def fields_h(tables: Tables) -> str:
 
 
 def fields_cpp(tables: Tables) -> str:
-    """kuafu/src/scene/fields.cpp"""
+    """Returns kuafu/src/scene/fields.cpp: the checks of the scene's records."""
     includes = ['"scene/fields.h"', "", '"device/field_check.h"', '"scene/scene.h"']
     return cpp_file(banner(*_checked(tables)), includes, check_functions(_checked(tables), copied=True))
 
@@ -130,13 +131,14 @@ def _to_desc(field: Field) -> str:
 
 
 def _ways(struct: Struct) -> list[tuple[str, str, Callable[[Field], str]]]:
-    """(from, to, line of a field) of the copies."""
+    """Returns (source type, target type, function that copies a field) for each direction in which the struct is
+    copied."""
     to_record = (struct.name, _record_of(struct), _to_record)
     return [to_record, (_record_of(struct), struct.name, _to_desc)] if struct.read_back else [to_record]
 
 
 def copies_h(tables: Tables) -> str:
-    """kuafu/src/api/fields.h"""
+    """Returns kuafu/src/api/fields.h: declarations of the copies between the public structs and the scene's records."""
     copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
     note = "Copies between the public structs and the scene's records. Text that a struct points to is the record's."
     text = [f"void copy_fields(const {source}& s, {target}& out);" for s in copied for source, target, _ in _ways(s)]
@@ -146,7 +148,7 @@ def copies_h(tables: Tables) -> str:
 
 
 def copies_cpp(tables: Tables) -> str:
-    """kuafu/src/api/fields.cpp"""
+    """Returns kuafu/src/api/fields.cpp: the copies between the public structs and the scene's records."""
     copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
     text = []
     for s in copied:
@@ -158,7 +160,7 @@ def copies_cpp(tables: Tables) -> str:
 
 
 def extras_h(tables: Tables) -> str:
-    """kuafu/import/material_extras.h"""
+    """Returns kuafu/import/material_extras.h: the fields that a glTF material's extras may have."""
     struct = tables.structs["kuafu_material_desc"]
     fields = [f for f in struct.fields if f.extras]
     kinds = {
@@ -176,7 +178,7 @@ def extras_h(tables: Tables) -> str:
 
 
 def extras_schema(tables: Tables) -> str:
-    """kuafu/import/material_extras.inc: a row of gltf_schema.cpp's table"""
+    """Returns kuafu/import/material_extras.inc: a row of gltf_schema.cpp's table."""
     struct = tables.structs["kuafu_material_desc"]
     kinds = {f.name: "texture" if f.type == "id" else "number" if f.count == 1 else f"number[{f.count}]"
              for f in struct.fields if f.extras}  # fmt: skip
@@ -186,7 +188,7 @@ def extras_schema(tables: Tables) -> str:
 
 
 def python_fields_h(tables: Tables) -> str:
-    """python/kuafu/fields.h"""
+    """Returns python/kuafu/fields.h: the fields of the records as Python properties."""
     records = [s for s in tables.of("kuafu") if s.python]
     text = []
     for s in records:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of the engines: the bindings' lists of keyword arguments, and what a sensor's configuration and the command
-line have."""
+"""Writes the options of the engines: keyword arguments of the bindings, and options of a sensor's configuration and of
+the command line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from words import GENERATED, WIDTH, python_words, range_text
 
 
 def named(struct: Struct) -> Struct:
-    """The struct with what Python gives by keyword alone: no array, no pointer, no struct inside."""
+    """Returns the struct with the fields that Python takes by keyword alone: no array, no pointer, no struct inside."""
     kinds = ("flag", "choice", "bits", "id", "index", "float", "double", "uint32", "int32", "uint64", "text")
     return dataclasses.replace(
         struct, fields=[f for f in struct.fields if f.python and f.count == 1 and f.type in kinds]
@@ -41,7 +41,7 @@ def _fields_h(name: str, structs: dict[str, Struct], include: str) -> str:
 
 
 def options_doc(struct: Struct, width: int) -> list[str]:
-    """Lines of prose: what each keyword argument of the struct means, and each of its values."""
+    """Returns lines of prose that explain each keyword argument of the struct and each of its values."""
     lines: list[str] = []
     for f in named(struct).fields:
         text = " ".join(f"{f.name}{f' or {f.short}' if f.short else ''}: {python_words(f.doc)}".split())
@@ -51,20 +51,20 @@ def options_doc(struct: Struct, width: int) -> list[str]:
 
 
 def simsense_fields_h(tables: Tables) -> str:
-    """python/simsense/fields.h"""
+    """Returns python/simsense/fields.h: the fields of simsense's structs by name."""
     names = {"parameter": "simsense_parameters", "signal": "simsense_signal", "rig": "simsense_rig_desc"}
     return _fields_h("simsense's structs", {key: tables.structs[name] for key, name in names.items()}, "simsense_api.h")
 
 
 def kuafu_options_h(tables: Tables) -> str:
-    """python/kuafu/options.h"""
+    """Returns python/kuafu/options.h: the options of a renderer and of a render by name."""
     names = {"renderer": "kuafu_renderer_desc", "render": "kuafu_render_desc"}
     structs = {key: tables.structs[name] for key, name in names.items()}
     return _fields_h("Options of a renderer and of a render", structs, "kuafu_api.h")
 
 
 def literal(field: Field) -> str:
-    """The default as Python has it."""
+    """Returns the default as a Python literal."""
     value = _default(field)
     if isinstance(value, str):
         return f'float("{value}")' if field.type in ("float", "double") else f'"{value}"'
@@ -72,7 +72,7 @@ def literal(field: Field) -> str:
 
 
 def _default(field: Field) -> Any:
-    """The default as JSON has it: null for none and NaN, "inf" for infinity."""
+    """Returns the default as a value for JSON: None for no default and NaN, "inf" for infinity."""
     value = field.default
     if field.type == "flag":
         return bool(value)
@@ -95,14 +95,14 @@ def _annotation(field: Field) -> str:
 
 
 def _range(f: Field) -> tuple[float, float] | None:
-    """The range of a number; an unsigned one is never negative."""
+    """Returns the range of a number, or None; an unsigned number is never negative."""
     if f.type in ("uint32", "uint64") and not f.range and not f.allowed:
         return (0, 2**32 - 1 if f.type == "uint32" else 2**64 - 1)
     return f.range
 
 
 def _row(f: Field) -> str:
-    """A Parameter as JSON; an end that is null is infinite."""
+    """Returns the field as a JSON object; null stands for an infinite end of its range."""
     row = {"name": f.name, "kind": _kind(f), "default": _default(f), "unit": f.unit, "possible": range_text(f)}
     row |= {"range": [None if math.isinf(v) else v for v in _range(f) or ()], "allowed": f.allowed}
     row |= {"or_zero": f.zero_means is not None, "choices": list(f.values), "pair": f.pair, "short": f.short}
@@ -115,7 +115,7 @@ _TABLES = {
     "MATCHER": "simsense_parameters", "RIG": "simsense_rig_desc", "SIGNAL": "simsense_signal",
     "RENDERER": "kuafu_renderer_desc", "RENDER": "kuafu_render_desc", "OPTICS": "kuafu_optics_desc",
 }  # fmt: skip
-_RECORDS = ("SIGNAL", "OPTICS")  # given whole, not field by field
+_RECORDS = ("SIGNAL", "OPTICS")  # users give such a record as a whole, not field by field
 
 
 def _config(tables: Tables, key: str) -> list[Field]:
@@ -123,7 +123,7 @@ def _config(tables: Tables, key: str) -> list[Field]:
 
 
 def parameters_json(tables: Tables) -> str:
-    """python/activestereo/common/parameters.json"""
+    """Returns python/activestereo/common/parameters.json: kind, default, range and doc of the engines' options."""
     sources = ", ".join(tables.structs[name].source for name in _TABLES.values())
     parts = [f'"source": {json.dumps(GENERATED.format(sources))}']
     parts += [f'"{key}": [\n' + ",\n".join(_row(f) for f in _config(tables, key)) + "\n]" for key in _TABLES]
@@ -131,7 +131,7 @@ def parameters_json(tables: Tables) -> str:
 
 
 def parameter_types(tables: Tables) -> str:
-    """python/activestereo/common/parameter_types.py"""
+    """Returns python/activestereo/common/parameter_types.py: classes that annotate the engines' options."""
     sources = ", ".join(tables.structs[name].source for key, name in _TABLES.items() if key not in _RECORDS)
     text = [*textwrap.wrap("# " + GENERATED.format(sources), WIDTH, subsequent_indent="# "),
             '"""The types of the engines\' options; classes that have them as attributes inherit these."""', "",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference page of every public struct."""
+"""Writes the reference page of every public struct."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _shape(field: Field) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text in which brackets are shapes and bars are bars, in Markdown."""
+    """Returns text in Markdown whose brackets and bars are plain characters."""
     return text.replace("[", "\\[").replace("|", "\\|")
 
 
@@ -35,7 +35,7 @@ def _section(struct: Struct) -> list[str]:
 
 
 def page(tables: Tables) -> str:
-    """capi/generation/reference.md"""
+    """Returns capi/generation/reference.md: a table of fields per struct."""
     text = ["<!-- " + GENERATED.format("*.toml") + " -->", "# Public structs, field by field",
             "An id counts from 1, and 0 is none.",
             "Fields marked *extras* are read from a glTF material's extras under their names.", ""]  # fmt: skip

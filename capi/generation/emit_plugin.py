@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The structs of plug-ins as Python's ctypes see them."""
+"""Writes the structs of plug-ins for Python's ctypes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from emit_ffi import CTYPES
 from table import Field, Struct, Tables
 from words import GENERATED
 
-# The one function type: ks/effect.h has it beside the structs.
+# The one function type of ks/effect.h; the structs' tables do not describe it.
 APPLY = """\
 Apply = c.CFUNCTYPE(
     c.c_int32, c.POINTER(View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double)
@@ -16,7 +16,7 @@ Apply = c.CFUNCTYPE(
 
 
 def _name(struct: str) -> str:
-    """ks_effect_random_term as RandomTerm, ks_effect as Effect."""
+    """Returns the Python class's name of a struct: RandomTerm for ks_effect_random_term, Effect for ks_effect."""
     return struct.removeprefix("ks_effect_" if struct != "ks_effect" else "ks_").title().replace("_", "")
 
 
@@ -38,7 +38,7 @@ def _class(struct: Struct, tables: Tables) -> list[str]:
 
 
 def records(tables: Tables) -> str:
-    """python/activestereo/effects/core/plugin_records.py"""
+    """Returns python/activestereo/effects/core/plugin_records.py: constants and structs of ks/effect.h."""
     structs = [s for s in tables.structs.values() if s.plugin]
     doc = "The structs of ks/effect.h: numbers of their types, names of their choices, and how they lie."
     text = ["# " + GENERATED.format("ks_effect*.toml"), f'"""{doc}"""', "", "import ctypes as c", ""]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Python: annotations and the stubs of both modules."""
+"""Writes Python: type annotations, and the stubs of both modules."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from words import GENERATED, LICENCE, WIDTH, default_text, facts, python_words
 
 
 def scalar_type(field: Field) -> str:
-    """The annotation of one number of the field."""
+    """Returns the annotation of one number of the field."""
     if field.type == "bits":
         return "Sequence[str]"
     if field.values:
@@ -26,7 +26,7 @@ def scalar_type(field: Field) -> str:
 
 
 def _annotation(field: Field) -> str:
-    """The type of a whole field as an attribute."""
+    """Returns the annotation of a whole field as an attribute."""
     one = scalar_type(field)
     if field.shape:
         return "NDArray[np.float64]"
@@ -53,18 +53,18 @@ def _stub_fields(struct: Struct) -> list[str]:
 
 
 def _prose(field: Field) -> str:
-    """A field's description, in Python's words."""
+    """Returns a field's description and facts in Python's words."""
     return python_words(" ".join(filter(None, [field.doc, f"[{facts(field)}]" if facts(field) else ""])))
 
 
 def _stub_arguments(structs: list[Struct]) -> list[str]:
-    """Every field as a keyword argument; choices may be given by number, too."""
+    """Returns stub lines: every field of the structs as a keyword argument; choices may be given by number, too."""
     fields = [f for s in structs for f in s.fields if f.python]
     return [f"{f.name}: {scalar_type(f)}{' | int' if f.type == 'choice' else ''} = ...," for f in fields]
 
 
 def _stub_options(struct: Struct) -> list[str]:
-    """Every field that is a keyword argument, with its default."""
+    """Returns stub lines: every field that Python takes by keyword, with its default."""
     fields = emit_options.named(struct).fields
     return [
         f"{name}: {scalar_type(f)} = {emit_options.literal(f)}," for f in fields for name in (f.name, f.short) if name
@@ -72,7 +72,8 @@ def _stub_options(struct: Struct) -> list[str]:
 
 
 def stub(tables: Tables, library: str, template: str, shared: str) -> str:
-    """python/<library>/_<library>.pyi, from its template, what both libraries share, and the tables."""
+    """Returns python/<library>/_<library>.pyi. template: the text of its .pyi.in. shared: the part that both libraries
+    have."""
     named = {s.python: s for s in tables.of(library) if s.python}
     lists = {f"{name}.fields": _stub_fields(s) for name, s in named.items()}
     lists |= {f"{name}.doc": [s.doc] for name, s in named.items()}
@@ -95,7 +96,7 @@ def stub(tables: Tables, library: str, template: str, shared: str) -> str:
 
 
 def docs_h(library: str, text: str) -> str:
-    """python/<library>/docs.h: the docstrings of its stub, by name, for the bindings."""
+    """Returns python/<library>/docs.h: the docstrings of its stub by name, for the bindings. text: the stub."""
     found: dict[str, str | None] = {}
     for node in ast.parse(text).body:
         if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
@@ -116,7 +117,7 @@ def docs_h(library: str, text: str) -> str:
 
 
 def page_default(field: Field) -> str:
-    """The default for the reference page."""
+    """Returns the default as the reference page shows it."""
     if field.type == "flag":
         return "yes" if field.default else "no"
     if field.type in ("text",) or field.is_pointer:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""kuafu's records that shaders read: one text for GLSL and C++, and the copy of the fields that stay as they are."""
+"""Writes kuafu's records that shaders read: one text for GLSL and C++, and the copy of the fields that need no
+computation."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ TYPES = {
 
 
 def records(tables: Tables) -> dict[str, str]:
-    """Path: text, of each record."""
+    """Returns {path: text} of each record."""
     structs = [s for s in tables.of("kuafu") if s.shader]
     return {f"kuafu/shaders/shared/{_stem(s)}_fields.h": _record(s) for s in structs}
 
@@ -25,7 +26,7 @@ def _stem(struct: Struct) -> str:
 
 
 def _type(field: Field) -> str:
-    """vec3, or float[8]."""
+    """Returns a field's type in GLSL: vec3, or float[8]. Raises TableError where shaders have none."""
     kind, count = TYPES.get(field.type, ""), int(field.count)
     if not kind or field.shape or (count != 1 and kind != "float"):
         raise TableError(f"{field.name}: shaders have no {field.type} of {field.count}: compute it, as [derived]")
@@ -33,7 +34,7 @@ def _type(field: Field) -> str:
 
 
 def _split(full: str) -> tuple[str, int]:
-    """Type and length: ("float", 8) of float[8]."""
+    """Returns name and length of a type: ("float", 8) for float[8]. Raises TableError for an unknown type."""
     kind, _, rest = full.partition("[")
     if kind not in WORDS:
         raise TableError(f"[derived]: '{full}' is none of {' '.join(WORDS)}, or several of them, as in float[8]")

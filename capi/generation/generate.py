@@ -28,13 +28,13 @@ LIBRARIES = ("kuafu", "simsense")
 
 
 def stub(tables: Tables, library: str) -> str:
-    """python/<library>/_<library>.pyi"""
+    """Returns python/<library>/_<library>.pyi, the type stub of the library's Python module."""
     sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
     return emit_python.stub(tables, library, *(path.read_text() for path in sources))
 
 
 def outputs(tables: Tables) -> dict[str, str]:
-    """Path from the repository's root: text, of every committed file."""
+    """Returns {path from the repository's root: text} of every committed file. Raises TableError."""
     embedded = emit_c.embedded_structs(tables)
     files = {f"capi/include/{entry.path}": emit_c.header(entry, embedded) for entry in tables.headers}
     emit_abi.check_no_padding(tables)
@@ -53,7 +53,7 @@ def outputs(tables: Tables) -> dict[str, str]:
 
 
 def build_outputs(tables: Tables) -> dict[str, str]:
-    """Path from the build's folder of generated files: text, of every file that only the build needs."""
+    """Returns {path from the build's folder of generated files: text} of every file that only the build needs."""
     files = emit_shader.records(tables)
     for library in LIBRARIES:
         files[f"python/{library}/docs.h"] = emit_python.docs_h(library, stub(tables, library))
@@ -80,7 +80,8 @@ def build_outputs(tables: Tables) -> dict[str, str]:
 
 
 def main() -> int:
-    """0: all is as the tables have it. 1: a file is stale. 2: a table is wrong."""
+    """Writes or checks the files. Returns 0 where all is as the tables have it, 1 where a file is stale, 2 where a
+    table is wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; name the stale files and fail")
     parser.add_argument("--build", metavar="FOLDER", type=Path, help="write what only the build needs into this folder")

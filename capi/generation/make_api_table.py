@@ -78,7 +78,8 @@ class Function(NamedTuple):
 
 
 def declared_functions(library: str) -> dict[str, Function]:
-    """The functions that the library's headers declare, but for the table's own, by name in the headers' order."""
+    """Returns {name: Function} of the functions that the library's headers declare, in their order, but for the table's
+    own."""
     found: dict[str, Function] = {}
     folder = ROOT / "capi/include" / library
     main = folder / f"{library}.h"
@@ -92,7 +93,8 @@ def declared_functions(library: str) -> dict[str, Function]:
 
 
 def ordered_functions(library: str) -> list[Function]:
-    """The table's entries: those that it has, and then the new ones in the headers' order."""
+    """Returns the table's entries: those that api.h has, then the new ones in the headers' order. Exits where no header
+    declares an entry any more."""
     functions = declared_functions(library)
     path = ROOT / "capi/include" / library / "api.h"
     listed = re.findall(r"\(\*(\w+)\)\(.*\);$", path.read_text(), re.MULTILINE) if path.exists() else []
@@ -108,13 +110,14 @@ def _entries(library: str) -> list[tuple[Function, str]]:
 
 
 def header(library: str) -> str:
-    """capi/include/<library>/api.h"""
+    """Returns capi/include/<library>/api.h: the struct of function pointers that <library>_get_api gives."""
     members = "\n".join(f"  {f.result} (*{name})({f.parameters});" for f, name in _entries(library))
     return HEADER.format(library=library, upper=library.upper(), members=members)
 
 
 def source(library: str) -> str:
-    """<library>/src/api/api_table.cpp, which generate.py writes for the build"""
+    """Returns <library>/src/api/api_table.cpp: the function pointers of that struct. generate.py writes it for the
+    build."""
     entries = "\n".join(f"    .{name} = {f.name}," for f, name in _entries(library))
     return SOURCE.format(library=library, entries=entries)
 

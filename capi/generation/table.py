@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the tables of the public structs (*.toml) and checks them: what each generated file is made from."""
+"""Reads the tables of the public structs (*.toml) and checks them. All generated files follow from these tables."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ SCALARS = {
 
 
 class TableError(Exception):
-    """A table is wrong; the text names the file, the field and what it must be."""
+    """A table is wrong. The text names the file and the field, and says how to mend it."""
 
 
 @dataclass
 class Field:
-    """One field of a public struct. `default` is what _init gives."""
+    """One field of a public struct. `default` is the value that _init gives."""
 
     name: str
     type: str
@@ -58,17 +58,17 @@ class Field:
     nan: str = ""  # what NaN means
     pair: str = ""  # name of the WIDTHxHEIGHT option that sets this and the next field
     config: bool = True  # in a sensor's configuration
-    option: bool = True  # and on the command line
-    short: str = ""  # its short name there and in Python
-    one: str = ""  # bits: what one of them is called
+    option: bool = True  # an option of the command line
+    short: str = ""  # its short name on the command line and in Python
+    one: str = ""  # the word for a single one of the bits
     match: bool = False  # copied into the matcher's parameters
-    kernel: bool = False  # and a constant of the matcher's shaders
+    kernel: bool = False  # a constant of the matcher's shaders
     python: bool = True
-    shader: bool = False  # in the record that shaders read
+    shader: bool = False  # part of the record that shaders read
     extras: bool = False  # read from a glTF material's extras
     check: bool = True
     copy: bool = True  # copied between the public struct and the scene's record
-    member: str = ""  # where it is in the record, if not under its name: "optics.focus_m"
+    member: str = ""  # its place in the record, if not under its name: "optics.focus_m"
     reserved: bool = False
 
     @property
@@ -81,7 +81,7 @@ class Field:
 
     @property
     def constants(self) -> dict[str, int]:
-        """Name of each choice in C: its number; of bits, its bit."""
+        """Returns {name in C: number} of the field's choices; for bits, the number of each bit."""
         return {
             self.prefix + name.upper(): 1 << i if self.type == "bits" else self.first + i
             for i, name in enumerate(self.values)
@@ -93,7 +93,7 @@ FIELD_KEYS = {f.name for f in fields(Field)} - {"name"}
 
 @dataclass
 class Struct:
-    """One public struct."""
+    """One public struct, as its table describes it."""
 
     name: str
     doc: str
@@ -104,16 +104,16 @@ class Struct:
     reach: str = ""
     init: tuple[str, ...] = ()
     python: str = ""
-    answer: bool = False  # the library gives it: Python only reads its fields
-    scene: str = ""  # name of the record that is made of its fields
-    record: str = ""  # name of the record that they are copied to, where that is written by hand
-    read_back: bool = True  # and from
-    checked: bool = False  # its fields are checked as they come, without a record
+    answer: bool = False  # the library returns it: Python only reads its fields
+    scene: str = ""  # name of the record that is generated from its fields
+    record: str = ""  # name of a record, written by hand, to which the fields are copied
+    read_back: bool = True  # the fields are also copied back from the record
+    checked: bool = False  # the public struct's fields are checked, without a record
     plugin: bool = False  # read by the lab, by neither library
-    embedded: bool = False  # stands inside other structs by value: can never grow
+    embedded: bool = False  # stands inside other structs by value, so it can never grow
     shader: str = ""  # name of the record that shaders read
-    derived: dict[str, list[str]] = field(default_factory=dict)  # [type, doc] of what that has beside the fields
-    steps: dict[str, str] = field(default_factory=dict)  # what its stage does, one launch each
+    derived: dict[str, list[str]] = field(default_factory=dict)  # [type, doc] of that record's further members
+    steps: dict[str, str] = field(default_factory=dict)  # {name: doc} of the steps of its stage, one launch each
 
     @property
     def library(self) -> str:
@@ -177,7 +177,7 @@ def _read_field(source: str, name: str, entry: dict[str, Any]) -> Field:
 
 
 def read_struct(path: Path) -> Struct:
-    """One table. Raises TableError."""
+    """Returns the Struct of one table. Raises TableError."""
     with path.open("rb") as file:
         try:
             data = tomllib.load(file)
@@ -197,19 +197,19 @@ def read_struct(path: Path) -> Struct:
 
 @dataclass
 class Header:
-    """One generated public header."""
+    """One generated public header: its comment, structs, includes and further declarations."""
 
     path: str
     doc: str
     structs: list[Struct]
     includes: list[str] = field(default_factory=list)
     text: str = ""  # declarations before the constants and the structs
-    after: str = ""  # and after them
+    after: str = ""  # declarations after the structs
 
 
 @dataclass
 class Tables:
-    """All tables."""
+    """All tables: the headers, and the structs by name."""
 
     headers: list[Header]
     structs: dict[str, Struct]
@@ -219,7 +219,7 @@ class Tables:
 
 
 def read_tables() -> Tables:
-    """Every table, in the order of headers.toml. Raises TableError."""
+    """Returns every table, in the order of headers.toml. Raises TableError."""
     paths = sorted((FOLDER / "tables").glob("*.toml"))
     found = {path.stem: read_struct(path) for path in paths if path.stem != "headers"}
     for stem, struct in found.items():
