@@ -14,7 +14,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-# What users import, by the module that defines it.
+# The public names, each with the module that defines it.
 _HOMES = {
     "Capture": "capture.capture",
     "Comparison": "compare.compare",
@@ -39,8 +39,8 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    # On first use, so that what needs no renderer (captures, presets, --help) does not load one.
-    if name == "__version__":  # of the libraries that do the work: they and these packages are built as one
+    # A module is imported on first use, so that captures, presets and --help load no renderer.
+    if name == "__version__":  # kuafu's version is the packages' too: all are built together
         return import_module("kuafu").__version__
     if name not in _HOMES:
         raise AttributeError(f"module 'activestereo' has no attribute '{name}'")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lab in one object, for a notebook: compare the simulator with a capture, find the missing effect, add it."""
+"""Provides the lab as one object for notebooks: compares the simulator with a capture, finds the missing effect, adds
+it."""
 
 from __future__ import annotations
 
@@ -18,10 +19,11 @@ __all__ = ["Comparison", "Diagnosis", "Lab", "compare", "diagnose"]
 
 
 class Lab:
-    """A capture folder and a model of it (a Model, a model.json, or None for no effects).
+    """Holds a capture folder and the sensor model under test: a Model, the path of a model.json, or None for no
+    effects.
 
-    effects: files of your own effects. settings: renderer, samples_per_pixel, max_bounces, seed, cache, progress of
-    compare().
+    effects: files with the user's own effects. settings: keyword arguments of compare() and diagnose(): renderer,
+    samples_per_pixel, max_bounces, seed, cache, progress.
     """
 
     def __init__(
@@ -39,20 +41,20 @@ class Lab:
         self._settings = settings
 
     def compare(self) -> Comparison:
-        """Compares the capture with the present model. Returns a Comparison."""
+        """Renders the capture with the present model, keeps the Comparison in `comparison` and returns it."""
         self.comparison = compare(self.capture, model=self.model, **self._settings)
         return self.comparison
 
     def diagnose(self, workers: int | None = None) -> Diagnosis:
-        """Finds the model's missing effects. Returns a Diagnosis; the model stays as it is until you add() an
-        effect."""
+        """Finds the effects that the model lacks and returns the Diagnosis. The model does not change until add().
+        workers: processes; None for one per core."""
         workers = workers or os.cpu_count() or 1
         self.diagnosis = diagnose(self.capture, self.model, self.effects, workers=workers, **self._settings)
         return self.diagnosis
 
     def add(self, effect_id: str, **parameters: float) -> Model:
-        """Adds an effect and returns the model. Without parameters it takes the last diagnosis' values, else typical
-        ones."""
+        """Adds an effect to the model and returns the new model. Without parameters the effect takes the last
+        diagnosis' values, else its typical ones."""
         effect = find(self.effects, effect_id)
         if not parameters:
             entries: list[dict[str, Any]] = self.diagnosis.result["ranking"] if self.diagnosis else []
@@ -62,7 +64,8 @@ class Lab:
         return self.model
 
     def report(self, folder: str | Path) -> tuple[Path, Path]:
-        """Writes compare.json, report.html, model.json and, after diagnose(), diagnose.json into a folder."""
+        """Writes compare.json, report.html and model.json into a folder, and diagnose.json after diagnose(). Returns
+        write_report()'s paths."""
         from activestereo.report.write import write_report  # matplotlib takes its time to load
 
         comparison = self.comparison or self.compare()

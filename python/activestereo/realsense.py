@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's names on a simulated camera: `import activestereo.realsense as rs` in place of `import pyrealsense2 as
-rs`. integrations/realsense/README.md says what there is."""
+"""Offers pyrealsense2's names for a simulated camera: write `import activestereo.realsense as rs` in place of `import
+pyrealsense2 as rs`. integrations/realsense/README.md lists the names that exist."""
 
 from activestereo.integrations.realsense import *  # noqa: F403
 from activestereo.integrations.realsense import __getattr__  # noqa: F401

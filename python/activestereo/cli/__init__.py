@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: activestereo demo | simulate | view | presets | depth | pair | depth-quality | compare | diagnose |
-add | model | calibrate | import | capture | overlay | effect | generate | resense | benchmark | cache | devices |
-doctor, one file each. This one parses, runs and makes failures one line."""
+"""Parses and runs the command line `activestereo COMMAND`, and prints every failure as one line. Each command has a
+file of its own here; _COMMANDS lists them."""
 
 import argparse
 import io
@@ -23,7 +22,7 @@ from activestereo.cli.parser import Parser
 from activestereo.common.own_files import outside_allowed
 from activestereo.common.shown import PlainStream, printable
 
-# A file of this package for each command, in the order of --help.
+# Commands in the order of --help, each a file of this package.
 _COMMANDS = (
     "demo", "simulate", "view", "presets", "depth", "pair", "depth_quality", "compare", "diagnose", "add", "model",
     "calibrate", "import_capture", "capture", "overlay", "effect", "benchmark", "generate", "resense", "cache",
@@ -62,7 +61,7 @@ def make_parser() -> argparse.ArgumentParser:
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)
     parser.add_argument("--version", action="version", version=f"activestereo {activestereo.__version__}")
-    parser.set_defaults(parser=parser)  # for the demo, whose steps are commands
+    parser.set_defaults(parser=parser)  # the demo runs other commands with it
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in _COMMANDS:
         import_module(f"activestereo.cli.{name}").add_parser(commands)
@@ -70,7 +69,8 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs a command. Returns one of exit_codes."""
+    """Runs the command given by `arguments` (None for sys.argv) and returns its exit status, a constant of
+    exit_codes.py."""
     if "_ARGCOMPLETE" in os.environ:  # a shell asks for completions, and the process ends here
         import argcomplete
 
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         closed = "standard output is closed: send it to a file or to /dev/null"
         return USAGE if sys.stderr is None else _fail(closed, USAGE)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a file's name may be no UTF-8
+        sys.stdout.reconfigure(errors="backslashreplace")  # a file's name may not be UTF-8
     try:
         given = _glued(sys.argv[1:] if arguments is None else arguments)
         if not given:
@@ -94,7 +94,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         return _fail(_error_text(error) or "stopped", STOPPED)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output has gone; say no more
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+        )  # the reader of our output has gone: discard the rest
         return READER_GONE
     except MemoryError as error:
         return _fail(f"out of memory: {_error_text(error) or 'nothing more is known'}", FAILURE)
@@ -113,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
-    """Help goes to a reader that may have gone; argparse leaves before main() could notice."""
+    """Parses the arguments. Flushes standard output even if --help exits, so that main() notices a closed pipe."""
     try:
         return make_parser().parse_args(arguments)
     finally:
@@ -123,14 +125,15 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
 def _run(args: argparse.Namespace) -> None:
     try:
         args.run(args)
-    except SystemExit as error:  # no command of ours does that, but a user's effect may
+    except SystemExit as error:  # no command here exits, but a user's effect may
         last = traceback.extract_tb(error.__traceback__)[-1]
         raise CommandError(f"{last.filename}, line {last.lineno}: sys.exit({error.code!r}) was called") from error
 
 
 @contextmanager
 def _no_empty_folder(out: Path | None) -> Iterator[None]:
-    """A block that fails takes the folders of `out` away that were not there and are empty."""
+    """Wraps a command: if it fails, removes the still empty folders that it made for `out`. out: the command's --out,
+    or None."""
     new = [] if out is None else [folder for folder in (out, *out.parents) if not os.path.lexists(folder)]
     try:
         yield
@@ -142,7 +145,7 @@ def _no_empty_folder(out: Path | None) -> Iterator[None]:
 
 
 def _fault(error: Exception) -> str:
-    """A fault of the program in one line. ACTIVESTEREO_TRACEBACK=1 shows where it came from, for a report."""
+    """Returns one line on an unexpected exception. ACTIVESTEREO_TRACEBACK=1 also prints the traceback."""
     if os.environ.get("ACTIVESTEREO_TRACEBACK") == "1":
         traceback.print_exception(error)
     last = traceback.extract_tb(error.__traceback__)[-1]
@@ -151,7 +154,7 @@ def _fault(error: Exception) -> str:
 
 
 def _missing(error: ImportError) -> str:
-    """The module that is not there with the line that brings it, unless the error says so itself."""
+    """Returns a line on a missing module, with the command that installs it if known."""
     name = (error.name or "").partition(".")[0]
     if name in doctor.PACKAGES:
         return f"{error}: pip install 'activestereo[{doctor.PACKAGES[name]}]'"
@@ -160,7 +163,8 @@ def _missing(error: ImportError) -> str:
 
 
 def _glued(arguments: Sequence[str]) -> list[str]:
-    """'--option -1,0' as '--option=-1,0': argparse takes a list that starts with a minus sign for an option."""
+    """Joins "--option -1,0" to "--option=-1,0", because argparse takes a value that starts with a minus sign for an
+    option."""
     out: list[str] = []
     for argument in arguments:
         if out and out[-1].startswith("--") and "=" not in out[-1] and re.match(r"-\.?\d", argument):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo add: an effect more in a model file."""
+"""Implements `activestereo add`: adds an effect to a sensor model file, or changes its parameters."""
 
 import argparse
 from pathlib import Path

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Argument types and groups that several commands share. Wrong text gives a message that says what is right."""
+"""Defines argument types and options that several commands share. A wrong text raises an error that says how to write
+it."""
 
 import argparse
 import json
@@ -20,21 +21,22 @@ from activestereo.common.pose import rigid_fault
 if TYPE_CHECKING:
     from activestereo.report.screen import Step
 
-# The subparsers to which a command's add_parser adds its own.
+# The main parser's subparsers; each command's add_parser() adds one.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 _MAX_BOUNCES = next(p for p in RENDER if p.name == "max_bounces")
 
 
 class CommandError(Exception):
-    """The input is wrong; the text is the one line to show."""
+    """Reports wrong input. Its text is the one line that the user sees."""
 
 
 class Finding(Exception):
-    """A check found something that is not in order; the text is the one line to show."""
+    """Reports that a check found a fault in its subject. Its text is the one line that the user sees."""
 
 
 def numbers(text: str, counts: Sequence[int], what: str) -> np.ndarray:
-    """Comma- or blank-separated numbers, as many as one of `counts`."""
+    """Parses finite numbers with commas or blanks between. counts: the allowed numbers of values; what: the argument's
+    name in errors."""
     try:
         values = np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:
@@ -69,7 +71,7 @@ def transform(text: str) -> np.ndarray:
 
 
 def size(text: str) -> tuple[int, int]:
-    """WIDTHxHEIGHT."""
+    """Parses WIDTHxHEIGHT, such as 848x480, into (width, height) in pixels."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isdecimal() and 0 < int(part) < 65536 for part in parts):
         raise argparse.ArgumentTypeError(f"a size is WIDTHxHEIGHT, such as 848x480, not '{text}'")
@@ -96,7 +98,7 @@ def positive(text: str) -> float:
 
 
 def baseline(text: str) -> float:
-    """Metres between two cameras: above 0, and asked about where it can only be millimetres."""
+    """Parses a distance between two cameras in metres, above 0. Refuses a value that looks like millimetres."""
     value = positive(text)
     if value == 0.0:
         raise argparse.ArgumentTypeError("must be larger than 0 metres")
@@ -114,7 +116,7 @@ def above_zero(text: str) -> float:
 
 
 def share(text: str) -> float:
-    """0 to 1."""
+    """Parses a number from 0 to 1."""
     value = real(text)
     if not 0.0 <= value <= 1.0:
         raise argparse.ArgumentTypeError(f"{value:g} is no share: 0 to 1")
@@ -122,7 +124,7 @@ def share(text: str) -> float:
 
 
 def positive_share(text: str) -> float:
-    """Above 0, up to 1."""
+    """Parses a number above 0 and up to 1."""
     value = share(text)
     if value == 0.0:
         raise argparse.ArgumentTypeError("0 can never be reached: above 0, up to 1")
@@ -130,7 +132,7 @@ def positive_share(text: str) -> float:
 
 
 def names_of(what: str, known: Sequence[str]) -> Callable[[str], list[str]]:
-    """Names of these with commas between."""
+    """Returns a parser of comma-separated names, each one of `known`. what: the kind of name in errors."""
 
     def parse(text: str) -> list[str]:
         for name in text.split(","):
@@ -147,7 +149,7 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-# Options that several commands have: names, and argparse's keywords; a %s in the help is what the command says of it.
+# Options that several commands share: names and argparse's keywords. A command's own words replace the help's %s.
 _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "out": (("-o", "--out"), {
         "required": True, "type": _folder, "metavar": "DIR",
@@ -208,8 +210,8 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
 def add_shared(
     parser: argparse.ArgumentParser | argparse._ArgumentGroup, **said: str | bool | Mapping[str, Any]
 ) -> None:
-    """Adds options that several commands have, in the order given: True, what the command says of one, or what it has
-    otherwise of argparse's keywords."""
+    """Adds options of _SHARED to a parser, in the order given. Each keyword names an option; its value is True, the
+    words that fill the help text's %s, or argparse keywords that override the option's own."""
     for name, words in said.items():
         names, option = _SHARED[name]
         own = words if isinstance(words, Mapping) else {}
@@ -217,28 +219,28 @@ def add_shared(
         parser.add_argument(*names, **{**option, "help": text, **own})
 
 
-# Options of renders that a command after another one takes over.
+# Rendering options that a suggested next command repeats.
 SAME_RUN = "spp", "max_bounces", "seed", "device"
 
 
 def carried(args: argparse.Namespace, *names: str) -> list[Any]:
-    """The words of a run's options for the command that follows it: those of `names` with other values than their
-    defaults."""
+    """Returns command-line words that repeat this run's options in a following command: those of `names` whose value is
+    not the default."""
     usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
     given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
     return [word for option, value in given if value != usual.get(option) for word in (option, value)]
 
 
 def check_paper(args: argparse.Namespace) -> None:
-    """Fails before the long work, not after it."""
+    """Raises CommandError before the long work if the file of --pdf or --csv cannot be written."""
     for path in (args.pdf, args.csv):
         if path is not None:
             check_out_file(path)
 
 
 def print_section(args: argparse.Namespace, section: str, text: str, *after: "Step") -> None:
-    """Prints what a calibration wrote into args.out: under --json that section, else the text, whose first line is the
-    sentence, and the commands `after` it."""
+    """Prints the section that a calibration wrote into args.out: as JSON under --json, else as `text` and commands to
+    run next. text: its first line is the summary; after: the commands, none for `model show`."""
     from activestereo.report.screen import command, screen
 
     if args.json:
@@ -250,7 +252,7 @@ def print_section(args: argparse.Namespace, section: str, text: str, *after: "St
 
 
 def print_json(value: Any) -> None:
-    """The value on standard output; NaN and infinities, which JSON has no words for, as null."""
+    """Prints the value as JSON on standard output. NaN and infinities, which JSON cannot hold, become null."""
     print(json.dumps(finite(value), indent=1, allow_nan=False))
 
 
@@ -271,7 +273,7 @@ def real(text: str) -> float:
 
 
 def check_out_file(path: Path) -> None:
-    """Fails before the long work, not after it."""
+    """Raises CommandError before the long work if no file can be written at `path`."""
     if path.is_dir():
         raise CommandError(f"{path} is a folder: give the name of a file, such as {path / 'model.json'}")
     if not path.absolute().parent.is_dir():
@@ -280,7 +282,8 @@ def check_out_file(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Fails before the long work, not after it."""
+    """Makes the folder `path` and its parents. Raises CommandError before the long work if it cannot be written
+    into."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".activestereo"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo benchmark: how well simulated depth stands for a real camera's."""
+"""Implements `activestereo benchmark`: measures how closely simulated depth resembles a real camera's."""
 
 from __future__ import annotations
 

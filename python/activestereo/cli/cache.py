@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo cache list | clear: what compare and diagnose keep on disk for a second look."""
+"""Implements `activestereo cache list | clear`: lists or deletes the results that compare and diagnose keep on disk."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo calibrate noise | pattern | rig: frames of a real camera become sections of model.json."""
+"""Implements `activestereo calibrate noise | pattern | rig`: measures a real camera's frames into sections of
+model.json."""
 
 import argparse
 import json

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo calibrate scene | materials: what stands before the camera, and what it is made of."""
+"""Implements `activestereo calibrate scene | materials`: turns measured depth into a scene, and fits an object's
+materials."""
 
 from __future__ import annotations
 
@@ -35,7 +36,7 @@ example:
 
 
 def add_parts(parts: argparse._SubParsersAction) -> None:
-    """The parsers of calibrate's two parts."""
+    """Adds the parsers of `calibrate scene` and `calibrate materials`."""
     scene = parts.add_parser("scene", help="a measured depth map as a scene", description=_SCENE)
     scene.add_argument("capture", type=Path, metavar="CAPTURE", help="capture with depth")
     text = "frame of the pose (default: first with depth)"

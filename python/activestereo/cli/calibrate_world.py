@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo calibrate world, and its steps: a recording with depth becomes a capture that the lab can use."""
+"""Implements `activestereo calibrate world` and its single steps: a recording with depth becomes a capture for the
+lab."""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ _STEP_OF = {"dots": "pattern"}
 
 
 def add_parts(parts: argparse._SubParsersAction) -> None:
-    """The parsers of calibrate's parts that take recordings with depth."""
+    """Adds the parsers of `calibrate world` and of its steps, one subcommand for each."""
     world = parts.add_parser("world", help="a camera and a room from views with depth", description=_WORLD)
     _add_arguments(world, needs_out=False)
     text = "print what it tells, from which size, and what to record for all else; RECORDING: calibrate world's capture"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of simulate for its cameras: lenses, shutters, a sensor that moves while they are open, and NAME=X for fields
-of whole records, the infrared imagers and the cameras' optics."""
+"""Adds the camera options of simulate: lenses, shutters, the sensor's motion during exposure, and NAME=X fields of the
+imagers and optics."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ def add_records(group: argparse._ArgumentGroup) -> None:
 
 
 def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
-    """Puts what was given on top of what the sensor's configuration has."""
+    """Writes the fields given by --ir-signal, --ir-optics and --rgb-optics into the configuration; other fields
+    stay."""
     import simsense
 
     if args.ir_signal:
@@ -58,7 +59,7 @@ def _imager(
 
 
 def _field(text: str) -> tuple[str, float | int | list[float] | None]:
-    """(name, number or numbers); (name, None) where there is no '='."""
+    """Parses NAME=X or NAME=X,Y,... into (name, number or list of numbers). A text without "=" gives (name, None)."""
     name, equals, value = text.partition("=")
     if not name or (equals and not value):
         raise argparse.ArgumentTypeError(f"a field is NAME=NUMBER or NAME=NUMBER,NUMBER,..., not '{text}'")
@@ -97,7 +98,7 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
 
 
 def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
-    """Puts the options that were given into a sensor's configuration."""
+    """Writes the given lens, shutter and readout options into the sensor's configuration."""
     rolls = args.ir_line_time_s or args.rgb_line_time_s
     if args.readout is not None and not rolls:
         raise CommandError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo capture check: all that is wrong with a capture, at once."""
+"""Implements `activestereo capture check`: prints every fault of a capture at once."""
 
 import argparse
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo compare: the simulator against a measured capture."""
+"""Implements `activestereo compare`: compares the simulator's images with a measured capture."""
 
 import argparse
 from pathlib import Path
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
 
     make_folder(args.out)
     check_paper(args)
-    capture = read_capture(args.capture)  # what is refused is refused before half a second of imports
+    capture = read_capture(args.capture)  # a bad capture fails before half a second of imports
 
     from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
@@ -97,8 +97,11 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _under_model(args: argparse.Namespace, capture: "Capture", effects: "dict[str, Effect]") -> dict[str, Any]:
-    """A model's parts that compare() takes: its effects and the scene measurement in this scene, and engines in which
-    they act; in a measured room they act on its images, as diagnose() has them there."""
+    """Returns the arguments with which compare() applies the model file. They are effects and calibration, and outside
+    measured rooms also the scene measurement and render engines.
+
+    In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose().
+    """
     from activestereo.compare.engine_prediction import engines_of
     from activestereo.compare.model_file import scene_of
     from activestereo.diagnose.room.diagnosed import is_measured_room

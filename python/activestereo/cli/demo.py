@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo demo: a sensor simulated, an effect hidden, found again, and the report of it."""
+"""Implements `activestereo demo`: simulates a sensor, hides an effect in a capture, finds it again and opens the
+report."""
 
 from __future__ import annotations
 
@@ -61,7 +62,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _run_step(args: argparse.Namespace, number: int, words: list[str]) -> None:
-    """Runs another command as if it had been typed."""
+    """Prints and runs another command as if the user had typed it. number: the step's number; words: the command
+    without "activestereo"."""
     print(f"\n== {number} of 3: activestereo {' '.join(words)}", flush=True)
     step = args.parser.parse_args(words)
     step.given = words
@@ -69,7 +71,7 @@ def _run_step(args: argparse.Namespace, number: int, words: list[str]) -> None:
 
 
 def _outcome(secret: str, diagnosis: Mapping[str, Any]) -> str:
-    """The hidden and the found effect, in the lab's names and units."""
+    """Returns two lines: the hidden effect, and the effects that the diagnosis found, with values and units."""
     from activestereo.benchmarks.example_capture import HIDDEN
     from activestereo.report.diagnosis_text import parameter_text
 
@@ -84,7 +86,7 @@ def _outcome(secret: str, diagnosis: Mapping[str, Any]) -> str:
 
 
 def _render_hidden_effect(args: argparse.Namespace, capture: Path) -> str:
-    """Renders the capture with an effect that the seed draws; returns the effect's name."""
+    """Renders the demo's capture with a hidden effect that args.seed chooses. Returns the effect's id."""
     import numpy as np
 
     from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo depth: from an image pair to depth, with hints at a result that could be better: exchanged cameras,
-depth that was cut off."""
+"""Implements `activestereo depth`: computes depth from an image pair, and warns of exchanged cameras or cut-off
+depth."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from activestereo.cli.import_calibration import RectifiedPair, folder_device, re
 if TYPE_CHECKING:
     import simsense
 
-# Settings for real pictures, found on pairs with truth (tests/bench/README.md, "Pairs with truth"); the engine's own
-# defaults, the published SimSense's, err more on both kinds.
+# Settings for real pictures, tuned on pairs with truth (tests/bench/README.md, "Pairs with truth"). The engine's
+# defaults, those of the published SimSense, err more on both kinds of pictures.
 PROFILES: dict[str, dict[str, Any]] = {
     "active": {"p1": 12, "p2": 32, "subpixel": "lucas_kanade", "median_size": 5, "uniqueness_ratio": 10},
     "passive": {
@@ -40,10 +40,10 @@ PROFILES: dict[str, dict[str, Any]] = {
 
 
 def profile(name: str, bits: int) -> dict[str, Any]:
-    """The engine's parameters under a profile, for images of so many bits."""
+    """Returns the depth engine's parameters of a profile in PROFILES, scaled for images of `bits` bits per pixel."""
     found = dict(PROFILES.get(name, {}))
     if "p2_full_gradient_dn" in found:
-        found["p2_full_gradient_dn"] <<= bits - 8  # of 8-bit counts
+        found["p2_full_gradient_dn"] <<= bits - 8  # PROFILES states it in 8-bit counts
     return found
 
 
@@ -136,9 +136,9 @@ def _make_engine(args: argparse.Namespace, cameras: RectifiedPair, left: np.ndar
     left_camera, right_camera = (simsense.Camera(width, height, K) for K in (cameras.left_K, cameras.right_K))
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -cameras.baseline_m
-    bits = 8 * left.itemsize  # the matcher sees every count of either depth
+    bits = 8 * left.itemsize  # the matcher uses all bits of 8-bit and of 16-bit images
     options = profile(args.profile, bits) | given_matching(args) | given_rig(args)
-    # A Vulkan device is opened where it was asked for: a plain call needs no driver at all.
+    # A Vulkan device is opened only on request, so that a plain call needs no driver.
     device = args.device or ("auto" if options.get("back_end") == "vulkan" else "host")
     return simsense.Engine(
         simsense.Device(device), left_camera, right_camera, left_to_right, rectified=True, bit_depth=bits, **options
@@ -184,8 +184,7 @@ def _report(
     print(screen(sentence, (), hints, leads, args.out / "overview.png", details, args.verbose))
 
 
-# Matched the other way round at least so many times as much, and more than half of the image: the cameras are
-# exchanged.
+# The cameras are exchanged if the exchanged pair matches _TIMES as many pixels and at least _LEAST_FILL of the image.
 _TIMES = 1.5
 _SUSPICIOUS_FILL = 0.6
 _LEAST_FILL = 0.5
@@ -195,9 +194,10 @@ def depth_hints(
     cameras: RectifiedPair, engine: simsense.Engine, left: np.ndarray, right: np.ndarray,
     result: Mapping[str, np.ndarray],
 ) -> list[str]:  # fmt: skip
-    """Lines to print, none where all is well. cameras: of the pair; result: the engine's depth and disparity."""
+    """Returns warnings about dropped depth and exchanged images, an empty list if there are none. result: the engine's
+    depth in metres and disparity in pixels."""
     hints, disparity, p = [], result["disparity"], engine.parameters
-    # Pixels that were matched and have no depth lie outside of the depths that are kept.
+    # A matched pixel without depth lies outside of the range of depths that the engine keeps.
     lost = (disparity > 0) & (result["depth"] == 0)
     z = cameras.focal_baseline_px_m / np.where(lost, disparity + cameras.offset_px, 1.0)
     far, near = int((lost & (z >= p["max_depth_m"])).sum()), int((lost & (z < p["min_depth_m"])).sum())
@@ -211,7 +211,7 @@ def depth_hints(
     ]
     if parts:
         hints.append("cut off: " + "; ".join(parts))
-    # Where little was measured, the pair is matched the other way round.
+    # If few pixels match, the exchanged pair is tried.
     fill = float((disparity > 0).mean())
     if fill < _SUSPICIOUS_FILL:
         other = float((engine.compute(right, left, ("disparity",))["disparity"] > 0).mean())

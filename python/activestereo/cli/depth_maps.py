@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts that simulate and depth share: the maps that explain a depth map (how sure each pixel is, and why a pixel
-has none), and the lines that end a command."""
+"""Defines what simulate and depth share: options and files of confidence and cause maps, and text on matching and stage
+times."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
-    """{group: {stage: milliseconds}} as text, a group's sum first; stages below a tenth of a percent of everything are
-    left out."""
+    """Returns a text table of times in ms, given as {group: {stage: ms}}. Each group's sum stands first; stages below
+    0.1 % of the total are left out."""
     total = sum(sum(stages.values()) for stages in groups.values())
     lines = [f"{'stage':32}{'time':>12}"]
     for group, stages in groups.items():
@@ -29,13 +29,13 @@ def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def matching_words(engine: simsense.Engine) -> dict[str, Any]:
-    """The parameters with which a simsense.Engine matches; a choice by its word."""
+    """Returns the engine's matching parameters as {name: value}, with a word for each enumerated choice."""
     choices = {p.name: p.choices for p in MATCHER if p.choices}
     return {name: choices[name][int(value)] if name in choices else value for name, value in engine.parameters.items()}
 
 
 def matching_line(engine: simsense.Engine) -> str:
-    """The main parameters with which a simsense.Engine matches, in one line."""
+    """Returns one line with the engine's main matching parameters."""
     p = engine.parameters
     first, last = p["min_disparity"], p["min_disparity"] + p["max_disparity"] - 1
     checks = f"uniqueness {p['uniqueness_ratio']} %, left-right {p['lr_max_diff']}, median {p['median_size']}"
@@ -58,12 +58,12 @@ def add_depth_maps(group: argparse._ArgumentGroup) -> None:
 
 
 def wanted_maps(args: argparse.Namespace) -> tuple[str, ...]:
-    """The engine's outputs that were asked for."""
+    """Returns the names of the optional maps (such as "confidence") that the options request."""
     return tuple(name for name in _MAPS if getattr(args, name))
 
 
 def write_maps(folder: Path, maps: Mapping[str, np.ndarray]) -> None:
-    """Each as DIR/<name>.png; images are [height, width]."""
+    """Writes each map as folder/NAME.png. maps: {name: [height][width]}; confidence, 0 to 1, becomes 16-bit."""
     from activestereo.common.output_files import write_png
 
     for name, image in maps.items():

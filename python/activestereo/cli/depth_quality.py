@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo depth-quality: Intel's depth quality metrics on a flat target."""
+"""Implements `activestereo depth-quality`: computes Intel's depth quality metrics on frames of a flat target."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ example, the plane that a simulated D435 saw 0.8 m away:
 """
 
 FARTHEST_M = 1e6
-# Steps of a file that hide what stereo's noise is.
+# A file whose depth steps exceed this hides the noise of stereo matching.
 _COARSE_STEP_PX = 0.05
 
 
@@ -78,7 +78,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _steps(args: argparse.Namespace, frames: np.ndarray) -> str | None:
-    """A remark if a PNG's steps are coarse against the noise of stereo, a twentieth of a pixel."""
+    """Returns a note if the depth file's rounding is coarse against stereo noise (1/20 px), else None. frames: metres,
+    0 = none."""
     measured = frames[frames > 0]
     if not measured.size or all(path.suffix == ".npy" for path in args.depth):
         return None
@@ -109,13 +110,13 @@ def _read_all(args: argparse.Namespace) -> np.ndarray:
 
 
 def _read(path: Path, unit_m: float) -> np.ndarray:
-    """[frames, height, width] in metres."""
+    """Reads a depth file (.png or .npy) as metres, [frames, height, width]. unit_m: metres per unit of the file."""
     if path.suffix != ".npy":
         from activestereo.capture.images import read_gray
 
         return read_gray(path, key="depth")[None] * unit_m
     try:
-        # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
+        # Memory-mapped, so that a header that claims more than the file holds fails before memory is allocated.
         depth = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, OverflowError, EOFError) as error:
         raise CommandError(f"{path}: cannot be read as a .npy array: {error}") from error

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo depth RECORDING: every infrared pair of a recording matched again."""
+"""Implements `activestereo depth RECORDING`: matches every infrared pair of a recording again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _GOALS = ("fill", "noise", "truth")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options that are of recordings alone."""
+    """Adds the options of `activestereo depth` that apply to recordings alone."""
     group = parser.add_argument_group("recordings", "One argument in place of LEFT and RIGHT: a folder or a bag.")
     add = group.add_argument
     text = "advanced-mode settings of a D400, as Intel's Viewer writes them (default: the camera's own)"
@@ -45,7 +45,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Matches, or searches, and says what came of it."""
+    """Matches all pairs of the recording, or under --search looks for better settings, and prints the result."""
     from activestereo.camera.advanced_mode import AdvancedSettings, read_settings
 
     settings = AdvancedSettings({}) if args.settings is None else read_settings(args.settings)
@@ -101,7 +101,7 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
 
 
 def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
-    """(both cameras, what was assumed) of the rectified pairs."""
+    """Returns the recording's rectified cameras, and lines that state what was assumed about them."""
     from activestereo.capture.capture import read_capture
     from activestereo.capture.importers.bag import is_bag, read_calibration
     from activestereo.capture.importers.realsense_text import DeviceText
@@ -120,7 +120,7 @@ def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, lis
 
 
 def _count(recording: Path) -> int:
-    """Pairs of a folder; of a bag, nobody knows before it is read."""
+    """Returns the number of infrared pairs in a folder of images or a bag."""
     from activestereo.capture.importers.bag import count_pairs, is_bag
     from activestereo.capture.importers.realsense_folder import frame_files
 
@@ -143,7 +143,7 @@ def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: Rect
 def _facts(
     args: argparse.Namespace, settings: AdvancedSettings, matcher: PairMatcher, cameras: RectifiedPair, pair: Pair,
 ) -> dict[str, Any]:  # fmt: skip
-    """The run that all depth images of a folder are of."""
+    """Returns the figures that identify a run, for depth.json. All depth images of one folder must share them."""
     return {
         "recording": args.left.name,
         "size": [pair.left.shape[1], pair.left.shape[0]],
@@ -157,7 +157,8 @@ def _facts(
 
 
 def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
-    """Writes the run's facts, or checks that a continued run has the same."""
+    """Writes the run's figures to `path`, or raises CommandError if a file there has others. has_images: whether the
+    folder holds PNG files already."""
     from activestereo.common.input_files import read_json_object
     from activestereo.common.output_files import write_text
 
@@ -186,7 +187,7 @@ def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     if (goal == "truth") != (args.truth is not None):
         raise CommandError("--search truth needs --truth DIR, and --truth nothing else")
     check_out_file(out)
-    last = _count(args.left) - 1  # the pairs that are searched on spread over the whole recording
+    last = _count(args.left) - 1  # the chosen pairs spread over the whole recording
     chosen = sorted({round(share * last) for share in np.linspace(0.0, 1.0, _SEARCHED_PAIRS)})
     pairs = _chosen_pairs(args.left, chosen)
     cameras, assumed = _geometry(args, pairs[0])
@@ -230,7 +231,8 @@ def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
 def _truths(
     args: argparse.Namespace, chosen: list[int], cameras: RectifiedPair, shape: tuple[int, ...]
 ) -> list[np.ndarray]:
-    """Disparities, NaN where the truth is not known."""
+    """Reads the true depth of the chosen pairs as disparities in pixels, float32 [height][width], NaN where unknown.
+    chosen: the pairs' numbers in the recording; shape: (height, width)."""
     from activestereo.capture.images import read_gray
 
     files = sorted(args.truth.glob("*.png"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo devices."""
+"""Implements `activestereo devices`: lists the Vulkan devices of this machine."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> None:
 
     try:
         infos = kuafu.Device.enumerate()
-    except RuntimeError as error:  # a driver that fails where it has no device
+    except RuntimeError as error:  # some drivers fail if they find no device
         raise CommandError(f"{error}: activestereo doctor says what is wrong") from error
     if not infos:
         raise CommandError(_INSTALL)
@@ -48,13 +48,13 @@ def run(args: argparse.Namespace) -> None:
 
 
 def as_json(info: kuafu.DeviceInfo) -> dict[str, Any]:
-    """The figures of one device."""
+    """Returns one device's properties as a dictionary for JSON."""
     names = ("index", "name", "kind", "driver", "api_version", "memory_bytes", "usable", "refused")
     return {name: getattr(info, name) for name in names} | {"capabilities": list(info.capabilities)}
 
 
 def describe(info: kuafu.DeviceInfo) -> str:
-    """A few lines on one device."""
+    """Returns a few lines of text about one device."""
     lines = [
         f"[{info.index}] {info.name}",
         f"    {info.kind}, Vulkan {info.api_version}, {info.driver}, {info.memory_bytes / 2**30:.1f} GiB",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo diagnose: which physical effect does the model of a capture lack?"""
+"""Implements `activestereo diagnose`: finds which physical effect the model of a capture lacks."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ _STOPPED = "stopped.txt"
 
 
 class _HelpWithNumbers(Help):
-    """Fills in numbers from the table that decides, which takes its time to load."""
+    """Formats help whose {alpha} and {least_share} are filled in late, because the table of these numbers is slow to
+    load."""
 
     def _format_text(self, text: str) -> str:
         from activestereo.diagnose.numbers import NUMBERS
@@ -151,7 +152,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
-    """The commands that follow from the verdict: with the model found, or with the effect to edit."""
+    """Returns the commands to run next: check or use the found model, diagnose again with the stub effect, or view the
+    capture."""
     from activestereo.report.screen import command
 
     own = [word for file in args.effects for word in ("--effects", file)]
@@ -172,8 +174,8 @@ def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
 
 @contextmanager
 def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
-    """A block that Ctrl-C ends leaves a line in the folder, and says it, on what is kept and how to go on; one that
-    ends takes the line of an earlier one away."""
+    """Wraps a diagnosis: Ctrl-C writes a note into `folder` on what is kept and how to go on. A block that ends
+    normally removes the note of an earlier run."""
     from activestereo.common.output_files import write_text
     from activestereo.compare.cache import default_cache_folder
 
@@ -191,7 +193,7 @@ def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
 
 
 def _paper(args: argparse.Namespace, diagnosis: Diagnosis) -> list[str]:
-    """Writes what --pdf and --csv ask for; lines that say so."""
+    """Writes the files of --pdf and --csv. Returns lines that name the written files."""
     from activestereo.report.paper import write_diagnosis_csv, write_diagnosis_pdf
 
     lines, comparison = [], diagnosis.comparison() if args.pdf else None

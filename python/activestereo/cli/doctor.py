@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo doctor: what this machine renders and matches on, and what stands in the way."""
+"""Implements `activestereo doctor`: checks which devices, packages and libraries work on this machine, and names
+remedies."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ them.
 
 The exit status is 0 where all is well, else 1.
 """
-# {module: the extra that brings it}
+# {optional module: the package's extra that installs it}
 PACKAGES = {
     "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
     "pyrealsense2": "live", "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "onnxruntime": "onnx",
@@ -50,20 +51,20 @@ def run(args: argparse.Namespace) -> None:
 
 
 def examine() -> dict[str, Any]:
-    """All that is told, as values for JSON."""
+    """Collects doctor's findings (devices, Vulkan problems, packages, BLAS, cache, free memory) as values for JSON."""
     import kuafu
     from activestereo.cli.vulkan_setup import problems
     from activestereo.compare.cache import LayerCache
 
     try:
         devices = kuafu.Device.enumerate()
-    except RuntimeError:  # a driver that fails where it has no device
+    except RuntimeError:  # some drivers fail if they find no device
         devices = []
     renders_on = None
     with suppress(RuntimeError):  # a device that cannot be opened
         renders_on = kuafu.Device().info.name if any(device.usable for device in devices) else None
     free_bytes = None
-    with suppress(OSError, KeyError, ValueError):  # a kernel that does not tell
+    with suppress(OSError, KeyError, ValueError):  # a kernel without /proc/meminfo
         fields = dict(line.split(":", 1) for line in read_text("/proc/meminfo").splitlines())
         free_bytes = 1024 * int(fields["MemAvailable"].split()[0])
     cache = LayerCache()
@@ -105,7 +106,7 @@ def _words(found: dict[str, Any]) -> str:
 
 
 def _blas() -> str | None:
-    """The file of the library that multiplies NumPy's matrices; None where the kernel does not tell."""
+    """Returns the path of the BLAS library that NumPy has loaded, or None if the kernel does not tell."""
     import numpy.linalg  # noqa: F401 -- loads it
 
     try:
@@ -116,5 +117,6 @@ def _blas() -> str | None:
 
 
 def is_reference(blas: str | None) -> bool:
-    """Whether a library of this file is Debian's build of the reference, whose loops no processor's kernels replace."""
+    """Returns whether a BLAS library's path is that of Debian's reference build, which lacks fast kernels for the
+    processor."""
     return blas is not None and Path(blas).parent.name == "blas"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo effect list | show | check: the catalogue of physical effects, and what is tried on each."""
+"""Implements `activestereo effect list | show | check`: lists physical effects, draws them, and tests their laws."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def run_check(args: argparse.Namespace) -> None:
 
 
 def _chosen(names: Sequence[str]) -> list[Effect]:
-    """The effects of ids and of users' files."""
+    """Returns the effects that `names` selects: ids of built-in effects, or files with the user's own."""
     from activestereo.compare.model_file import find, library
     from activestereo.effects import load_effects
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of commands for the engines: one for each parameter of the generated tables."""
+"""Adds command-line options for the engines, one for each parameter of the generated tables."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from activestereo.common.parameter import MATCHER, RIG, Parameter
 def add_options(
     group: argparse._ArgumentGroup, table: Sequence[Parameter], defaults: Mapping[str, Any] | None = None
 ) -> None:
-    """One option for every parameter. `defaults`: those of the command that are not the engine's own, or a text where
-    they depend on something else. What is not given is None."""
+    """Adds one option for each parameter of `table`; an option that is not given is None. defaults: the command's own
+    default values by name, or words that describe them."""
     for p in table:
         if not p.on_command_line:
             continue
@@ -48,7 +48,7 @@ def _kind(p: Parameter) -> dict[str, Any]:
 
 
 def _within(p: Parameter, parse: Callable[[str], Any]) -> Callable[[str], Any]:
-    """The parameter's number, refused in the engine's own words where it is out of range."""
+    """Returns an argparse type that parses p's number and refuses one out of range with the engine's limits."""
 
     def number(text: str) -> Any:
         value = parse(text)
@@ -60,7 +60,7 @@ def _within(p: Parameter, parse: Callable[[str], Any]) -> Callable[[str], Any]:
 
 
 def given(args: argparse.Namespace, table: Sequence[Parameter]) -> dict[str, Any]:
-    """The table's parameters that were given, by name."""
+    """Returns {name: value} of the table's parameters that the user gave."""
     found = {p.name: getattr(args, p.name) for p in table if p.on_command_line}
     for p, after in zip(table, table[1:], strict=False):
         if p.pair and getattr(args, p.pair) is not None:
@@ -71,7 +71,7 @@ def given(args: argparse.Namespace, table: Sequence[Parameter]) -> dict[str, Any
 
 
 def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -> argparse._ArgumentGroup:
-    """The depth engine's options: what it computes, and where."""
+    """Adds the rare options of the depth engine: matcher and rig parameters. defaults: the command's own values."""
     text = "Semi-global matching of census descriptors, and what becomes of its depth."
     group = rare_group(parser, "matching", text)
     add_options(group, MATCHER, defaults)
@@ -80,10 +80,10 @@ def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -
 
 
 def given_matching(args: argparse.Namespace) -> dict[str, Any]:
-    """The matcher's parameters that were given, by name."""
+    """Returns {name: value} of the matcher parameters that the user gave."""
     return given(args, MATCHER)
 
 
 def given_rig(args: argparse.Namespace) -> dict[str, Any]:
-    """The given options of the rig on which the depth engine works, by name."""
+    """Returns {name: value} of the depth engine's rig parameters that the user gave."""
     return given(args, RIG)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo generate: a data set of depth pictures of things on a table."""
+"""Implements `activestereo generate`: renders a data set of depth pictures of objects on a table."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def add_parser(commands: Commands) -> None:
 
 
 def _part(text: str) -> tuple[int, int]:
-    """K/N."""
+    """Parses K/N into (K, N), the K-th of N parts of a data set."""
     number, slash, parts = text.partition("/")
     if not (slash and number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts)):
         raise argparse.ArgumentTypeError(f"a part is K/N, from 1/N to N/N, not '{text}'")

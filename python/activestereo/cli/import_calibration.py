@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The source of an import's calibration of the infrared cameras, its findings and assumptions, in lines for people."""
+"""Finds the infrared cameras' calibration for an import, and checks that pairs are rectified and in order."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from activestereo.capture.importers.realsense_text import DeviceText
     from activestereo.compare.camera_order import CameraOrder
 
-# Rows of rectified images match to about 0.2 px on real devices; beyond this a matcher loses pixels.
+# Rows of rectified images match to about 0.2 px on real devices; beyond this limit a matcher loses pixels.
 _MOST_ROWS_PX = 0.5
 
 
 def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[DeviceText, list[str]]:
-    """(calibration, what was assumed) of images of a size: the device's own, else --k and --baseline, and what they
-    leave out from the preset. size: (width, height)."""
+    """Returns (calibration, lines on assumptions) for images of size (width, height): --calibration's, else --k and
+    --baseline. The preset of --sensor supplies what is not given."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.capture import Camera
     from activestereo.capture.importers.realsense_text import DeviceText
@@ -66,8 +66,8 @@ def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[Devi
 
 
 def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> DeviceText | None:
-    """The calibration that --calibration names, in any of its formats, with --baseline's length where it has none. None
-    where it is not given. size: of the images."""
+    """Reads the calibration file of --calibration; --baseline fills in a missing baseline. Returns None without the
+    option. size: (width, height) of the images, or None."""
     from activestereo.capture.importers.calibration import read_calibration_files
 
     if not args.calibration:
@@ -80,7 +80,8 @@ def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> Devi
 
 
 def own_device(args: argparse.Namespace, recording: Path, size: tuple[int, int] | None) -> DeviceText | None:
-    """given_device() beside a recording that has a calibration of its own, which --k does not replace."""
+    """Returns given_device() for a recording that holds its own calibration. Raises CommandError if --k is given
+    too."""
     if args.k is not None or args.k_right is not None:
         raise CommandError(f"{recording}: has K of its own: leave out --k, or give --calibration FILE")
     return given_device(args, size)
@@ -88,7 +89,7 @@ def own_device(args: argparse.Namespace, recording: Path, size: tuple[int, int] 
 
 @dataclass(frozen=True)
 class RectifiedPair:
-    """Two cameras that differ by the baseline and by cx alone. K: 3x3 each, pixels."""
+    """Holds two rectified cameras, which differ only by the baseline and by cx. left_K, right_K: 3x3, pixels."""
 
     left_K: NDArray[np.float64]
     right_K: NDArray[np.float64]
@@ -96,7 +97,7 @@ class RectifiedPair:
 
     @property
     def offset_px(self) -> float:
-        """cx of the right camera less that of the left one: z = f x baseline / (disparity + offset)."""
+        """Right cx minus left cx, pixels. Depth is z = f x baseline / (disparity + offset)."""
         return float(self.right_K[0, 2] - self.left_K[0, 2])
 
     @property
@@ -105,7 +106,8 @@ class RectifiedPair:
 
 
 def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair:
-    """The cameras of images of this size. CommandError where they are not rectified."""
+    """Returns the two cameras of a calibration for images of width x height. Raises CommandError if they are not
+    rectified."""
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     if np.abs(left.K - right.K)[[0, 1, 1], [0, 1, 2]].max() > _MOST_ROWS_PX:
         focal = f"{left.K[0, 0]:g} and {right.K[0, 0]:g} px, cy {left.K[1, 2]:g} and {right.K[1, 2]:g} px"
@@ -127,8 +129,8 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
 
 
 def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:
-    """The order of the cameras in up to three pairs, whose cx differ by offset_px. CommandError where they are swapped,
-    by --swap (are_exchanged) or without it."""
+    """Detects the order of the cameras from up to three pairs. Raises CommandError if left and right are swapped.
+    are_exchanged: --swap was given; offset_px: right cx minus left cx."""
     from activestereo.capture.images import read_gray
     from activestereo.compare.camera_order import camera_order
 
@@ -144,14 +146,14 @@ def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: f
 
 
 def is_rectified(device: DeviceText, width: int, height: int) -> bool:
-    """Whether images of this calibration are rectified: no lens, rows that match, and cameras that differ by the
-    baseline, and by cx, alone."""
+    """Returns whether images of this calibration are rectified: no lens distortion, matching rows, and no difference
+    but baseline and cx."""
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     turned = np.abs(left_to_right[:3, :3] - np.eye(3)).max() * left.K[0, 0]
     across = np.abs(left_to_right[1:3, 3]).max() / max(1e-9, abs(left_to_right[0, 3]))
     differing = np.abs(left.K - right.K)
-    differing[0, 2] = 0.0  # an offset of all disparities
+    differing[0, 2] = 0.0  # cx may differ: it shifts all disparities alike
     has_lens = is_distorting(left.distortion) or is_distorting(right.distortion)
     return bool(max(turned, differing.max()) < _MOST_ROWS_PX and across < 0.01 and not has_lens)
 
@@ -167,7 +169,7 @@ def sides_text(order: CameraOrder) -> str:
 
 
 def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses: bool) -> list[str]:
-    """A text that names the missing parts of a recording, and their use."""
+    """Returns lines that name a recording's missing parts (depth, poses) and their use."""
     out = []
     if not any("depth" in entry.files for entry in files):
         out.append("no depth, which poses, pattern and albedo need: record it, too, or name it by --depth WORD")
@@ -178,7 +180,7 @@ def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses
 
 
 def unused_text(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
-    """PNG files of a folder that belong to no frame."""
+    """Returns a line on the folder's PNG files that belong to no frame, or an empty list."""
     used = {file for entry in files for file in entry.files.values()}
     rest = sorted(set(Path(folder).rglob("*.png")) - used)
     if not rest:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo import: a recording of another program becomes a capture."""
+"""Implements `activestereo import`: converts a recording of another program into a capture."""
 
 from __future__ import annotations
 
@@ -138,7 +138,8 @@ def _report(args: argparse.Namespace, capture: Capture, told: Sequence[str], has
 
 
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
-    """The recording where its layout is that of colour and depth alone."""
+    """Reads the recording if its layout (bag, BOP, TUM, Open3D) has colour and depth alone, else returns None.
+    temporary: folder for extracted files."""
     from activestereo.capture.importers.bag import is_bag
     from activestereo.capture.importers.bop import read_bop
     from activestereo.capture.importers.color_depth_bag import has_color_depth_alone, read_color_depth_bag
@@ -170,7 +171,8 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
 
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str]]:
-    """The capture, and lines on what was found, assumed and missing."""
+    """Imports a recording with infrared pairs. Returns the capture, and lines on what was found, assumed and
+    missing."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, has_color, is_bag
@@ -198,7 +200,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     try:
         files = frame_files(folder, args.depth)
     except ValueError:
-        refuse_foreign(folder)  # a folder of another kind is named by what it is
+        refuse_foreign(folder)  # the error names the folder's actual kind
         raise
     if args.swap:
         files = swapped(files)
@@ -239,7 +241,7 @@ def _robot(args: argparse.Namespace) -> RobotPoses | None:
 
 
 def _nominal_projector(config: StereoDepthSensorConfig) -> tuple[Projector, NDArray[np.uint8]]:
-    """The preset's projector and its pattern; black where a camera has no projector."""
+    """Returns the preset's projector and its dot pattern, a black one if the camera has no projector."""
     import numpy as np
 
     from activestereo.camera.plan import pattern_of

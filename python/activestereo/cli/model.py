@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo model show | diff | export: a sensor model in words, and as other simulators' models of noise."""
+"""Implements `activestereo model show | diff | export`: prints a sensor model, or exports it as other simulators' noise
+models."""
 
 import argparse
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo overlay: the rendered scene over what the camera saw."""
+"""Implements `activestereo overlay`: draws the rendered scene's contours over camera pictures."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-    """Each pose's colour image and its infrared ones without dots, means of repeats; the left images of all frames
-    where there are none."""
+    """Yields (name, RGB picture with contours) for each pose of a capture: its colour image, and its infrared ones
+    without dots, averaged over repeats. A capture with neither yields the left image of every frame."""
     import numpy as np
 
     from activestereo.capture.capture import SIDES, Frame, read_capture

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo pair: what a real sensor's infrared pair tells of it, without a scene."""
+"""Implements `activestereo pair`: measures sensor properties on one infrared pair, without a scene."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parser of all commands: what it refuses is one line, with the name that was probably meant."""
+"""Defines the parser of all commands: an error is one line that suggests the nearest known name."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from activestereo.report.screen import COLUMNS
 
 
 class Help(argparse.RawDescriptionHelpFormatter):
-    """A description as it is written, but for what is wider than a terminal: prose and lists are filled anew, commands
-    go on in another line."""
+    """Keeps a description's own line breaks, but rewraps paragraphs, lists and commands that are wider than the
+    terminal."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return "\n".join(line for part in _parts(text.splitlines()) for line in _filled(part))
 
 
 def _parts(lines: Sequence[str]) -> list[list[str]]:
-    """Paragraphs, and entries of lists with the lines that are indented as far as their texts; blank lines alone."""
+    """Splits description lines into paragraphs and list entries, each a list of lines. A blank line is a part of its
+    own."""
     parts: list[list[str]] = []
     for line in lines:
         first = parts[-1][0] if parts else ""
@@ -57,20 +58,20 @@ def _indent(line: str) -> int:
 
 
 def _hang(line: str) -> int:
-    """The column at which an entry of a list goes on in its next line; 0 of prose."""
+    """Returns the column at which a list entry's continuation lines start; 0 for plain prose."""
     entry = re.match(r" +\S+(?: \S+)*?  +(?=\S)", line)
     return entry.end() if entry else _indent(line) + 2 * line.startswith(" ")
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse's own, whose commands and options are looked up by the nearest name where they are not known."""
+    """Extends argparse: errors suggest the nearest known command or option, and --help hides rare options."""
 
     def __init__(self, *, formatter_class: Any = Help, **own: Any) -> None:
         super().__init__(formatter_class=formatter_class, **own)
         self._rare: list[Any] = []  # groups that --help-all alone shows
 
     def rare_group(self, title: str, description: str | None = None) -> argparse._ArgumentGroup:
-        """A group of options that few need: --help names it, --help-all shows it."""
+        """Returns a new group for rare options: --help prints its title alone, --help-all its options."""
         if not self._rare:
             self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show all options, also the rare ones")
         self._rare.append(self.add_argument_group(title, description))
@@ -85,7 +86,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def format_all_help(self) -> str:
-        """Help with the rare options."""
+        """Returns the help text with all options, rare ones too."""
         return super().format_help()
 
     def _help_of(self, groups: Sequence[Any]) -> str:
@@ -104,16 +105,17 @@ class Parser(argparse.ArgumentParser):
         self.exit(USAGE, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """argparse's, after a look for unknown options: it would first ask for those that seem to be missing."""
+        """Parses as argparse does, but reports unknown options first; argparse would report missing arguments before
+        them."""
         self._refuse_unknown_options(args or ())
         found, rest = super().parse_known_args(args, namespace)
-        if rest and self._subparsers is None:  # in the words of this command, not of the whole program
+        if rest and self._subparsers is None:  # the error names this command, not the whole program
             self.error(f"unrecognized arguments: {' '.join(rest)}")
         return found, rest
 
     def _refuse_unknown_options(self, arguments: Sequence[str]) -> None:
         own = takewhile(lambda a: a != "--", arguments)
-        if self._subparsers is not None:  # what follows the command is the command's
+        if self._subparsers is not None:  # the command's own parser checks the options after it
             own = takewhile(lambda a: a.startswith("-"), own)
         known = [name for name in self._option_string_actions if name.startswith("--")]
         nameless = {f"--{action.dest}": action.metavar or action.dest for action in self._get_positional_actions()}
@@ -139,6 +141,6 @@ class _HelpAll(argparse.Action):
 
 
 def rare_group(parser: argparse.ArgumentParser, title: str, description: str | None = None) -> argparse._ArgumentGroup:
-    """Parser.rare_group() of a parser that a command made."""
+    """Calls Parser.rare_group() on a command's parser and returns the new group."""
     assert isinstance(parser, Parser)
     return parser.rare_group(title, description)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo presets: the cameras that the simulator knows, and where each figure comes from."""
+"""Implements `activestereo presets`: prints the known cameras, and the source of each of their figures."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo resense: stored demonstrations of a simulator, seen again by a depth sensor."""
+"""Implements `activestereo resense`: renders a simulator's stored demonstrations again with a depth sensor."""
 
 import argparse
 from pathlib import Path

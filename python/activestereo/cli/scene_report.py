@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines about a simulated scene: its depth, its infrared light, and the bodies that the picture does not show."""
+"""Writes lines about a simulated scene: its depth, its infrared light, and bodies that the sensor cannot measure."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ if TYPE_CHECKING:
     from activestereo.model import SensorModel
     from activestereo.sensor.light_share import LightShare
 
-# The projector's share of the infrared light at the dots below which depth is coarser. (The example scene, whose table
-# has 300 lux, has a sixth; the share of all pixels' light is a twenty-fifth.)
+# Depth is coarser if the projector's share of the infrared light at the dots is below this. (In the example scene of
+# 300 lux it is a sixth; the projector's share of all pixels' light is a twenty-fifth.)
 LEAST_SHARE = 0.05
 _MOST_NAMED = 3
 _MOST_MATERIALS = 3
 
 
 def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
-    """A sentence with the share of a picture that has depth, and its error."""
+    """Returns a sentence with the share of pixels that have depth, their median error, and the share of invented depth.
+    rows: accuracy of each material, the whole picture last."""
     whole = rows[-1]
     if not whole.pixels:
         return f"{name}: nothing is in the sensor's range."
@@ -38,7 +39,8 @@ def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
 
 
 def failing(rows: Sequence[Accuracy]) -> list[Figure]:
-    """The materials with the most pixels that are empty or invented, the bars: their share of each."""
+    """Returns a bar for each of the materials with most wrong pixels; its length is the share that is empty or
+    invented. rows: as in depth_sentence()."""
     fault = {
         row.name: 1.0 - row.fill + row.invented for row in rows[:-1] if row.pixels and np.isfinite(row.median_error_m)
     }
@@ -53,7 +55,8 @@ def failing(rows: Sequence[Accuracy]) -> list[Figure]:
 
 
 def light_lines(share: LightShare | None, added: float | None) -> list[str]:
-    """The projector's share, how far the things are, and the room that was added where the scene has no light."""
+    """Returns lines on the projector's share of infrared light at the dots, and on light added to a dark scene. added:
+    its radiance, or None."""
     room = [f"light added: a room of {ROOM_LUX:g} lux, for the scene has no light (--ambient)"] if added else []
     if share is None:
         return [*room, "light: no infrared light comes from the picture's middle"]
@@ -63,7 +66,7 @@ def light_lines(share: LightShare | None, added: float | None) -> list[str]:
 
 
 def warn_of_light(share: LightShare | None) -> None:
-    """Says on stderr that a projector's dots hardly stand out, and in which light."""
+    """Warns on stderr if the projector's dots hardly stand out, and names the brightest other light."""
     if share is None or share.projector >= LEAST_SHARE or share.brightest is None:
         return
     light = f"{share.brightest} gives {_percent(share.brightest_share)} of their light"
@@ -71,8 +74,8 @@ def warn_of_light(share: LightShare | None) -> None:
 
 
 def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
-    """Names materials on stderr whose values a model states and the scene lacks. Factors of a diagnosis are of its own
-    capture's scene."""
+    """Warns on stderr of materials that the model has values for and the scene lacks. Albedo factors do not count: a
+    diagnosis fits them to the scene of its own capture."""
     own = [scene.material_name(number) or "" for number in range(scene.summary.material_count)]
     stated = {name for name, fields in model.materials.items() if set(fields) - {"ir_albedo_factor"}}
     if absent := sorted(stated - set(own) - set(map(material_of, own))):
@@ -80,7 +83,7 @@ def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
 
 
 def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummary) -> None:
-    """Names bodies that the picture does not show, and why, on stderr."""
+    """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each."""
     if not unseen:
         return
     named = "; ".join(f"'{name}' is {why}" for name, why in unseen[:_MOST_NAMED])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo simulate: from a scene file to what a depth sensor in it gives."""
+"""Implements `activestereo simulate`: takes one frame of a depth sensor in a scene file."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
-    """The model that was asked for, whole, or None."""
+    """Reads the model file of --model, or returns None without that option."""
     if args.model is None:
         return None
     if args.resolution:
@@ -182,7 +182,8 @@ def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
 
 
 def sensor_config(args: argparse.Namespace, model: SensorModel | None) -> StereoDepthSensorConfig:
-    """The preset at --resolution, or the model's own figures."""
+    """Returns the configuration of the model, or without a model that of the --sensor preset, scaled to
+    --resolution."""
     from activestereo.camera.presets import StereoDepthSensorConfig
 
     if model is not None:
@@ -203,7 +204,7 @@ def sensor_config(args: argparse.Namespace, model: SensorModel | None) -> Stereo
 
 
 def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
-    """The sensor's configuration with the options that were given."""
+    """Returns sensor_config() with the given options applied and checked."""
     config = sensor_config(args, model)
     config.render_seed = config.noise_seed = args.seed
     set_cameras(config, args)
@@ -226,7 +227,8 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
 
 
 def _load_scene(args: argparse.Namespace, config: StereoDepthSensorConfig) -> tuple[kuafu.Scene, float | None]:
-    """The scene, and the radiance from all sides that was added because it has no light of its own."""
+    """Loads the scene file and lights it. Returns (scene, radiance), the latter in W/(sr m^2), None unless the scene
+    had no light and uniform light was added."""
     import kuafu
     from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
     from activestereo.scene_io.staging import set_infrared_share
@@ -255,7 +257,8 @@ def _light_scene(
     config: StereoDepthSensorConfig,
     dome: tuple[float, float, float] | None,
 ) -> float | None:
-    """Gives the scene its light from all sides; returns what _load_scene() does."""
+    """Sets the scene's uniform light or environment map. Returns the radiance in W/(sr m^2) that was added to an unlit
+    scene, else None. dome: radiance of a USD dome light, or None."""
     from activestereo.scene_io.environment_map import set_environment_map
     from activestereo.scene_io.staging import ALL_SIDES, has_lamps, part_light, room_radiance
 
@@ -278,7 +281,8 @@ def _light_scene(
 
 
 def _view_of_capture(args: argparse.Namespace) -> np.ndarray:
-    """Puts a capture's scene in the place of its folder; returns the pose of the left camera in its first frame."""
+    """Replaces args.scene, a capture's folder, by its scene file. Returns the left camera's pose in the first frame,
+    4x4."""
     from activestereo.capture.capture import read_capture
 
     capture = read_capture(args.scene)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo view: a local page that shows a capture or a scene, and renders it again as its sliders move."""
+"""Implements `activestereo view`: serves a local page that shows a capture or scene and renders it again as sliders
+move."""
 
 from __future__ import annotations
 
@@ -63,7 +64,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
-    """The path itself, or a bag as a capture in a folder that goes with the stack."""
+    """Returns the path to show. A bag is first imported as a capture into a temporary folder, which closing `stack`
+    deletes."""
     from activestereo.capture.importers.bag import is_bag
     from activestereo.cli import import_capture
     from activestereo.cli.parser import Parser
@@ -79,7 +81,7 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
 
 
 def make_server(args: argparse.Namespace, path: Path) -> Any:
-    """The server of a path under the options, at its address but not yet serving."""
+    """Returns the page's server for `path`, bound to its address but not yet serving."""
     import kuafu
     from activestereo.cli.simulate import read_sensor_model, sensor_config
     from activestereo.compare.model_file import library

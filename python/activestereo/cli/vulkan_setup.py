@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Known failures of a Vulkan set-up, each with the line that mends it: no loader, no driver, a driver's library that is
-missing, a container without the graphics capability, a render node without permission, a driver without a device."""
+"""Detects known failures of a Vulkan set-up and names the remedy: missing loader, driver, library or device, a
+container without graphics capability, a render node without permission."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from activestereo.common.input_files import read_json_object
 RENDER_NODES = Path("/dev/dri")
 _LAVAPIPE = "apt install libvulkan1 mesa-vulkan-drivers"
 _CONTAINER = "start the container with NVIDIA_DRIVER_CAPABILITIES=all (docker run --gpus all -e ...)"
-# Debian's packages of what drivers are linked to or open, by the library's name without its version.
+# Debian's packages of libraries that drivers link to or open, by the library's name without its version.
 _PACKAGES = {
     "libXext": "libxext6", "libX11": "libx11-6", "libX11-xcb": "libx11-xcb1", "libxcb": "libxcb1", "libdrm": "libdrm2",
     "libXau": "libxau6", "libXdmcp": "libxdmcp6", "libxshmfence": "libxshmfence1",
@@ -28,7 +28,7 @@ _PACKAGES = {
     "libGL": "libgl1", "libOpenGL": "libopengl0", "libgbm": "libgbm1", "libexpat": "libexpat1", "libelf": "libelf1",
     "libz": "zlib1g", "libzstd": "libzstd1", "libstdc++": "libstdc++6",
 }  # fmt: skip
-# A driver's first call of the loader, which NVIDIA's refuses where libglvnd's libEGL.so.1 is missing (driver 580).
+# The loader's first call to a driver. NVIDIA's driver 580 refuses it if libglvnd's libEGL.so.1 is missing.
 _NEGOTIATION = """
 import ctypes, sys
 print(ctypes.CDLL(sys.argv[1]).vk_icdNegotiateLoaderICDInterfaceVersion(ctypes.byref(ctypes.c_uint32(5))))
@@ -39,7 +39,7 @@ _LIBRARY = r"(lib[\w+-]+?)\.so[\w.]*"
 
 @dataclass(frozen=True)
 class Problem:
-    """A failure: its name, what was seen, and the line that mends it."""
+    """Describes one failure of the set-up. seen: the evidence; remedy: a command or advice that mends it."""
 
     name: str
     seen: str
@@ -47,7 +47,8 @@ class Problem:
 
 
 def problems(device_count: int) -> list[Problem]:
-    """The failures of this machine's set-up. device_count: how many devices the loader lists."""
+    """Returns the failures of this machine's Vulkan set-up. device_count: the number of devices that the loader
+    lists."""
     if (fault := load_fault("libvulkan.so.1")) is not None:
         return [Problem("no loader", f"the Vulkan loader cannot be opened: {fault}", _LAVAPIPE)]
     manifests = driver_manifests()
@@ -63,7 +64,8 @@ def problems(device_count: int) -> list[Problem]:
 
 
 def driver_manifests() -> list[Path]:
-    """The manifests that the loader reads: those of VK_DRIVER_FILES or VK_ICD_FILENAMES, else of the usual folders."""
+    """Returns the driver manifests (JSON files) that the Vulkan loader reads: those that VK_DRIVER_FILES or
+    VK_ICD_FILENAMES name, else those in the usual folders."""
     named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
     if named:
         return [path for path in map(Path, named.split(":")) if path.is_file()]
@@ -77,7 +79,7 @@ def driver_manifests() -> list[Path]:
 
 
 def load_fault(library: str) -> str | None:
-    """The loader's words where the library cannot be opened."""
+    """Returns the dynamic loader's error if a library cannot be opened, else None."""
     try:
         ctypes.CDLL(library)
     except OSError as error:
@@ -101,16 +103,19 @@ def _missing_libraries(manifests: list[Path], device_count: int) -> Iterator[Pro
             are = "is" if len(missing) == 1 else "are"
             seen = f"the driver {manifest.name} needs {', '.join(missing)}, which {are} not there"
             yield Problem("library missing", seen, _installing(missing))
-        elif fault is not None and not device_count and "ELFCLASS" not in fault:  # which another machine's has
+        elif (
+            fault is not None and not device_count and "ELFCLASS" not in fault
+        ):  # ELFCLASS: a library for another architecture
             remedy = _CONTAINER if "nvidia" in name else "apt install --reinstall mesa-vulkan-drivers"
             yield Problem("driver missing", f"the driver {manifest.name} cannot be opened: {fault}", remedy)
 
 
 def _needed_and_missing(library: str, fault: str | None) -> list[str]:
-    """Names that the dynamic loader does not find among those to which an unusable library is linked."""
+    """Returns the linked libraries of an unusable library that the dynamic loader cannot find. fault: the loader's
+    error for it, or None."""
     first = re.match(rf"{_LIBRARY}: cannot open shared object file", fault or "")
     if first is None or first[0].split(":")[0] == library:
-        return []  # it opens, or is another machine's, or not there at all
+        return []  # the library opens, is for another architecture, or does not exist
     # The dynamic loader's own list of what a library brings with it (ld.so(8), LD_TRACE_LOADED_OBJECTS).
     tracing = os.environ | {"LD_TRACE_LOADED_OBJECTS": "1", "LD_PRELOAD": library}
     traced = subprocess.run(["/bin/true"], env=tracing, capture_output=True, text=True, check=False)
@@ -118,7 +123,7 @@ def _needed_and_missing(library: str, fault: str | None) -> list[str]:
 
 
 def _opened_and_missing(library: str) -> list[str]:
-    """The names that a driver looks for itself and that cannot be opened, where it refuses to work."""
+    """Returns the libraries that a driver opens by itself and cannot find; an empty list if the driver works."""
     searched = os.environ | {"LD_DEBUG": "libs"}
     asked = [sys.executable, "-c", _NEGOTIATION, library]
     try:
@@ -133,7 +138,7 @@ def _opened_and_missing(library: str) -> list[str]:
 
 
 def _installing(missing: list[str]) -> str:
-    """The line that brings libraries."""
+    """Returns the command that installs the missing libraries' packages."""
     packages = {name: _PACKAGES.get(name.split(".so")[0]) for name in missing}
     known = " ".join(dict.fromkeys(package for package in packages.values() if package))
     others = ", ".join(name for name, package in packages.items() if not package)
@@ -142,7 +147,8 @@ def _installing(missing: list[str]) -> str:
 
 
 def _without_permission() -> Iterator[Problem]:
-    """NVIDIA's driver, of which a container got the part for computing alone, and render nodes closed to this user."""
+    """Yields problems of access: an NVIDIA driver without its graphics part in a container, and render nodes that this
+    user may not open."""
     computes = any(load_fault(name) is None for name in ("libcuda.so.1", "libnvidia-ml.so.1"))
     if computes and load_fault("libGLX_nvidia.so.0") is not None:
         seen = "NVIDIA's driver is there for computing, without its part for graphics (libGLX_nvidia.so.0)"
