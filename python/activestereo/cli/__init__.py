@@ -94,9 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         return _fail(_error_text(error) or "stopped", STOPPED)
     except BrokenPipeError:
-        os.dup2(
-            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
-        )  # the reader of our output has gone: discard the rest
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has gone: discard the rest
         return READER_GONE
     except MemoryError as error:
         return _fail(f"out of memory: {_error_text(error) or 'nothing more is known'}", FAILURE)

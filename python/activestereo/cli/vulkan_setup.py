@@ -103,9 +103,7 @@ def _missing_libraries(manifests: list[Path], device_count: int) -> Iterator[Pro
             are = "is" if len(missing) == 1 else "are"
             seen = f"the driver {manifest.name} needs {', '.join(missing)}, which {are} not there"
             yield Problem("library missing", seen, _installing(missing))
-        elif (
-            fault is not None and not device_count and "ELFCLASS" not in fault
-        ):  # ELFCLASS: a library for another architecture
+        elif fault is not None and not device_count and "ELFCLASS" not in fault:  # not another architecture
             remedy = _CONTAINER if "nvidia" in name else "apt install --reinstall mesa-vulkan-drivers"
             yield Problem("driver missing", f"the driver {manifest.name} cannot be opened: {fault}", remedy)
 

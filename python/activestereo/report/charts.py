@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The charts of the report: error per frame, photon transfer, residual by covariate, error against effects added."""
+"""Draws the report's charts: error per frame, photon transfer, residual against covariates, error against effects
+added."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ def _legend(axes: Axes, **place: Any) -> None:
 
 
 def frames_chart(scores: Mapping[str, Any]) -> Figure:
-    """Bars for each frame with their noise floors: infrared, and disparity if the device gave depth."""
+    """Draws a bar for each frame's RMSE with its noise floor: infrared in DN, and disparity in pixels if the device
+    gave depth. scores: compare.json's contents."""
     infrared = [(e["id"], e["split"], e["rmse_dn"], e["noise_floor_dn"]) for e in scores["frames"]]
     depth = [(e["id"], s, e["rmse_px"], e["noise_floor_px"]) for s, v in scores["depth"].items() for e in v["frames"]]
     panels = [("Infrared RMSE, DN", infrared)] + ([("Disparity RMSE, px", sorted(depth))] if depth else [])
@@ -67,8 +69,8 @@ def frames_chart(scores: Mapping[str, Any]) -> Figure:
 
 
 def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[str, float]) -> Figure:
-    """Temporal variance against signal of the repeats, and the fitted noise model. points: [{gain, mean_dn,
-    variance_dn2}]."""
+    """Plots the temporal variance of repeated frames against their mean signal, with the fitted noise model. points:
+    [{gain, mean_dn, variance_dn2}]."""
     figure = Figure(figsize=(5.4, 3.1), layout="constrained")
     axes = _axes(figure, 1, 1, 1, x="mean signal, DN", y="temporal variance, DN²", title="Photon transfer")
     gains = sorted({p["gain"] for p in points})
@@ -88,7 +90,8 @@ def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[
 
 
 def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
-    """Small multiples: RMSE and mean residual per bin with 95 % intervals, and the noise floor."""
+    """Plots RMSE and mean residual in bins of each covariate (such as depth or radius), with 95 % intervals and the
+    noise floor, one panel per table. unit: the residual's."""
     columns = min(len(tables), _COLUMNS)
     rows = -(-len(tables) // columns)
     height_in = 2.35 * rows + _LEGEND_IN
@@ -138,8 +141,8 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
 
 
 def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Figure:
-    """Held-out error by number of effects, with the floor line. steps: [{effects, heldout_ir_rmse}], beginning without
-    effects. floor: DN or None."""
+    """Plots the held-out infrared error against the number of added effects, with the noise floor. steps: [{effects,
+    heldout_ir_rmse}], beginning without effects. floor: DN or None."""
     figure = Figure(figsize=(4.9, 2.5), layout="constrained")
     axes = _axes(figure, 1, 1, 1, y="held-out infrared RMSE, DN", title="Error against effects added", grid="y")
     told = [step["heldout_ir_rmse"] for step in steps]
@@ -155,7 +158,7 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
         )
     axes.set_ylim(0.0, 1.18 * max(error))
     axes.set_xlim(-0.5, max(len(error) - 0.5, 0.5))
-    names: list[str] = []  # what each step changed
+    names: list[str] = []  # the effects that each step added or removed
     for i, step in enumerate(steps):
         now, old = step["effects"], steps[i - 1]["effects"] if i else []
         changes = [f"+ {name}" for name in now if name not in old] + [f"− {name}" for name in old if name not in now]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report's sections on a comparison: the error, its lower bound, and its place in the images."""
+"""Writes the report's sections on a comparison: its error, noise floor, and the places of the error in the images."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def cards(scores: dict[str, Any]) -> str:
 
 
 def comparison_sections(comparison: Comparison) -> list[str]:
-    """All sections, in reading order."""
+    """Returns the HTML of all sections in reading order."""
     scores = comparison.scores
     parts = []
     if scores["depth"]:
@@ -84,7 +84,7 @@ def _number(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def _depth_table(depth: dict[str, Any]) -> str:
-    """Device and model against each other and against the known geometry."""
+    """Returns an HTML table of disparity errors: device against model, and each against the known geometry."""
     rows = []
     for split, values in depth.items():
         pairs = [("device against model", values, values["noise_floor_px"])]

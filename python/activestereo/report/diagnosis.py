@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report's sections on a diagnosis: the missing effect, effects that cannot be told apart, the next measurement."""
+"""Writes the report's sections on a diagnosis: the missing effect, effects that cannot be told apart, the next
+measurement."""
 
 from __future__ import annotations
 
@@ -20,8 +21,8 @@ _ENGINE_VERDICT = {
 
 
 def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> list[str]:
-    """Sections of diagnose.json's contents (report/schema/diagnose.schema.json). shown: effects with residuals on the
-    page."""
+    """Returns the HTML sections on a diagnosis, the contents of diagnose.json (report/schema/diagnose.schema.json).
+    shown: effects whose residual images are on the page."""
     parts = []
     if model := diagnosis.get("residual_model"):
         rows = [
@@ -90,7 +91,8 @@ def _residual(effect_id: str, shown: Iterable[str]) -> str:
 
 
 def _depth_engine(depth: dict) -> str:
-    """The depth engine's own verdict; differences that depend on the matcher alone are marked."""
+    """Returns the HTML section on effects of the depth engine. It marks differences that come from the matcher and are
+    no fault of the sensor."""
     rows = []
     for entry in depth["ranking"]:
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())

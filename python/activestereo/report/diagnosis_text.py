@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis for reading in a terminal: the verdict in ten lines, the table of --verbose, and the parts of a depth
-error (diagnose/answer/depth_split.py) in sentences."""
+"""Prints a diagnosis in a terminal: the verdict in ten lines, the table of --verbose, and sentences on the parts of the
+depth error (diagnose/answer/depth_split.py)."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -33,8 +33,8 @@ Split = Mapping[str, Any]
 
 
 def split_sentences(split: Split | None) -> list[str]:
-    """The error of the device's depth under model.json, its parts in whole percents that add up to 100, and its size by
-    distance."""
+    """Returns sentences on the device's depth error under model.json: its size, its parts in whole percents that sum to
+    100, and its growth with distance."""
     if not split:
         return []
     whole = split["after"]
@@ -55,7 +55,7 @@ def split_sentences(split: Split | None) -> list[str]:
 
 
 def _whole_percents(shares: Sequence[float]) -> list[int]:
-    """Shares that add up to 1 as whole numbers that add up to 100: those are rounded up that lose most."""
+    """Rounds shares that sum to 1 to whole percents that sum to 100, by largest remainder."""
     exact = 100.0 * np.asarray(shares)
     down = np.floor(exact).astype(int)
     short = round(exact.sum()) - int(down.sum())
@@ -67,11 +67,11 @@ NATS_WORDS = "nats: the logarithm of how much likelier the effect makes the imag
 EXPLAINS_WORDS = "explains: share of the squared error beyond noise (noise effects: of the noise, no error)"
 FLOOR_WORDS = "floor: the part of an interval that formulas and scenes, which are inexact, have put under it"
 _SHOWN = 8
-_LEAST_NATS = 0.05  # is told as more than 0.0
+_LEAST_NATS = 0.05  # the least gain that prints as more than 0.0
 
 
 def parameter_text(name: str, found: Mapping[str, Any]) -> str:
-    """One parameter of a ranking's entry for reading: a choice by its materials, else value, interval and unit."""
+    """Returns a fitted parameter as text: its materials if it selects surfaces, else value, interval and unit."""
     if "materials" in found:
         return f"on {', '.join(found['materials']) or 'all surfaces'}"
     unit = "" if found["unit"] in ("", "1") else f" {found['unit']}"
@@ -83,7 +83,8 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
 
 
 def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool) -> str:
-    """The end of the command. kept: told under `verbose`."""
+    """Returns the final screen of `diagnose`. steps: commands to run next; page: the report's path; kept: text on the
+    cache and times, printed if `verbose`."""
     name = f"{result['capture']}: " if result.get("capture") else ""
     words = headline(result)
     rows, floor = errors_told(result), result["heldout_noise_floor"]
@@ -96,7 +97,7 @@ def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Pat
 
 
 def diagnosis_table(result: Mapping[str, Any]) -> str:
-    """The ranking, the depth engine, and what to measure: the screen leaves them out."""
+    """Returns the text that --verbose adds: the ranking, the depth engine's verdict, and further measurements."""
     lines = _table(result)
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
@@ -108,7 +109,7 @@ def diagnosis_table(result: Mapping[str, Any]) -> str:
 
 
 def _notes(result: Mapping[str, Any]) -> list[str]:
-    """Sentences below the figures, most important first."""
+    """Returns sentences for the lines below the figures, most important first."""
     verdict, found = result["verdict"], {entry["effect"]: entry for entry in result["ranking"]}
     named = [found[name] for name in result["added"] if found.get(name, {}).get("parameters")]
     notes = [f"{entry['effect'] if len(named) > 1 else 'fitted'}: {_values(entry)}" for entry in named]
@@ -130,7 +131,8 @@ def _engine_words(engine: Mapping[str, Any]) -> str:
 
 
 def _table(result: Mapping[str, Any]) -> list[str]:
-    """The ranking's first rows with a gain and the user's own effects, each with those that it cannot be told from."""
+    """Returns text rows of the ranking: the first effects with a gain and the user's own, each with the effects it
+    cannot be told from."""
     ranking, own = result["ranking"], result.get("own", {})
     told = [
         (place, entry)
@@ -159,7 +161,8 @@ def _values(entry: Mapping[str, Any]) -> str:
 
 
 def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
-    """The verdict on the depth engine, its added effects, and differences that are no fault of the sensor."""
+    """Returns lines on the depth engine: the verdict, added effects, and differences that are no fault of the
+    sensor."""
     if not depth:
         return []
     lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]

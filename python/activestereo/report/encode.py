@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images as lossless pictures of whole numbers: value = low + step * code. A browser's canvas reads the codes back
+"""Encodes images as lossless pictures of integer codes, value = low + step * code, which a browser's canvas decodes
 exactly.
 
-Codes up to 255 take one plane; larger ones two, the high bytes above the low bytes in one picture of twice the height.
+Codes up to 255 take one plane. Larger codes take two: the high bytes above the low bytes, in a picture of twice the
+height.
 """
 
 from __future__ import annotations
@@ -18,9 +19,12 @@ _LARGEST_CODE = 2**16 - 1
 
 
 def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = None) -> dict[str, Any]:
-    """An image [height][width] as {src, low, step, planes, has_empty}, for the page's decoder; values are off by half a
-    step at most. step: in the values' unit; made larger where 65535 steps do not span the image. valid: mask of pixels
-    with a value; None for all. Other pixels get code 0, and values start at code 1."""
+    """Encodes an image [height][width] as {src, low, step, planes, has_empty} for the page's decoder. Values are off by
+    half a step at most.
+
+    step: in the values' unit; it grows if 65535 steps do not span the image. valid: mask of pixels with a value, None
+    for all; other pixels get code 0, and values start at code 1.
+    """
     image = np.asarray(image, dtype=np.float64)
     holds = np.isfinite(image) if valid is None else valid & np.isfinite(image)
     has_empty = not bool(holds.all())
@@ -41,7 +45,8 @@ def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = Non
 
 
 def data_address(pixels: np.ndarray) -> str:
-    """uint8 [height][width][3] as a data URI. Lossless WebP takes about three quarters of PNG's bytes."""
+    """Encodes uint8 [height][width][3] as a data URI of lossless WebP, which takes about three quarters of PNG's
+    bytes."""
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, format="webp", lossless=True, quality=20, method=4)
     return f"data:image/webp;base64,{base64.b64encode(file.getvalue()).decode()}"

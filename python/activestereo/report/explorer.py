@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of the report that is explored: every frame and camera under every model, as data for web/explorer.js, and
-its markup."""
+"""Writes the report's explorer: markup, and images of frames and cameras under every model as data for
+web/explorer.js."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
     from activestereo.compare.depth_compare import DepthFrame
 
-# Step of stored model images, as a share of a frame's noise floor, or of its error if the floor is unknown.
+# Quantisation step of stored model images, as a share of a frame's noise floor, or of its error without a floor.
 _STEP_SHARE = 0.125
 _DISPARITY_STEP_PX = 1.0 / 64.0
 _LEAST_DISPARITY_LIMIT_PX, _DISPARITY_FLOORS = 0.5, 4.0
-_ROW_STEP_SHARE = 0.25  # ranked effects, for comparison with one another
-# Pixels of infrared images that a page holds, both cameras of all its frames, about 3 bytes each; and of those frames
-# that show a dozen ranked effects, another 4.
+_ROW_STEP_SHARE = 0.25  # coarser for ranked effects, which are only compared with one another
+# Limits of the page's size in infrared pixels of both cameras, about 3 bytes each. The second limit is for frames
+# that also show a dozen ranked effects, 4 bytes more per pixel.
 _LARGEST_PIXELS, _LARGEST_PIXELS_OF_ROWS = 1_600_000, 500_000
 _COLOURS = 33
 _DEPTH = "depth"
 
 
 def explorer_section(comparison: Comparison, images: ModelImages, told: ToldErrors) -> str:
-    """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, side): expected DN}}, see
-    models.py. told: by told_errors()."""
+    """Returns the explorer's HTML with its data as a JSON script. images: {model: {(frame id, side): expected DN}} as
+    model_images() returns them; told: told_errors()'s RMSE."""
     data = explorer_data(comparison, images, told)
     left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
     note = (
@@ -50,7 +50,8 @@ def explorer_section(comparison: Comparison, images: ModelImages, told: ToldErro
 
 
 def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors) -> dict[str, Any]:
-    """{views, start, models, maps} for web/explorer.js. Views are in the order of frames, then left, right, depth."""
+    """Returns {views, start, models, maps} for web/explorer.js. Views are in the order of frames, then left, right,
+    depth. Arguments are as in explorer_section()."""
     frames = _chosen_frames(comparison, _LARGEST_PIXELS)
     with_rows = [frame for frame in _chosen_frames(comparison, _LARGEST_PIXELS_OF_ROWS) if frame in frames]
     large = {name: own for name, own in images.items() if name in (BASE, FOUND)}
@@ -76,7 +77,8 @@ def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors)
 
 
 def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
-    """All frames if they fit, else the worst of each split in turn, in the capture's order."""
+    """Returns the frames that the page holds, in the capture's order: all if most_pixels suffice, else the worst of
+    each split in turn."""
     frames = {frame.id: frame for frame in comparison.capture.frames}
     rig = comparison.capture.rig
     fit = max(2, most_pixels // sum(rig.camera(side).width * rig.camera(side).height for side in SIDES))
@@ -93,7 +95,8 @@ def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
 def _infrared_view(
     comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages, told: ToldErrors
 ) -> dict[str, Any]:
-    """images: models for errors; held: models with pixels on the page."""
+    """Returns the explorer's data of one infrared image. images: all models' images, for the errors; held: the models
+    whose images go onto the page."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
     measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]
@@ -107,7 +110,7 @@ def _infrared_view(
     base = images[BASE][frame.id, side].astype(np.float64)
     layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
     for name in held:
-        if name != BASE:  # most pixels of a difference are zero, so it takes little room
+        if name != BASE:  # stored as a difference from BASE, mostly zeros, which compresses well
             change = images[name][frame.id, side] - base
             share = _STEP_SHARE if name == FOUND else _ROW_STEP_SHARE
             layers[name] = encoded_image(change, share * typical) | {"added_to": BASE}
@@ -121,7 +124,7 @@ def _infrared_view(
 
 
 def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
-    """Disparities of the device and of the compared model, pixels."""
+    """Returns the explorer's data of one depth frame: disparities of the device and of the compared model, pixels."""
     disparity = [
         np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in (depth.measured, depth.model[0])
     ]

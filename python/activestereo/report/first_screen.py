@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first screen of a diagnosis: the verdict in a sentence; measured, model, and model with the found effect; the
-falling error, and the next step. It fits a window of 1280 x 720 pixels."""
+"""Writes the report's first screen: the verdict, pictures measured and modelled, the falling error, and the next step.
+It fits a window of 1280 x 720 pixels."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from activestereo.report.worst import known_residual, residual_limit, rmse
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
 
-# The details show so much of the image's width and height, of small images more: a detail has so many pixels across.
+# A detail's share of the image's width and height, and the least width in pixels, which small images need.
 _DETAIL, _LEAST_PX = 1.0 / 3.0, 140
 _MOST_CELLS = 6  # two rows of pictures and charts
 _NOT_COMPARED = "#8a94a0"
@@ -46,8 +46,11 @@ def first_screen(
     steps: Sequence[Step] = (),
     told: ToldErrors | None = None,
 ) -> str:
-    """HTML. images: expected DN of the models BASE and, if an effect was found, FOUND. Without a comparison it has no
-    pictures. steps: commands to paste. told: by told_errors()."""
+    """Returns the first screen of a diagnosis as HTML. diagnosis: diagnose.json's contents.
+
+    images: expected DN of the models BASE and, if an effect was found, FOUND. Without a comparison or images it has no
+    pictures. steps: commands to paste. told: told_errors()'s RMSE.
+    """
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
     cells = [] if comparison is None or images is None else _pictures(comparison, images, told or {})
     floor = diagnosis["heldout_noise_floor"]
@@ -64,7 +67,8 @@ def first_screen(
 def comparison_first_screen(
     comparison: Comparison, images: ModelImages, sentences: Sequence[str], steps: Sequence[Step], told: ToldErrors
 ) -> str:
-    """HTML of a comparison without a diagnosis. sentences: the first is the head; steps: commands to paste."""
+    """Returns the first screen of a comparison without a diagnosis as HTML. sentences: the headline first; steps:
+    commands to paste; others as in first_screen()."""
     said = "".join(f"<p>{text(sentence)}</p>" for sentence in sentences[1:])
     advice = f"<h2>What to do next</h2>{_pasted(steps)}" if steps else ""
     cells = _pictures(comparison, images, told)
@@ -81,7 +85,7 @@ def _pasted(steps: Sequence[Step]) -> str:
 
 
 def _errors(diagnosis: Mapping[str, Any]) -> str:
-    """The errors, the verdict's reason, and the effects that cannot be told apart."""
+    """Returns an HTML paragraph: held-out errors, the verdict's reason, and the effects that cannot be told apart."""
     told, floor = errors_told(diagnosis), diagnosis["heldout_noise_floor"]
     said = [text(diagnosis["capture"]) + ". "] if diagnosis.get("capture") else []
     if told:
@@ -96,7 +100,7 @@ def _errors(diagnosis: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Detail:
-    """The part of one image with most of the error."""
+    """A window of one infrared image, the part where the model's error is most worth a look."""
 
     frame: Frame
     side: str
@@ -105,8 +109,7 @@ class Detail:
 
 
 def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> list[str]:
-    """Details of the measured image, the model and the model with the found effects, then whole residuals of the
-    models."""
+    """Returns the HTML of pictures: a detail measured and under each model, then each model's whole residual."""
     detail = where_most_goes(comparison, images)
     key, part = (detail.frame.id, detail.side), (detail.rows, detail.columns)
     measured = comparison.measured[key]
@@ -132,8 +135,8 @@ def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> 
 
 
 def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
-    """The detail with the largest fall of squared error by the found effects, or the largest error if none was found.
-    Uses held-out frames if there are any."""
+    """Returns the window in which the found effects reduce the squared error most, or the one with the largest error if
+    none was found. It uses held-out frames if there are any."""
     frames = comparison.capture.split("test") or comparison.capture.split("train")
     best, found = -np.inf, None
     for frame in frames:
@@ -151,7 +154,7 @@ def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
 
 
 def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
-    """(sum, rows, columns) of the window of a detail's size with the largest sum."""
+    """Returns (sum, rows, columns) of the detail-sized window with the largest sum of `values` [height][width]."""
     share = min(max(_DETAIL, _LEAST_PX / values.shape[1]), 1.0)
     height, width = (max(1, round(share * size)) for size in values.shape)
     sums = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
@@ -162,7 +165,8 @@ def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
 
 
 def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:
-    """Square-root scale, as in the explored pictures."""
+    """Converts an image in DN to grey RGB, uint8 [height][width][3], on the explorer's square-root scale. high: the DN
+    of white."""
     level = np.rint(255.0 * np.sqrt(np.clip(image / high, 0.0, 1.0))).astype(np.uint8)
     return np.repeat(level[..., None], 3, axis=2)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of one frame side by side, each with its name, depth with its scale."""
+"""Draws pictures of one frame side by side, each with its name; depth comes with a colour bar."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _NOTHING = "black"
 
 @dataclass(frozen=True)
 class Labelled:
-    """image: RGB [height][width][3] or grey [height][width] in 0..1; or depth [height][width] in metres, 0 = none, with
-    the ends of its scale."""
+    """Names a picture: RGB [height][width][3] or grey [height][width] in 0..1, or depth [height][width] in metres, 0 =
+    none. near_far_m: the ends of the depth scale; None for no depth."""
 
     name: str
     image: NDArray
@@ -28,7 +28,7 @@ class Labelled:
 
 
 def labelled_figure(pictures: Sequence[Labelled], columns: int) -> Figure:
-    """Rows of so many pictures; measured depth is coloured, and black where there is none."""
+    """Draws the pictures in rows of `columns`. Measured depth is coloured, and black where there is none."""
     rows = -(-len(pictures) // columns)
     aspect = pictures[0].image.shape[0] / pictures[0].image.shape[1]
     has_depth = any(picture.near_far_m is not None for picture in pictures)

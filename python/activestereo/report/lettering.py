@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names in figures as they are written: no formulas of Matplotlib, and no warning of letters that its font lacks."""
+"""Writes text into Matplotlib figures verbatim: "$" starts no formula, and missing letters raise no warning."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def as_written(name: str) -> str:
-    """A name for a text in a figure: Matplotlib takes what stands between two $ for a formula."""
+    """Escapes a name so that Matplotlib does not read the text between two $ as a formula."""
     return printable(name).replace("$", r"\$")
 
 
 def save_figure(figure: Figure, file: Any, **options: Any) -> None:
-    """Figure.savefig() with boxes for letters that the font lacks."""
+    """Saves the figure; letters that the font lacks become boxes without a warning. options: as of Figure.savefig()."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")
         figure.savefig(file, **options)

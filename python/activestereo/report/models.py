@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images that a report's models expect of each frame: the base model, the model with the found effects, and each row of
-the ranking."""
+"""Computes the images that a report compares: those that the base model, the model with found effects, and each ranked
+effect expect."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from activestereo.compare.image_errors import ImageErrors
     from activestereo.effects.core.descriptor import Effect
 
-# Rows of the ranking that are shown.
+# The number of ranked effects that the report shows.
 ROWS = 12
 BASE, FOUND = "base", "found"
 ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, side): expected DN}}
@@ -33,14 +33,17 @@ def model_images(
     comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None, found_errors: ImageErrors | None = None,
 ) -> ModelImages:  # fmt: skip
-    """{name: {(frame id, side): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
+    """Returns {name: {(frame id, side): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked
+    effects.
 
     BASE is the model without effects. FOUND is the comparison's model if it has effects, else the diagnosis's; it is
     absent if neither has. A ranked effect stands alone on the base model with its fitted parameters. Effects without an
-    expected image are absent: random effects, faults of the depth engine, effects that are not in `effects`. Projector
-    scale, ambient scale and black level are fitted to the train frames under each. diagnosis: diagnose.json's contents;
-    effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction done). found_errors: the
-    diagnosis's own images for FOUND. The comparison is then of its start model, which takes BASE's place.
+    expected image are absent: random effects, faults of the depth engine, effects that are not in `effects`. Under each
+    model, projector scale, ambient scale and black level are fitted to the train frames.
+
+    diagnosis: diagnose.json's contents. effects: {id: Effect}, None for the built-in ones. progress: called as
+    progress(fraction done). found_errors: the diagnosis's own images for FOUND; the comparison is then that of its
+    start model, which takes BASE's place.
     """
     effects = library() if effects is None else effects
     start = Model() if found_errors is None else comparison.model
@@ -64,8 +67,8 @@ def model_images(
 
 
 def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None) -> ToldErrors:
-    """{BASE or FOUND: {(frame id, side): RMSE, DN}} that figures tell, without the renderer's noise: pictures quote
-    these. found_errors: as of model_images()."""
+    """Returns {BASE or FOUND: {(frame id, side): RMSE, DN}} as the report's figures state it, without the renderer's
+    noise. found_errors: as in model_images()."""
     is_found = found_errors is None and bool(comparison.model.effects)
     told = {FOUND if is_found else BASE: comparison.scores["frames"]}
     if found_errors is not None:
@@ -77,7 +80,7 @@ def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None)
 
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
-    """given: {name: images} of models with known images."""
+    """Returns model_images()'s images of `models`. given: {name: images} that are known already."""
     capture, measured = comparison.capture, comparison.measured
     images = [
         MeasuredImage(f, side, View.of(capture, f, side, layers), layers, measured[f.id, side])
@@ -102,8 +105,8 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
 
 
 def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
-    """The model with an effect. Returns the model unchanged if it does not know the effect or its parameters, so that
-    the report shows the rest."""
+    """Returns the model with an effect added, or the model unchanged if the effect or its parameters are unknown, so
+    that the report shows the rest."""
     try:
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene's contours, and its surfaces where asked, over a camera's pictures."""
+"""Draws a scene's contours, and on request its surfaces, over a camera's pictures."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ _ORANGE = (255, 140, 0)
 _STRENGTH = 0.85
 _CREASE = 0.82
 _STEP = 0.02
-_LEAST_LIGHT = 0.3  # on a surface that is seen edge on
+_LEAST_LIGHT = 0.3  # brightness of a surface seen edge on
 _NOTHING_M = 1e3  # depth of pixels without a surface
 _WINDOW = "activestereo overlay (q ends)"
 _WINDOW_SECONDS = 30.0
 
 
 class Overlay:
-    """Contours of a scene. It renders once for each camera, and each picture only blends."""
+    """Draws a scene over pictures. It renders once per camera; further pictures of the same camera are only blended."""
 
     def __init__(self, scene_path: Path, device: str | int = "auto", share: float = 0.0) -> None:
-        """share: weight of the rendered surfaces, lit from the camera, 0 to 1."""
+        """Loads the scene. share: weight of the rendered surfaces in the blend, 0 to 1; they are lit from the
+        camera."""
         self._device = kuafu.Device(device)
         self._scene, self._renderer = kuafu.Scene(self._device), kuafu.Renderer(self._device)
         load_scene_file(self._scene, scene_path)
@@ -39,8 +40,8 @@ class Overlay:
     def blend(
         self, picture: NDArray[np.uint8], K: NDArray[np.float64] | None, camera_to_world: NDArray[np.float64] | None
     ) -> NDArray[np.uint8]:
-        """picture: uint8 [h][w][1 or 3]. K, camera_to_world: None = the scene's first camera. Returns uint8
-        [h][w][3]."""
+        """Returns the picture with the scene drawn over it, uint8 [h][w][3]. picture: uint8 [h][w][1 or 3]. K,
+        camera_to_world: None for the scene's first camera."""
         out = np.array(np.broadcast_to(picture, (*picture.shape[:2], 3)))
         lines, surfaces = self._rendered(out.shape[1], out.shape[0], K, camera_to_world)
         if surfaces is not None:
@@ -52,12 +53,13 @@ class Overlay:
     def _rendered(
         self, width: int, height: int, K: NDArray[np.float64] | None, pose: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None]:
-        """(contours, surfaces, 0 = none)"""
+        """Renders a view. Returns its contours [h][w] and its surfaces, uint8 [h][w][3] with 0 = none, or None for
+        share 0."""
         if K is None or pose is None:
             if self._scene.summary.camera_count == 0:
                 raise ValueError(f"{self._path}: has no camera: lay it over a capture, or add one to the scene")
             own = self._scene.camera(0)
-            if K is None:  # a file's camera has a field of view and no pixels: its k is for an image of height 1
+            if K is None:  # a scene file's camera has no pixels: its k is for an image of height 1
                 scale = height / max(own.height, 1)
                 K = np.array(
                     [[scale * own.k[0, 0], 0, (width - 1) / 2], [0, scale * own.k[1, 1], (height - 1) / 2], [0, 0, 1]]
@@ -80,7 +82,7 @@ class Overlay:
 
 
 def contours(depth: NDArray, normal: NDArray, instance: NDArray) -> NDArray[np.bool_]:
-    """Pixels where depth jumps, a surface bends or another object begins, [h][w]."""
+    """Returns a mask [h][w] of pixels at which depth jumps, a surface bends or another object begins."""
     depth = np.where(depth > 0, depth, np.float32(_NOTHING_M))
     is_surface = depth < _NOTHING_M
     x, y, z = np.ascontiguousarray(np.moveaxis(normal, -1, 0))
@@ -95,7 +97,7 @@ def contours(depth: NDArray, normal: NDArray, instance: NDArray) -> NDArray[np.b
 
 
 def can_show_windows() -> bool:
-    """Whether OpenCV can open windows here. Another process tries it, because Qt aborts without a display."""
+    """Returns whether OpenCV can open windows here. Another process tries it, because Qt aborts without a display."""
     program = [sys.executable, "-c", "import cv2; cv2.namedWindow('')"]
     try:
         return subprocess.run(program, capture_output=True, timeout=_WINDOW_SECONDS).returncode == 0
@@ -104,7 +106,7 @@ def can_show_windows() -> bool:
 
 
 def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
-    """Shows each picture on arrival, until q."""
+    """Shows each picture in a window as it arrives, until q is pressed."""
     cv2.namedWindow(_WINDOW, cv2.WINDOW_NORMAL)
     for picture in pictures:
         cv2.imshow(_WINDOW, picture[..., ::-1])
@@ -114,7 +116,8 @@ def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
 
 
 def live_pictures(size: tuple[int, int]) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.float64]]]:
-    """(colour image, K) of a connected D4xx, until the reader stops. Raises ValueError if pyrealsense2 is missing."""
+    """Yields (colour image, K) of a connected D4xx until the caller stops. Raises ValueError if pyrealsense2 is
+    missing."""
     try:
         import pyrealsense2 as rs
     except ImportError as error:

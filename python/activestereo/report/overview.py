@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures that put a result on one page. Figures are made without pyplot, so nothing global is touched."""
+"""Draws a result on one page. Figures are made without pyplot, so that no global state changes."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.report.lettering import as_written
 
 _NO_DATA = "#15181c"
-_LEAST_SPAN_MM = 5.0  # of an error's colours, which span nine in ten pixels
+_LEAST_SPAN_MM = 5.0  # least range of an error's colours, which else span nine in ten pixels
 _LONGEST_NAME = 17
 
 
@@ -23,10 +23,11 @@ def simulation_figure(
     title: str, rgb: np.ndarray, ir: Sequence[np.ndarray], depth: np.ndarray, true_depth: np.ndarray,
     rows: Sequence[Accuracy],
 ) -> Figure:  # fmt: skip
-    """A sensor's frame: pictures on top, depth and truth below, and figures of each material at the bottom.
+    """Draws a simulated frame: RGB and infrared pictures above depth and true depth, and each material's figures at the
+    bottom.
 
     rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from
-    accuracy_by_material.
+    accuracy_by_material().
     """
     aspect, chart_height = depth.shape[0] / depth.shape[1], 0.27 * len(rows) + 0.25
     page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=aspect, chart_height=chart_height)
@@ -55,7 +56,7 @@ def simulation_figure(
 def matching_figure(
     title: str, left: np.ndarray, right: np.ndarray, disparity: np.ndarray, depth: np.ndarray
 ) -> Figure:
-    """An infrared pair and the engine's maps. disparity: pixels, -1 = none; depth: metres, 0 = none."""
+    """Draws an infrared pair with its disparity and depth. disparity: pixels, -1 = none; depth: metres, 0 = none."""
     subtitle = f"{100.0 * np.mean(depth > 0):.1f} % of the pixels measured"
     page = _Page(title, subtitle, columns=2, picture_rows=2, aspect=depth.shape[0] / depth.shape[1])
     _picture(page.picture(0, 0), left, "left", cmap="gray")
@@ -67,8 +68,8 @@ def matching_figure(
 
 
 class _Page:
-    """A figure laid out in inches: title, rows of pictures of one shape with room for a colour bar each, and charts at
-    the bottom."""
+    """Lays out a figure in inches: title, rows of equal pictures with room for colour bars, and charts at the
+    bottom."""
 
     WIDTH, MARGIN, BAR, HEAD, CAPTION = 5.2, 0.45, 0.72, 0.95, 0.42
 
@@ -106,8 +107,8 @@ class _Page:
 
 
 def depth_span(depth: np.ndarray) -> tuple[float, float]:
-    """(near, far) that leaves out the farthest and nearest percent, so that one stray pixel does not take all the
-    colours."""
+    """Returns (near, far), the 1st and 99th percentiles of the values above 0, so that one stray pixel does not take
+    all the colours."""
     valid = depth[depth > 0]
     if not valid.size:
         return 0.0, 1.0
@@ -116,7 +117,8 @@ def depth_span(depth: np.ndarray) -> tuple[float, float]:
 
 
 def colored(values: np.ndarray, span: tuple[float, float], cmap: str) -> np.ndarray:
-    """uint8 [h, w, 3] of positive values; others are dark."""
+    """Colours positive values by a colour map, uint8 [h, w, 3]; other pixels are dark. span: the values at the map's
+    ends."""
     from matplotlib import colormaps
 
     rgba = colormaps[cmap](Normalize(*span, clip=True)(values))[..., :3]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One self-contained web page: text is escaped, pictures and charts are data URIs, scripts stand inside, and its
-content security policy forbids the browser to load anything."""
+"""Builds a self-contained web page: text is escaped, pictures are data URIs, and scripts are inline. Its content
+security policy forbids the browser to load anything."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
-    """A whole document of body parts (trusted HTML) and scripts, names of files in web/."""
+    """Returns a whole HTML document. body: parts as trusted HTML; scripts: names of files in web/."""
     code = "".join(f"<script>\n{web_file(name)}</script>\n" for name in scripts)
     parts = {"title": text(title), "style": web_file("page.css"), "body": "\n".join(body), "scripts": code}
     return Template(web_file("page.html")).substitute(parts)
@@ -28,7 +28,7 @@ def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
 
 @cache
 def web_file(name: str) -> str:
-    """A file of web/: the page's template, style and scripts."""
+    """Reads a text file of the folder web/, which holds the page's template, style and scripts."""
     return resources.files("activestereo.report").joinpath(f"web/{name}").read_text(encoding="utf-8")
 
 
@@ -41,7 +41,7 @@ def card(title: str, value: str, note: str) -> str:
 
 
 def share_bar(share: float, interval: Sequence[float] | None = None, mark: float | None = None) -> str:
-    """A share 0..1 as a bar, with its interval as a line and a mark to compare it with."""
+    """Returns the HTML of a bar for a share 0..1. interval: drawn as a line; mark: drawn as a tick to compare with."""
     at = lambda value: 100.0 * min(max(value, 0.0), 1.0)  # noqa: E731
     parts = [f'<i style="width:{at(share):.1f}%"></i>']
     if interval:
@@ -52,7 +52,7 @@ def share_bar(share: float, interval: Sequence[float] | None = None, mark: float
 
 
 def chart(figure: Figure, alt: str) -> str:
-    """A matplotlib Figure as SVG, letters as shapes, so that it looks alike everywhere."""
+    """Returns HTML with a Matplotlib Figure as inline SVG. Letters are shapes, so that it looks alike everywhere."""
     file = io.BytesIO()
     save_figure(figure, file, format="svg", metadata={"Date": None})
     content = base64.b64encode(file.getvalue()).decode()

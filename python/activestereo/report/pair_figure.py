@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real pair and a simulated one side by side: the left images, the cameras' differences, and the figures of both."""
+"""Draws a real pair beside a simulated one: left images, differences between the cameras, and statistics of both."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from activestereo.compare.pair_findings import Finding, residual_image
 from activestereo.report.lettering import as_written
 
 _COLOURS = (BLUE, ORANGE)
-_DETAIL = 0.25  # of the image's width, from its middle
+_DETAIL = 0.25  # share of the image's width that the detail shows, from its middle
 
 
 def pair_figure(
@@ -24,8 +24,8 @@ def pair_figure(
     disparities: Mapping[str, NDArray],
     findings_of: Mapping[str, Sequence[Finding]],
 ) -> Figure:
-    """pairs: {name: (left, right) DN [height][width]} of two; disparities: of the left images, 0 = none. findings_of:
-    results of pair_statistics."""
+    """Draws two infrared pairs in rows. pairs: {name: (left, right) DN [height][width]}; disparities: {name: px of the
+    left image, 0 = none}; findings_of: {name: results of pair_statistics()}."""
     figure = Figure(figsize=(15, 10.5), layout="constrained")
     grid = figure.add_gridspec(3, 4, height_ratios=(1, 1, 0.9))
     highest = max(float(np.quantile(pair[0], 0.995)) for pair in pairs.values())

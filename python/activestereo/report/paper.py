@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outputs for papers: figures with axes, units and colour bars as one PDF, figures of a result as CSV."""
+"""Writes outputs for papers: figures with axes, units and colour bars as one PDF, and results as CSV."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SIDE = "left"
 
 
 def write_comparison_pdf(path: str | Path, comparison: Comparison) -> None:
-    """Writes the figures of a comparison."""
+    """Writes the figures of a comparison as one PDF."""
     images = {"simulated": comparison.predictions}
     _write_pdf(path, [_images_figure(comparison, images, comparison.scores["capture"]), *_charts(comparison.scores)])
 
@@ -38,8 +38,8 @@ def write_comparison_pdf(path: str | Path, comparison: Comparison) -> None:
 def write_diagnosis_pdf(
     path: str | Path, comparison: Comparison, result: Mapping[str, Any], found: Mapping[ImageKey, NDArray[np.float32]],
 ) -> None:  # fmt: skip
-    """Writes the figures of a diagnosis. comparison: of the model that it started from; found: the images that
-    model.json expects."""
+    """Writes the figures of a diagnosis as one PDF. comparison: the comparison of its start model; found: the images
+    that model.json expects."""
     images = {"model": comparison.predictions}
     if result["added"]:
         images["model with what was found"] = dict(found)
@@ -51,7 +51,8 @@ def write_diagnosis_pdf(
 
 
 def write_comparison_csv(path: str | Path, scores: Mapping[str, Any]) -> None:
-    """Writes a row for each frame and camera. An empty cell is an unknown value."""
+    """Writes a CSV row of errors for each frame and camera. An empty cell is an unknown value. scores: compare.json's
+    contents."""
     names = ("rmse_dn", "bias_dn", "render_noise_dn", "noise_floor_dn", "explainable_rmse_dn")
     rows = [
         [frame["id"], frame["split"], side, *(values[name] for name in names)]
@@ -62,7 +63,8 @@ def write_comparison_csv(path: str | Path, scores: Mapping[str, Any]) -> None:
 
 
 def write_diagnosis_csv(path: str | Path, result: Mapping[str, Any]) -> None:
-    """Writes a row for each parameter of each ranked effect, one for an effect without parameters."""
+    """Writes a CSV row for each parameter of each ranked effect, one row for an effect without parameters. result:
+    diagnose.json's contents."""
     rows = []
     for place, entry in enumerate(result["ranking"], 1):
         added, others = int(entry["effect"] in result["added"]), " ".join(alike(result, entry))
@@ -95,7 +97,7 @@ def _write_pdf(path: str | Path, figures: Sequence[Figure]) -> None:
 
 
 def _charts(scores: Mapping[str, Any]) -> list[Figure]:
-    """Errors of the frames, photon transfer, and the residuals over their causes."""
+    """Returns charts of errors per frame, photon transfer, and residuals against the covariates with findings."""
     figures = [frames_chart(scores)]
     if scores["photon_transfer"] and scores["noise_model"]:
         figures.append(photon_transfer_chart(scores["photon_transfer"], scores["noise_model"]))
@@ -108,7 +110,8 @@ def _charts(scores: Mapping[str, Any]) -> list[Figure]:
 
 
 def _images_figure(comparison: Comparison, images: Mapping[str, Mapping[ImageKey, NDArray]], title: str) -> Figure:
-    """The worst frame's left image, the models' expected images, and their residuals, with axes in pixels."""
+    """Draws the worst frame's left image, each model's expected image and its residual, with axes in pixels. images:
+    {model: {(frame id, side): DN}}."""
     scores = comparison.scores
     entry = worst_frame(scores, "test" if "test" in scores["ir"] else "train")
     key = entry["id"], _SIDE

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The end of a command on a terminal of 80 columns: a sentence, at most six lines on what it rests on, and commands to
-paste."""
+"""Formats a command's final output for a terminal of 80 columns: a sentence, at most six lines of figures and notes,
+and commands to paste."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from activestereo.common.own_files import is_outside_allowed
 from activestereo.common.shown import printable
 
 COLUMNS = 80
-_MOST_LINES = 6  # between the sentence and the commands
+_MOST_LINES = 6  # the most lines between the sentence and the commands
 _LONGEST_BAR = 24
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A line with a bar. said: the value for reading, with its unit. size: the bar's length, in one unit for all
-    figures of a screen; None for no bar."""
+    """A line with a bar. said: the value as text with its unit. size: the bar's length, in one unit for all figures of
+    a screen; None for no bar."""
 
     name: str
     said: str
@@ -30,7 +30,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Step:
-    """A command to paste, in words as a shell takes them. label: stands before it."""
+    """A command to paste. words: quoted for a shell; label: the text before it."""
 
     words: tuple[str, ...]
     label: str
@@ -44,11 +44,10 @@ def screen(
     sentence: str, figures: Sequence[Figure] = (), notes: Sequence[str] = (), steps: Sequence[Step] = (),
     see: str | Path | None = None, details: str = "", verbose: bool = False,
 ) -> str:  # fmt: skip
-    """The text, without a last line feed.
+    """Returns the screen's text, without a last line feed.
 
-    notes: sentences below the figures, most important first; those that six lines have no room for are told under
-    `verbose` alone.
-    steps: by command(). see: a file that shows more. details: tables that `verbose` adds at the end.
+    notes: sentences below the figures, most important first; those beyond six lines appear only if `verbose`. steps:
+    made by command(). see: a file that shows more. details: tables that `verbose` adds at the end.
     """
     lines = wrapped(sentence)
     drawn = _bar_lines(figures[:_MOST_LINES])
@@ -67,7 +66,7 @@ def screen(
 
 
 def command(*words: object, label: str = "next") -> Step:
-    """A command of ours; None and the option before it are left out."""
+    """Makes an activestereo command of these words. A word None is dropped with the option before it."""
     given: list[str] = ["activestereo", *(["--allow-outside"] if is_outside_allowed() else [])]
     for word in words:
         if word is None:
@@ -90,7 +89,7 @@ def _bar_lines(figures: Sequence[Figure]) -> list[str]:
 
 
 def wrapped(text: str, indent: str = "") -> list[str]:
-    """Lines of the terminal's width; those after the first are indented twice as far."""
+    """Wraps text to the terminal's width. Lines after the first are indented twice as far."""
     return wrap(
         printable(text), COLUMNS, initial_indent=indent, subsequent_indent=2 * indent, break_long_words=False,
         break_on_hyphens=False,
@@ -98,13 +97,13 @@ def wrapped(text: str, indent: str = "") -> list[str]:
 
 
 def wrapped_lines(lines: Sequence[str]) -> str:
-    """Lines of text, each wrapped behind its own indentation."""
+    """Wraps each line of a text; continuation lines keep that line's indentation."""
     indented = [(line.lstrip(), " " * (len(line) - len(line.lstrip()))) for line in lines]
     return "\n".join(part for text, indent in indented for part in wrapped(text, indent) or [""])
 
 
 def _command_lines(step: Step) -> list[str]:
-    """Lines that a shell takes as one command."""
+    """Splits a long command into lines that a shell reads as one command."""
     parts: list[str] = []
     for word in step.words:  # an option and its value stay together
         if parts and parts[-1].startswith("-") and " " not in parts[-1]:
@@ -122,7 +121,7 @@ def _command_lines(step: Step) -> list[str]:
 
 
 def _quoted(word: str) -> str:
-    """The word for a shell; control characters, which would end the line, as escapes of bash."""
+    """Quotes a word for a shell; control characters become bash escapes, because they would end the line."""
     if word.isprintable():
         return shlex.quote(word)
     return "$'" + printable(word.replace("\\", "\\\\")).replace("'", "\\'") + "'"

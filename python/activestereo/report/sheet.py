@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""compare.png: measured, simulated and residual images of the worst frame of each split, over a bar per frame with its
-noise floor."""
+"""Draws compare.png: measured, simulated and residual images of each split's worst frame, and a bar chart of errors."""
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ _BAR = {"train": BLUE, "test": ORANGE}
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
-    """A matplotlib Figure: the worst frame of each split, left camera, above a bar per frame with its noise floor."""
+    """Draws the left images of each split's worst frame above a bar for each frame's error with its noise floor."""
     scores = comparison.scores
     rows = [worst_frame(scores, split)["id"] for split in SPLITS if split in scores["ir"]]
     figure = Figure(figsize=(13.5, 2.7 * len(rows) + 3.4), facecolor="white")
@@ -66,7 +65,7 @@ def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, fram
     for column, title, image, style in panels:
         axes = figure.add_subplot(grid[row, column])
         shown = axes.imshow(image, interpolation="nearest", aspect="equal", **style)
-        axes.set_facecolor(MUTED)  # pixels whose scene is not known
+        axes.set_facecolor(MUTED)  # the background shows at pixels without known scene
         axes.set_xticks([])
         axes.set_yticks([])
         axes.spines[:].set_color(GRID)
@@ -82,7 +81,7 @@ def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, fram
 
 
 def _frame_chart(axes: Axes, scores: dict[str, Any]) -> None:
-    """RMSE per frame and camera against the frame's noise floor."""
+    """Draws RMSE bars per frame and camera, each with the frame's noise floor."""
     for index, entry in enumerate(scores["frames"]):
         color = _BAR[entry["split"]]
         for offset, side in zip((-0.2, 0.2), SIDES, strict=True):

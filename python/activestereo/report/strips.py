@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects as strips: a picture without the effect, with it, and the difference; as a figure at typical values, and on a
-page under a slider of the effect's strength."""
+"""Draws effects as strips: a picture without the effect, with it, and the difference. A figure shows typical values, a
+page has a slider of the effect's strength."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _FLAT = 0.02
 
 
 def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
-    """A row for each strip."""
+    """Draws a row of three pictures for each strip."""
     aspect = strips[0].without.shape[0] / strips[0].without.shape[1]
     figure = Figure(figsize=(3.35 * _PANEL_IN, len(strips) * (_PANEL_IN * aspect + 0.75)), layout="constrained")
     rows = np.atleast_1d(np.asarray(figure.subfigures(len(strips), 1), dtype=object))
@@ -49,15 +49,18 @@ def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
 
 
 def parameter_words(strip: EffectStrip) -> str:
-    """The strip's parameters with their units."""
+    """Returns the strip's parameter values with their units as text."""
     units = {p.name: "" if p.unit == "1" else f" {p.unit}" for p in strip.effect.parameters}
     said = {name: value for name, value in strip.parameters.items() if name != SURFACES.name}
     return ", ".join(f"{name} {value:.4g}{units[name]}" for name, value in said.items())
 
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
-    """(the picture's brightest shown value, in the strip's unit, shown_change()'s largest). A depth that appears or
-    vanishes changes by its whole value, so other changes alone set the range, if there are any."""
+    """Returns the brightest shown value of the picture, in the strip's unit, and the largest shown change, in
+    shown_change()'s unit.
+
+    A depth that appears or vanishes changes by its whole value, so other changes alone set the range, if there are any.
+    """
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
     change = np.abs(shown_change(strip)[0])
     stays = (strip.without > 0) & (strip.with_it > 0)
@@ -66,14 +69,14 @@ def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
 
 
 def is_flat(strip: EffectStrip) -> bool:
-    """Whether the effect adds the same to every pixel."""
+    """Returns whether the effect adds the same value to every pixel."""
     size = float(np.abs(strip.difference).mean())
     return strip.unit == "DN" and float(strip.difference.std()) < _FLAT * size
 
 
 def shown_change(strip: EffectStrip, as_share: bool | None = None) -> tuple[NDArray[np.float64], str]:
-    """(change [height][width], its unit): the difference, or, where that is the same everywhere, its percentage of the
-    picture, which shows where it tells. as_share: which, None for is_flat()."""
+    """Returns (change [height][width], its unit). The change is the difference, or its percentage of the picture.
+    as_share: use the percentage; None: use it if the difference is the same everywhere."""
     if is_flat(strip) if as_share is None else as_share:
         return 100.0 * strip.difference / np.maximum(strip.without, 1.0), "% of the picture"
     return strip.difference, strip.unit
@@ -97,13 +100,15 @@ def _panels(row: Figure, strip: EffectStrip) -> None:
 
 
 def strip_page(effects: Sequence[Sequence[EffectStrip]]) -> str:
-    """A document with a section for each effect: its strips by rising strength, the middle one shown first."""
+    """Returns an HTML page with a section for each effect. effects: its strips by rising strength; the middle one is
+    shown first."""
     sections = [strip_section(strips, strips[0].effect.id, "typical") for strips in effects]
     return page("What effects do to a picture", sections, ("strip.js",))
 
 
 def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) -> str:
-    """A section for a page with strip.js. middle_words: the strength that is shown first."""
+    """Returns the HTML of one effect's section, whose slider web/strip.js moves. strips: by rising strength;
+    middle_words: the name of the middle strength, which is shown first."""
     middle, effect = strips[len(strips) // 2], strips[0].effect
     (high, limit), is_share = strip_ranges(middle), is_flat(middle)
     colours = "gray" if middle.unit == "DN" else "viridis"
@@ -140,7 +145,8 @@ def _shaded(share: NDArray[np.float64], colours: str) -> str:
 def found_strips(
     comparison: Comparison, diagnosis: Mapping[str, Any], images: ModelImages, effects: Mapping[str, Effect]
 ) -> list[str]:
-    """A section for each found or user's effect with fitted values; the values stand in the middle."""
+    """Returns HTML sections of strips for found effects and the user's own, with the fitted values in the middle of the
+    slider. images: model_images()."""
     fitted = {e["effect"]: {n: p["value"] for n, p in e["parameters"].items()} for e in diagnosis["ranking"]}
     fitted |= {e["id"]: e.get("parameters", {}) for e in diagnosis.get("model", {}).get("effects", [])}
     shown = [n for n in dict.fromkeys([*diagnosis["added"], *diagnosis.get("own", {})]) if n in fitted and n in effects]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A comparison in sentences (what the model misses and where, which families of effects do that, what infrared and
-depth say of one another), and its first figures on a terminal."""
+"""Describes a comparison in sentences: the error and its places, the families of effects that cause such errors, and
+infrared against depth. Also prints its first figures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _KINDS = {
     "place": ("The measured dots lie elsewhere than the model's, by some {:.2g} px", ()),
     "other": ("The measured images differ from the model's dot by dot", ()),
 }
-# Families of effects by the error's shape and what it goes with; "" for all else.
+# Families of effects by the error's kind and the covariate that it depends on; "" for all other covariates.
 _FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
     "brightness": {
         "radius": ("lens shading", "projector shading"), "time": ("projector power",),
@@ -42,7 +42,7 @@ _FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
         "": ("camera geometry", "surface", "speckle", "fixed pattern"),
     },
 }  # fmt: skip
-# Places of an error by a covariate below or above a value; other covariates only follow the image's brightness.
+# Words for pixels with a covariate below or above a value. Other covariates only follow the image's brightness.
 _PLACES = {
     "radius": ("within {:.2g} of the way to the corners", "beyond {:.2g} of the way to the corners"),
     "depth": ("nearer than {:.2g} m", "further than {:.2g} m"),
@@ -55,12 +55,12 @@ _PLACES = {
     "temperature": ("below {:.3g} °C", "above {:.3g} °C"),
 }  # fmt: skip
 _LEAST_CONCENTRATION = 0.1
-# A time of few frames cannot be told from the things that those frames show.
+# An error that depends on the time of few frames may as well come from the objects in those frames.
 _OF_FRAMES, _LEAST_FRAMES = ("time", "temperature"), 5
 _MOST_MATERIALS, _MOST_FAMILIES = 3, 4
-# A place that holds so much of what the first one does may be the one that matters.
+# A place that holds this share of the first place's error may be the true one.
 _ALIKE = 0.7
-# A mean error that changes its sign is told where it makes so much of the error.
+# A mean error that changes its sign is reported if it makes this share of the error.
 _LEAST_TURN = 0.5
 # An error that falls by less than this share did not fall.
 _SAME = 0.02
@@ -69,14 +69,15 @@ _NEAR_NOISE = 0.05
 
 
 def is_near_noise(scores: Mapping[str, Any]) -> bool:
-    """Whether the infrared error is hardly more than noise."""
+    """Returns whether the infrared error of the last split is within 5 % of its noise floor. scores: compare.json's
+    contents."""
     values = next(reversed(scores["ir"].values()))
     return values["noise_floor_dn"] is not None and values["rmse_dn"] < (1.0 + _NEAR_NOISE) * values["noise_floor_dn"]
 
 
 def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
-    """Sentences, most important first: the warnings, what the model misses and where, the model's effects on both
-    errors, and the families that do what is missed."""
+    """Returns sentences, most important first: warnings, the kind and place of the model's error, the error's change by
+    its effects, and families of effects that cause such an error."""
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
     if shape is None or not scores["regions"].get("infrared", {}).get("is_explainable", True):
@@ -105,9 +106,12 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
 
 
 def error_places(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """{words, covariate, its table, mean DN, share of the infrared error beyond noise, pixel_share} of pixels that one
-    covariate tells, those that hold most of the error beside their number first; none where it lies everywhere alike.
-    turns: whether the mean error of all pixels makes that share, and has the other sign on the other side.
+    """Returns regions of pixels, bounded by one covariate each, that hold much of the infrared error. The best region,
+    with most error for its size, is first.
+
+    A region is {words, covariate, table, mean (DN), share (of the error beyond noise), pixel_share, turns}. turns: the
+    mean error makes that share and has the opposite sign beyond the region. Returns none if the error is even
+    everywhere.
     """
     known = [t for t in tables if t["channel"] == "infrared" and t["is_finding"]]
     told = [t for t in known if t["covariate"] in (*_PLACES, "material") and t["concentration"] >= _LEAST_CONCENTRATION]
@@ -121,7 +125,8 @@ def _gain(place: Mapping[str, Any]) -> float:
 
 
 def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The pixels below the value at which the mean error changes its sign, where that mean makes most of the error."""
+    """Returns the region below the value at which the mean error changes its sign; None if the mean makes less than
+    half of the error. table: one covariate's bins."""
     bins, low = table["bins"], _PLACES[table["covariate"]][0]
     sums = [b["pixels"] * b["mean"] for b in bins]
     parts = [(sum(sums[:i]), sum(sums[i:]), i) for i in range(1, len(bins))]
@@ -133,7 +138,7 @@ def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The pixels beyond the value that parts most of the error from most of the pixels."""
+    """Returns the region beyond a value of the covariate that holds most error for its number of pixels."""
     bins, low, high = table["bins"], *_PLACES[table["covariate"]]
     ends = [(bins[: i + 1], low.format(bins[i]["high"])) for i in range(len(bins) - 1)]
     ends += [(bins[i:], high.format(bins[i]["low"])) for i in range(1, len(bins))]
@@ -160,7 +165,8 @@ def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: st
 
 
 def depth_sentences(scores: Mapping[str, Any]) -> list[str]:
-    """The change of both errors by a model's effects, and its meaning where infrared alone improves."""
+    """Returns sentences on how the model's effects change the infrared and disparity errors, and on the meaning if
+    infrared alone improves."""
     before = scores["without_effects"]
     if before is None:
         return []
@@ -184,7 +190,7 @@ def _percent(share: float) -> str:
 
 
 def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept: str, verbose: bool) -> str:
-    """The end of the command. kept: what the cache holds, for `verbose`."""
+    """Returns the final screen of `compare`. page: the report's path; kept: text on the cache, printed if `verbose`."""
     sentence, *notes = what_is_missed(scores)
     figures = []
     for split, values in scores["ir"].items():
@@ -197,7 +203,8 @@ def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept:
 
 
 def _depth_line(depth: dict[str, Any]) -> list[str]:
-    """The distance of the model's depth from the camera's, of the last split."""
+    """Returns a line on the disparity between the model's depth and the camera's in the last split, an empty list
+    without depth."""
     values = next(reversed(depth.values()), None)
     if values is None or values["median_abs_px"] is None:
         return []
@@ -208,7 +215,7 @@ def _depth_line(depth: dict[str, Any]) -> list[str]:
 
 
 def summary_table(scores: dict[str, Any]) -> str:
-    """The figures of compare.json that a reader wants first, as text."""
+    """Returns the main figures of compare.json as a text table."""
     lines = [f"warning: {text}" for text in scores["warnings"]]
     lines.append(f"{'':8}{'IR RMSE':>10}{'floor':>10}{'explainable':>14}   floor from")
     for split, values in scores["ir"].items():

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore, also
-with a diagnosis. Also writes the page of a diagnosis alone.
+"""Writes a comparison as compare.json, compare.png and report.html, a self-contained page, also with a diagnosis. Also
+writes the page of a diagnosis alone.
 
-Files appear whole or not at all: written aside, then renamed.
+Files appear whole or not at all: they are written aside, then renamed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from activestereo.effects import Effect
 
 
-WRITING, WRITING_TIME = "writing the report", UsualTime(3.0, 2.0)  # the phase of a command, and its guess
+WRITING, WRITING_TIME = "writing the report", UsualTime(3.0, 2.0)  # the phase's name, and a guess of its time
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js", "strip.js")
 
 
@@ -51,12 +51,12 @@ def write_report(
     effects: Mapping[str, Effect] | None = None, progress: Callable[[float], object] | None = None,
     steps: Sequence[Step] = (),
 ) -> tuple[Path, Path]:  # fmt: skip
-    """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
-    first and the last.
+    """Writes compare.json, compare.png and report.html into `folder`, made if absent. Returns the paths of compare.json
+    and report.html.
 
-        diagnosis: contents of diagnose.json, a dict; None for the folder's own diagnose.json, if it is of this capture.
-        effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction done).
-        steps: commands to paste, by screen.command().
+    diagnosis: diagnose.json's contents; None for the folder's own diagnose.json, if it belongs to this capture.
+    effects: {id: Effect} that the diagnosis may name, None for the built-in ones. progress: called as progress(fraction
+    done). steps: commands to paste, made by screen.command().
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ def report_page(
     progress: Callable[[float], object] | None = None, found_errors: ImageErrors | None = None,
     steps: Sequence[Step] = (),
 ) -> str:  # fmt: skip
-    """The page's text. found_errors: as in model_images(); steps: as in write_report()."""
+    """Returns the HTML of report.html. found_errors: as in model_images(); other arguments as in write_report()."""
     scores = comparison.scores
     images = model_images(comparison, diagnosis, effects, progress, found_errors)
     told = told_errors(comparison, found_errors)
@@ -97,10 +97,10 @@ def write_diagnosis_report(
     diagnosis: Diagnosis, folder: str | Path, effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None, steps: Sequence[Step] = (),
 ) -> Path:  # fmt: skip
-    """Writes report.html of a diagnosis into `folder` (made where absent) and returns its path; renders nothing.
+    """Writes report.html of a diagnosis into `folder`, made if absent, and returns its path. It renders nothing.
 
-    effects: {id: Effect} that it chose from, None for the built-in ones. progress: called as progress(fraction done).
-    steps: as in write_report().
+    effects: {id: Effect} that the diagnosis chose from, None for the built-in ones. progress: called as
+    progress(fraction done). steps: as in write_report().
     """
     path = Path(folder) / "report.html"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -110,8 +110,8 @@ def write_diagnosis_report(
 
 
 def _kept_page(kept_as: str, steps: Sequence[Step], make: Callable[[Sequence[Step]], str]) -> str:
-    """The page of a diagnosis, or what it was for the same one before: kept without the steps' words, which name
-    folders."""
+    """Returns the page of a diagnosis, from the cache if the same diagnosis was written before. The commands of `steps`
+    are filled in afterwards, because they name folders. make: builds the page with given steps."""
     cache, key = LayerCache(), content_key("page", kept_as, [step.label for step in steps])
     marks = [replace(step, words=(f"{key}-{i}",)) for i, step in enumerate(steps)]
     stored = cache.get_arrays(key)
@@ -138,7 +138,7 @@ def _diagnosis_page(
 
 
 def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
-    """The folder's diagnose.json if it is of this capture; None if it is unreadable."""
+    """Reads the folder's diagnose.json. Returns None if it cannot be read or belongs to another capture."""
     try:
         diagnosis = read_json(folder / "diagnose.json")
     except (OSError, ValueError):

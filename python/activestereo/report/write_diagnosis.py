@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the files of a diagnosis."""
+"""Writes the files of a diagnosis: diagnose.json, model.json and effect_stub.py."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 def write_diagnosis(diagnosis: "Diagnosis", folder: str | Path) -> list[Path]:
-    """Writes diagnose.json, model.json and, for an unknown effect, effect_stub.py. Returns their paths."""
+    """Writes diagnose.json, model.json and, for an unknown effect, effect_stub.py into the folder, made if absent.
+    Returns their paths."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     as_text = lambda value: json.dumps(value, indent=1) + "\n"  # noqa: E731

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A capture on the page: its frames as they were measured, and the sensor that takes them in its scene."""
+"""Serves a capture to the page: its measured frames, and the sensor that takes them in the capture's scene."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ from activestereo.model.model import NOISE_TERMS, NUISANCES
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, drawn_from_left
 from activestereo.scene_io.scene_files import load_scene_file
 
-# The laser's slider ends at so many times the power of the capture.
+# The laser's slider ends at this multiple of the capture's power.
 _STRONGEST_LASER = 3.0
 _SOURCE = "fitted in activestereo view"
-# Poses that the light is fitted to; one suffices where its dots stand out.
+# The number of poses to which the light is fitted; one suffices if its dots stand out.
 _MOST_POSES = 3
 _SAMPLES, _BOUNCES = 16, 4
 
 
 class CaptureSource:
-    """A capture as a source of the page. model: further knowledge of the sensor; light and noise that it lacks are
+    """A capture as a source of the page's pictures. model: known figures of the sensor; missing light and noise are
     fitted.
 
-    A capture with an empty scene is not simulated."""
+    A capture with an empty scene is not simulated.
+    """
 
     def __init__(self, capture: Capture, device: kuafu.Device, model: SensorModel | None = None) -> None:
         self.title = capture.name
@@ -52,14 +53,15 @@ class CaptureSource:
             raise ValueError(f"{capture.path}: has no infrared images, only colour and depth: there is nothing to show")
 
     def frames(self) -> list[dict[str, object]]:
-        """[{id, label}] in the capture's order."""
+        """Returns [{id, label}] of the frames in the capture's order."""
         return [
             {"id": f.id, "label": f"{f.id}, {f.split}{', projector off' if f.projector_power == 0 else ''}"}
             for f in self._frames.values()
         ]
 
     def facts(self) -> dict[str, object]:
-        """The left camera for the page's depth and points."""
+        """Returns the left camera's figures (size, max_dn, K, focal_baseline_px_m), with which the page computes
+        depth and points."""
         rig = self._capture.rig
         return {
             "kind": "capture", "has_measured": True, "width": rig.left.width, "height": rig.left.height,
@@ -68,7 +70,8 @@ class CaptureSource:
         }  # fmt: skip
 
     def measured(self, frame_id: int) -> Pictures:
-        """One frame with the device's depth, or with the depth of its pair if the device gave none."""
+        """Returns one measured frame with the device's depth, or with depth matched from the pair if the device gave
+        none."""
         frame, capture = self._frame(frame_id), self._capture
         left, right = (capture.ir(frame, side) for side in ("left", "right"))
         depth = capture.depth(frame)
@@ -80,7 +83,7 @@ class CaptureSource:
 
     @computed_once
     def simulation(self) -> Simulation | None:
-        """The capture's scene, loaded; None if it is empty."""
+        """Loads the capture's scene into a Simulation; None if the scene is empty."""
         path = self._capture.scene_path
         if not path.is_file():
             return None
@@ -92,7 +95,7 @@ class CaptureSource:
         return Simulation(scene)
 
     def exposure(self, frame_id: int) -> Exposure:
-        """One frame as the sensor takes it."""
+        """Returns the Exposure that simulates one frame: the sensor's settings, model and pose."""
         if frame_id not in self._exposures:
             self._exposures[frame_id] = self._exposure(frame_id)
         return self._exposures[frame_id]
@@ -100,7 +103,7 @@ class CaptureSource:
     # ---- inside ----
 
     def _exposure(self, frame_id: int) -> Exposure:
-        """Radiance in counts of the room's light; lamps of the scene use the same unit."""
+        """Builds exposure(). Radiance is in counts of the room's light, the unit of the scene's lamps too."""
         frame, model = self._frame(frame_id), self._model()
         room = model.nuisances["ambient_scale"].value * (1.0 if frame.ambient is None else frame.ambient)
         projector = model.nuisances["projector_scale"].value
@@ -125,7 +128,8 @@ class CaptureSource:
         return DepthModel(self._capture)
 
     def _config(self, responsivity_dn: float) -> StereoDepthSensorConfig:
-        """The sensor's configuration with the left camera in the colour camera's place."""
+        """Returns the sensor's configuration with the left camera in the colour camera's place. responsivity_dn: the
+        infrared camera's."""
         model, config = self._model(), StereoDepthSensorConfig()
         config.trans_pose_l = Pose()
         config.ir_exposure_mode, config.ir_responsivity_dn = "fixed", responsivity_dn
@@ -139,7 +143,8 @@ class CaptureSource:
 
     @computed_once
     def _model(self) -> SensorModel:
-        """All knowledge of the sensor, without settings of single frames."""
+        """Returns the sensor's model: the given figures, completed by the capture's rig and pattern and by fitted light
+        and noise."""
         capture, given = self._capture, self._given
         rig, projector = capture.rig, capture.rig.projector
         own = Rig(rig.left, rig.right, rig.left_to_right, projector.left_to_projector, rig.bit_depth, rig.line_time_s)
@@ -154,8 +159,8 @@ class CaptureSource:
 
 
 def _fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Quantity]:
-    """{name of NUISANCES: Quantity}, by least squares on a few train frames without any effect. Raises ValueError if
-    there is nothing to fit."""
+    """Fits projector scale, ambient scale and black level to a few frames by least squares, without effects. Returns
+    {name: Quantity}. Raises ValueError if there is nothing to fit."""
     poses: dict[bytes, Frame] = {}
     for frame in [*capture.split("train"), *capture.frames]:
         if frame.has_infrared:
@@ -168,7 +173,8 @@ def _fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Qu
 
 
 def _fitted_noise(capture: Capture, black_dn: float) -> Imager | None:
-    """The noise model of the capture's repeats; None without repeats."""
+    """Fits the imager's noise model to the capture's repeated frames; None without repeats. black_dn: the black
+    level."""
     noise_model = fit_noise_model(repeat_statistics(capture), black_dn, capture.rig.max_dn)
     if noise_model is None:
         return None

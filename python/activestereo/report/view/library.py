@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The entries of the page: one file or folder, or all captures, scenes and pictures below a folder. It reads nothing
-outside. Pairs without a calibration become a capture without a scene, with a preset's cameras."""
+"""Lists the page's entries: one file or folder, or all captures, scenes and pictures below a folder, and nothing
+outside. Pairs without calibration become a capture with a preset's cameras and no scene."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from activestereo.common.pose import camera_to_camera
 
 SCENE_ENDINGS = (".gltf", ".glb", ".obj", ".dae", ".stl", ".ply", ".usd", ".usda", ".usdc", ".usdz")
 CAPTURE_FILE = "capture.json"
-# A folder is searched so deep and no further, and so many are listed.
+# The deepest level that is searched, and the most entries that are listed.
 _DEEPEST, _MOST = 3, 500
 SIDES = ("ir_left", "ir_right")
-# The file that a capture of pictures has no use for.
+# A Capture needs a scene path; this one of a capture of pictures is never read.
 _NONE = Path("none")
 
 
 class Library:
-    """Entries below `root` by their names there, "." for itself. make: makes the source of a path; raises ValueError or
-    OSError if it cannot."""
+    """Holds the entries below `root` by their relative paths; "." is root itself. make: makes the source of a path;
+    raises ValueError or OSError if it cannot."""
 
     def __init__(self, root: Path, make: Callable[[Path], Any]) -> None:
         if not root.exists():
@@ -43,12 +43,13 @@ class Library:
             raise ValueError(f"{root}: holds neither a capture ({CAPTURE_FILE}) nor a scene ({scenes})")
 
     def source(self, name: Any) -> Any:
-        """The source of an entry, opened once. Raises ValueError for a name that is not listed."""
+        """Returns an entry's source, which stays open until another entry is asked for. Raises ValueError for a name
+        that is not listed."""
         if not isinstance(name, str) or name not in self.names:
             raise ValueError("there is no such entry, or it lies outside of the folder that is shown")
         with self._one_at_a_time:
             if name not in self._open:
-                self._open = {name: self._make(self.root / name)}  # one at a time is kept: scenes take memory
+                self._open = {name: self._make(self.root / name)}  # only one is kept open, because scenes take memory
             return self._open[name]
 
 
@@ -68,12 +69,13 @@ def _entries(root: Path) -> list[Path]:
         found.append(path)
         if len(found) == _MOST:
             break
-    # Otherwise it is a recording's folder, or its error names the missing part.
+    # A folder of any other kind is taken for a recording; if it is none, the reader's error names the missing part.
     return found if found or not root.is_dir() else [root]
 
 
 def _below(folder: Path, depth: int) -> Iterator[Path]:
-    """Captures, scenes and pictures in the order of their names; neither links nor captures are looked into."""
+    """Yields the captures, scenes and picture folders up to `depth` levels below a folder, by name. It follows no links
+    and does not look into captures."""
     if depth == 0 or not folder.is_dir():
         return
     for path in sorted(folder.iterdir()):
@@ -86,13 +88,13 @@ def _below(folder: Path, depth: int) -> Iterator[Path]:
 
 
 def is_pictures(folder: Path) -> bool:
-    """Whether a folder's names are pairs of simulate, or of a data set."""
+    """Returns whether a folder holds infrared pairs, named as simulate or a data set names them."""
     return all((folder / f"{side}.png").is_file() for side in SIDES) or all((folder / side).is_dir() for side in SIDES)
 
 
 def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
-    """The capture of all pairs in a folder. config: the camera, resized to the images. Raises ValueError without
-    pairs."""
+    """Returns a capture of all infrared pairs in a folder. config: the camera, resized to the images. Raises ValueError
+    without pairs."""
     pairs = _pairs(folder)
     size, bits = image_size(pairs[0][0]), 8 * read_gray(pairs[0][0]).dtype.itemsize
     if size != config.ir_resolution:

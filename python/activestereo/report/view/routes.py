@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's calls. Each takes a JSON object and returns one answer: four bytes with the length of a JSON text, that
-text, then each image's values. The text's "arrays" are {name: [type, height, width, first byte behind the text]}; the
-text ends at a multiple of eight. One call saves the sensor under the settings as a model, for `simulate --model`."""
+"""Defines the page's calls. Each takes a JSON object and returns one binary answer: four bytes with the length of a
+JSON text, that text, then the images' values.
+
+The text's "arrays" are {name: [type, height, width, first byte after the text]}. The text ends at a multiple of eight
+bytes.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ from activestereo.report.view.settings import BY_HAND, Settings, settings_of
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, Superseded
 from activestereo.report.view.sliders import camera_sliders, catalogue, present_effects, surface_sliders
 
-# So many pages are told apart.
+# The most pages whose latest request is remembered.
 _MOST_PAGES = 64
 _MAPS = ("gray", "RdBu_r", "viridis")
 _ALIGNMENT = 8
@@ -36,12 +39,12 @@ _POWER = "projector_scale"
 
 
 class Routes:
-    """The calls on a library of sources. effects: {id: Effect} that may be added. save_as: path for models; an existing
-    file is kept and the new one gets a number."""
+    """Answers the page's calls on a library of sources. effects: {id: Effect} that may be added. save_as: path for
+    saved models; if it exists, the new file's name gets a number."""
 
     def __init__(self, library: Library, effects: Mapping[str, Effect], save_as: Path) -> None:
         self._library, self._effects, self._save_as = library, effects, save_as
-        self._newest: dict[int, int] = {}  # the last serial number that each page has asked for
+        self._newest: dict[int, int] = {}  # {page: the serial number of its latest request}
 
     def calls(self) -> dict[str, Callable[[dict[str, Any]], bytes]]:
         return {
@@ -50,23 +53,23 @@ class Routes:
         }  # fmt: skip
 
     def list(self, given: dict[str, Any]) -> bytes:
-        """The names of all that may be opened."""
+        """Answers with the names of all entries that can be opened."""
         maps = {name: colour_stops(name) for name in _MAPS}
         return packed({"root": self._library.root.name, "entries": self._library.names, "maps": maps})
 
     def open(self, given: dict[str, Any]) -> bytes:
-        """Opens one entry: its frames, and the page's data to draw it."""
+        """Opens one entry. Answers with its title, its frames, and the camera figures that the page draws with."""
         source = self._library.source(given.get("entry"))
         facts = {"title": source.title, "frames": source.frames(), **source.facts()}
         return packed(facts | {"is_simulated": source.simulation() is not None, "catalogue": catalogue(self._effects)})
 
     def measured(self, given: dict[str, Any]) -> bytes:
-        """One frame as it was measured."""
+        """Answers with one measured frame."""
         source = self._library.source(given.get("entry"))
         return _answer(source.measured(_whole(given, "frame")))
 
     def sliders(self, given: dict[str, Any]) -> bytes:
-        """The camera's sliders for one frame, and the effects of the model."""
+        """Answers with the camera's sliders for one frame, and the effects that the model has."""
         source = self._library.source(given.get("entry"))
         _simulation(source)
         exposure = source.exposure(_whole(given, "frame"))
@@ -74,7 +77,8 @@ class Routes:
         return packed({"camera": camera, "effects": present_effects(exposure.model)})
 
     def surface(self, given: dict[str, Any]) -> bytes:
-        """The name and the sliders of the material at pixel u, v of the left image; no name without a surface."""
+        """Answers with the name and sliders of the material at pixel u, v of the left image; the name is null without a
+        surface."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         found = simulation.surface(
@@ -86,7 +90,8 @@ class Routes:
         return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
-        """Writes the sensor under the settings as a model. Returns its path and the command that simulates it."""
+        """Saves the sensor under the page's settings as a model. Answers with its path and the simulate options that it
+        cannot hold."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         model, remark = saved_model(source.exposure(_whole(given, "frame")), self._settings(given, simulation))
@@ -95,8 +100,11 @@ class Routes:
         return packed({"path": str(path), "remark": remark})
 
     def simulate(self, given: dict[str, Any]) -> bytes:
-        """One frame under the settings, as a draft or refined. page: a number of the page's own; serial: counts what it
-        asks for. An answer with "superseded" has no images, because the page has asked for a newer frame."""
+        """Answers with one frame simulated under the settings, as a draft or refined.
+
+        page: a random number that identifies the page; serial: counts its requests. An answer with "superseded" has no
+        images, because the page has asked for a newer frame.
+        """
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         settings = self._settings(given, simulation)
@@ -137,7 +145,7 @@ def _answer(pictures: Pictures) -> bytes:
 
 
 def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """One answer. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no value."""
+    """Packs one answer. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no value."""
     arrays, parts, size = {}, [], 0
     for name, image in (images or {}).items():
         data = np.ascontiguousarray(image).astype(image.dtype.newbyteorder("<"), copy=False).tobytes()
@@ -150,8 +158,8 @@ def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None
 
 
 def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, str]:
-    """The model, and the settings that it cannot hold without a rig or a fitted projector, as options of simulate;
-    empty if it holds all."""
+    """Returns the sensor's model under the settings. Also returns simulate options for settings that a model without
+    rig or fitted projector cannot hold, "" if it holds all."""
     config, model = settings.applied(deepcopy(exposure.config), exposure.model)
     remarks = []
     if model.rig is not None:
@@ -173,8 +181,8 @@ def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, st
 
 @contextmanager
 def free_name(path: Path) -> Iterator[Path]:
-    """The path, or if it exists the same with a number: model.json, model-2.json. An empty file reserves the name at
-    once, and is removed if the block fails."""
+    """Yields `path`, or if it exists a numbered one: model.json, model-2.json. An empty file reserves the name at once;
+    it is removed if the block fails."""
     for number in range(1, _MOST_NUMBERS):
         name = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
         try:

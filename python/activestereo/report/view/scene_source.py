@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene file on the page: a preset's sensor at its cameras. Without a measurement the page compares with the picture
-before any slider moved."""
+"""Serves a scene file to the page: a preset's sensor at the scene's cameras. Without a measurement, the page compares
+with the first picture, before any slider moved."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from activestereo.scene_io.staging import overall_view, room_radiance
 
 
 class SceneSource:
-    """A scene file. config: the sensor; model: its known effects, or None."""
+    """A scene file as a source of the page's pictures. config: the sensor; model: its known effects, or None."""
 
     def __init__(
         self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None = None
@@ -29,12 +29,13 @@ class SceneSource:
         self._left_config = drawn_from_left(config)
 
     def frames(self) -> list[dict[str, object]]:
-        """[{id, label}] of the scene's cameras, or of one view of all of it."""
+        """Returns [{id, label}] of the scene's cameras, or of one view of the whole scene if it has none."""
         count = self._scene().summary.camera_count
         return [{"id": n, "label": f"camera {n}" if count else "all of it"} for n in range(max(count, 1))]
 
     def facts(self) -> dict[str, object]:
-        """The left camera for the page's depth and points."""
+        """Returns the left camera's figures (size, max_dn, K, focal_baseline_px_m), with which the page computes
+        depth and points."""
         (width, height), signal = self._left_config.ir_resolution, self._config.ir_signal
         bits = int(signal.get("bit_depth", 8)) if isinstance(signal, dict) else 8
         return {
@@ -51,7 +52,7 @@ class SceneSource:
         return Simulation(self._scene())
 
     def exposure(self, frame_id: int) -> Exposure:
-        """The sensor's colour camera at one of the scene's cameras."""
+        """Returns the Exposure of the sensor whose colour camera stands at one of the scene's cameras."""
         scene = self._scene()
         known = [frame["id"] for frame in self.frames()]
         if frame_id not in known:

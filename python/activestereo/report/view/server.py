@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""HTTP on the loopback address: the page's own files, and its calls as JSON. Only requests of the page at its own
-address are answered. A bad request gets one line and costs one connection."""
+"""Serves the page's files and calls over HTTP on the loopback address. It answers only requests of its own page. A bad
+request gets one line and costs one connection."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HOSTS = ("127.0.0.1", "localhost")
 LARGEST_BODY_BYTES = 1 << 20
 _JSON = "application/json"
 
-# The page's files: {name: (place in report/web, kind)}.
+# The page's files: {name: (file in report/web, content type)}.
 _FILES = {
     "": ("view/view.html", "text/html"),
     "view.css": ("view/view.css", "text/css"),
@@ -44,16 +44,16 @@ _SAFETY = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-# A client that sends nothing for so long is left.
+# A connection that sends nothing for this time is closed.
 _SILENCE_S = 20.0
 _MOST_CONNECTIONS = 64
-# A render takes seconds, and they are made one after the other: more calls than so many would wait for minutes.
+# A render takes seconds, and renders run one after the other: calls beyond this limit would wait for minutes.
 _MOST_CALLS = 16
 _BUSY = f"this server is busy: it takes {_MOST_CALLS} calls on {_MOST_CONNECTIONS} connections at a time; ask again"
 
 
 class Refused(Exception):
-    """A refused request; the text is one line with the reason."""
+    """Reports a refused request with its HTTP status; the text is one line with the reason."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
         super().__init__(text)
@@ -62,14 +62,17 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Guard:
-    """The address of one server: its port, and the token that its paths begin with."""
+    """Checks requests to one server by its port and its secret token, with which all paths begin."""
 
     port: int
     token: str
 
     def inner_path(self, path: str, headers: Message) -> str:
-        """The path below the token, without a query. Refused for another host, token or origin: a page of another
-        origin may send requests here, and a name that it owns may lead here."""
+        """Returns the request's path after the token, without a query. Raises Refused for a wrong host, token or
+        origin.
+
+        A page of another origin may send requests here, and a name that it owns may resolve to this address.
+        """
         hosts = {f"{host}:{self.port}" for host in HOSTS}
         host = headers.get("Host", "")
         if host not in hosts:
@@ -85,8 +88,8 @@ class Guard:
         return "/".join(rest)
 
     def body_bytes(self, headers: Message) -> int:
-        """The size of a call's body. Refused without an origin, for another kind of content, and without a size or
-        beyond the largest."""
+        """Returns the size of a call's body in bytes. Raises Refused if the origin, the size or the JSON content type
+        is missing, or the body is too large."""
         if headers.get("Origin") is None:
             raise Refused(HTTPStatus.FORBIDDEN, "a call needs the header Origin")
         if headers.get("Content-Type", "").partition(";")[0].strip().lower() != _JSON:
@@ -101,8 +104,8 @@ class Guard:
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Serves the page at `address`. calls: {name: function of the call's JSON object that returns the answer}; their
-    ValueErrors and OSErrors are told to the page. port: 0 for one that is free."""
+    """Serves the page at `address`. calls: {name: function from the call's JSON object to the answer}; the page shows
+    their ValueErrors and OSErrors. port: 0 for a free one."""
 
     daemon_threads = True
     request_queue_size = 2 * _MOST_CONNECTIONS
@@ -115,7 +118,7 @@ class ViewServer(ThreadingHTTPServer):
         self.address = f"http://{HOSTS[0]}:{self.guard.port}/{self.guard.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Starts a thread for each connection up to a limit; refuses more."""
+        """Starts a thread for a connection, or refuses it beyond a limit."""
         if not self._free.acquire(blocking=False):
             with suppress(OSError):
                 request.settimeout(0.0)
@@ -192,7 +195,7 @@ class _Handler(BaseHTTPRequestHandler):
             raise ValueError("the call's body is no JSON object")
         if not self.server.free_calls.acquire(blocking=False):
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, _BUSY)
-        try:  # the command line's permissions hold in this thread, too
+        try:  # the command line's permissions, a context variable, hold in this thread too
             return self._context.copy().run(self._calls[name], given), "application/octet-stream"
         finally:
             self.server.free_calls.release()

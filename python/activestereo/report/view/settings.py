@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's sliders: exposure, gain, laser power, properties of surfaces, effects. Settings that nobody moved are
-absent and keep their values."""
+"""Parses and applies the positions of the page's sliders: exposure, gain, laser power, surfaces, effects. A slider that
+nobody moved is absent, and its value stays."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import Quantity, SensorModel
 from activestereo.model.model import MATERIAL_FIELDS
 
-# Properties of a surface that have a slider, in its order.
+# Surface properties that have a slider, in the sliders' order.
 SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmission")
 _CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
 _KEYS = (*_CAMERA, "has_noise", "materials", "effects")
 _FAMILY_OF_MOTION = "motion"
-# The random terms of an imager.
+# The imager's noise terms, which the page can switch off.
 _NOISE = (
     "speckle_shape", "prnu", "hot_pixel_share", "shot_noise", "dsnu_e", "row_fixed_e", "column_fixed_e", "row_noise_e",
     "column_noise_e", "read_noise_e", "adc_noise_dn",
@@ -32,9 +32,12 @@ BY_HAND = "set by hand in activestereo view"
 
 @dataclass(frozen=True)
 class Settings:
-    """exposure_s, gain, laser_power_mw: None = the sensor's own. materials: {name: {one of SURFACE_FIELDS: value}}.
-    effects: {id: {parameter: value}}, all active ones, None = the model's; surfaces: {id of an effect: the materials
-    that show it}, all by default."""
+    """The page's settings. exposure_s, gain, laser_power_mw: None for the sensor's own. materials: {name: {one of
+    SURFACE_FIELDS: value}}.
+
+    effects: {id: {parameter: value}} of all active effects, None for the model's. surfaces: {effect id: the materials
+    that show it}; an absent effect acts on all.
+    """
 
     exposure_s: float | None = None
     gain: float | None = None
@@ -48,7 +51,7 @@ class Settings:
     def applied(
         self, config: StereoDepthSensorConfig, model: SensorModel
     ) -> tuple[StereoDepthSensorConfig, SensorModel]:
-        """The configuration, which is changed, and the model under these settings."""
+        """Returns (configuration, model) under these settings. The given configuration itself is changed."""
         if self.exposure_s is not None or self.gain is not None:
             config.ir_exposure_mode = "fixed"
         if self.exposure_s is not None:
@@ -57,7 +60,7 @@ class Settings:
             config.ir_camera_gain = self.gain
         if self.laser_power_mw is not None:
             config.laser_power_mw = self.laser_power_mw
-            config.check()  # ValueError for a power that the laser has not
+            config.check()  # raises ValueError for a power outside of the laser's limits
         if not self.has_noise:
             config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
             if config.ir_signal is not None:
@@ -67,7 +70,7 @@ class Settings:
         return config, self.in_model(model)
 
     def in_model(self, model: SensorModel) -> SensorModel:
-        """The model with these surfaces and effects."""
+        """Returns the model with these settings' surfaces and effects in place of its own."""
         known = {entry.effect.id: entry for entry in model.effects}
         if self.effects is not None:
             model = replace(model, effects=())
@@ -76,7 +79,7 @@ class Settings:
             entry = known.get(name)
             if entry is not None and entry.surfaces == on:
                 stated = effect.values({n: q.value for n, q in entry.parameters.items()})
-                if all(stated[n] == value for n, value in values.items()):  # its intervals and sources stay
+                if all(stated[n] == value for n, value in values.items()):  # keep intervals and sources
                     model = replace(model, effects=(*model.effects, entry))
                     continue
             units = {p.name: p.unit for p in effect.parameters}
@@ -89,12 +92,13 @@ class Settings:
         return replace(model, materials=materials)
 
     def has_motion(self, model: SensorModel) -> bool:
-        """Whether an effect shows motion; otherwise every camera stands still, as in the lab."""
+        """Returns whether an active effect shows motion; otherwise every camera stands still, as in the lab."""
         return any(entry.effect.family == _FAMILY_OF_MOTION for entry in self.in_model(model).effects)
 
 
 def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
-    """The Settings of a call's JSON object. Raises ValueError with the fault."""
+    """Parses the settings in a call's JSON object. Raises ValueError with the fault. library: {id: Effect} that may be
+    named."""
     given = _object(given, "settings")
     for key in given:
         if key not in _KEYS:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One exposure of a sensor in a scene, as often as settings change: the scene stays loaded, the sensor is made again,
-which takes a fiftieth of a second."""
+"""Renders an exposure of a sensor in a scene again as settings change. The scene stays loaded; making the sensor anew
+takes a fiftieth of a second."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from activestereo.report.view.settings import SURFACE_FIELDS, Settings
 from activestereo.sensor.image_effects import ModelCostWarning
 from activestereo.sensor.sensor import StereoDepthSensor
 
-# A draft's bounced light is noisy, but its dots are exact, and so is the depth that they give. It is not denoised,
+# A draft has noisy bounced light but exact dots, and so exact depth. It is not denoised,
 # which would take four fifths of its time on a processor.
 _DRAFT = {"samples_per_pixel": 2, "max_bounces": 2, "denoise": "none"}
-# Under these effects light scatters in the air or below surfaces, and a sample takes twice as long or more.
+# Under these effects light scatters in the air or below surfaces, so that a sample takes at least twice as long.
 _FEW_SAMPLES = {"samples_per_pixel": 1}
 _SCATTERING = {"haze": _FEW_SAMPLES | {"max_bounces": 1}, "subsurface": _FEW_SAMPLES, "transmission": _FEW_SAMPLES}
 _REFINED_SAMPLES = 64
@@ -35,9 +35,12 @@ _REFINED_SAMPLES = 64
 
 @dataclass(frozen=True)
 class Exposure:
-    """One exposure before any setting. config: with the colour camera in the left infrared one's place; model: known
-    effects of the sensor; camera_to_world: the left camera's, 4x4. room_radiance: infrared, from all sides; None: the
-    scene's own. twist: (6,) m/s and rad/s, as a capture's camera_velocity."""
+    """The sensor and pose of one exposure, before any setting. config: has the left infrared camera in the colour
+    camera's place; model: known effects of the sensor; camera_to_world: the left camera's pose, 4x4.
+
+    room_radiance: infrared radiance from all sides; None for the scene's own. twist: the camera's velocity, (6,) m/s
+    and rad/s, as a capture's camera_velocity.
+    """
 
     config: StereoDepthSensorConfig
     model: SensorModel
@@ -50,8 +53,8 @@ class Exposure:
 
 @dataclass(frozen=True)
 class Pictures:
-    """left, right: DN, float32 [height][width]; disparity_px: of the left one, NaN = none; None without depth.
-    focal_baseline_px_m over a disparity is a depth in metres."""
+    """An infrared pair and its disparity. left, right: DN, float32 [height][width]; disparity_px: of the left image,
+    NaN = none; None without depth. Depth in metres is focal_baseline_px_m / disparity."""
 
     left: NDArray[np.float32]
     right: NDArray[np.float32]
@@ -67,11 +70,11 @@ class Pictures:
 
 
 class Superseded(Exception):
-    """The page no longer waits for this picture."""
+    """Raised if the page no longer waits for this picture."""
 
 
 class Simulation:
-    """A loaded scene, for one exposure at a time."""
+    """Renders exposures of a loaded scene, one at a time."""
 
     def __init__(self, scene: kuafu.Scene) -> None:
         self._scene = scene
@@ -83,7 +86,8 @@ class Simulation:
     def picture(
         self, exposure: Exposure, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool] = lambda: True
     ) -> Pictures:
-        """The exposure under these settings. Raises Superseded if is_wanted() turns false before the render."""
+        """Renders the exposure under these settings. Raises Superseded if is_wanted() turns false before or during the
+        render."""
         begin = perf_counter()
         with self._one_at_a_time:
             if not is_wanted():
@@ -96,7 +100,8 @@ class Simulation:
                 raise Superseded from error
 
     def surface(self, exposure: Exposure, settings: Settings, u: int, v: int) -> tuple[str, dict[str, float]] | None:
-        """The material at a pixel of the left image and its SURFACE_FIELDS; None without a surface."""
+        """Returns (material name, its SURFACE_FIELDS' values) at pixel u, v of the left image; None without a
+        surface."""
         with self._one_at_a_time, self._sensor(exposure, settings, is_draft=True) as sensor:
             numbers = sensor.get_picture("material_id", "left")[..., 0]
             materials = [self._scene.get_material(n) for n in range(self._scene.summary.material_count)]
@@ -131,7 +136,8 @@ class Simulation:
 
 
 def drawn_from_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """The sensor seen from its left camera, with its pattern drawn once for all pictures."""
+    """Returns the configuration with the left camera in the colour camera's place, and its pattern drawn once for all
+    pictures."""
     out, drawn = config.seen_from_left(), pattern_of(config)
     out.light_pattern = None if drawn is None else drawn[0]
     return out
@@ -154,6 +160,6 @@ def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
 
 
 def disparity_of(depth_m: NDArray[np.float32], focal_baseline_px_m: float) -> NDArray[np.float32]:
-    """Disparity in pixels, NaN at depth 0."""
+    """Converts depth in metres into disparity in pixels, NaN at depth 0."""
     with np.errstate(divide="ignore"):
         return np.where(depth_m > 0, focal_baseline_px_m / depth_m, np.nan).astype(np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's sliders as data: their ends, and their first positions."""
+"""Defines the page's sliders: their ranges and first positions."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _DEVIATIONS = 5.0
 
 @dataclass(frozen=True)
 class Slider:
-    """One number. least, most: limits of typed numbers; low, high: the slider's own ends. is_log: equal steps are equal
-    ratios."""
+    """A slider of one number. least, most: limits of typed numbers; low, high: the slider's ends; is_log: equal steps
+    are equal ratios."""
 
     name: str
     label: str
@@ -40,8 +40,8 @@ class Slider:
 
 
 def camera_sliders(exposure: Exposure) -> list[Slider]:
-    """Exposure, gain and laser power of one exposure. If the sensor exposes automatically, the picture states exposure
-    and gain."""
+    """Returns the sliders of exposure, gain and laser power. Their values are the configuration's; under automatic
+    exposure the picture itself states exposure and gain."""
     config = exposure.config
     exposure_s, gain = config.ir_camera_exposure, config.ir_camera_gain
     power, (_, strongest, _) = config.laser_power_mw, config.laser_power_limits_mw
@@ -53,7 +53,7 @@ def camera_sliders(exposure: Exposure) -> list[Slider]:
 
 
 def surface_sliders(values: Mapping[str, float]) -> list[Slider]:
-    """The properties of one surface, which all go from 0 to 1."""
+    """Returns a slider for each property of a surface, from 0 to 1. values: {one of SURFACE_FIELDS: its value}."""
     out = []
     for name in SURFACE_FIELDS:
         unit, low, high = MATERIAL_FIELDS[name]
@@ -63,7 +63,7 @@ def surface_sliders(values: Mapping[str, float]) -> list[Slider]:
 
 
 def effect_sliders(effect: Effect) -> list[Slider]:
-    """An effect's parameters, at their typical values."""
+    """Returns a slider for each numeric parameter of an effect, at its typical value."""
     out = []
     for p in effect.parameters:
         if p.name != SURFACES.name:
@@ -74,7 +74,7 @@ def effect_sliders(effect: Effect) -> list[Slider]:
 
 
 def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
-    """Every effect that may be added, in words and with its sliders."""
+    """Returns every effect that the page can add, with its summary and sliders, for JSON."""
     return [
         {
             "id": effect.id, "family": effect.family,
@@ -87,7 +87,7 @@ def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
 
 
 def present_effects(model: SensorModel) -> dict[str, dict[str, Any]]:
-    """The effects of a model as settings have them."""
+    """Returns the model's effects as {id: {parameter: value}}, the form of the page's settings."""
     out: dict[str, dict[str, Any]] = {}
     for entry in model.effects:
         out[entry.effect.id] = {name: q.value for name, q in entry.parameters.items()}
