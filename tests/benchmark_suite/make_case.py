@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes one case of the benchmark suite: the capture, and the answer key in another place."""
+"""Makes one case of the benchmark suite: the capture, and its answer key in another place."""
 
 import json
 import shutil
@@ -11,8 +11,11 @@ from virtual_sensor.held_out.mitsuba_case import MitsubaCase
 
 
 def make_case(item, capture_folder, key_path, scene_errors, more=None, elsewhere=None):
-    """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones.
-    elsewhere: (folder, seed) of a capture of another scene by the same sensor."""
+    """Writes the capture and the answer key of an Item, whole or not at all, and returns the key.
+
+    scene_errors: errors of the believed scene in units of the usual ones. more: a change of frames recorded beside the
+    usual ones (see more.py). elsewhere: (folder, seed) for a capture of another scene by the same sensor.
+    """
     hidden, moving_exposure = item.draw()
     kind = MitsubaCase if item.set == "mitsuba" else Case
     case = kind(item.seed, hidden, scene_errors, moving_exposure=moving_exposure, more=more)

@@ -73,7 +73,7 @@ def main(arguments):
 
 
 def make_page():
-    """The page as text."""
+    """Returns the benchmark suite's README.md as text."""
     [run] = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
     lines = [HEAD, "## How often it is right", "", *_measures(run), "", *_strengths(run["by_strength"]), ""]
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]

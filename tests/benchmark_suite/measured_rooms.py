@@ -30,9 +30,9 @@ from activestereo.diagnose.room.names import seen_of
 from activestereo.diagnose.room.plan import told_by
 from activestereo.effects import builtin
 
-OWN = "vignetting"  # of every lens: no further name, but an exponent that grows
-EXPONENT_SD = 0.25  # of one pair of views
-# Drops on one camera's window: discs that are blurred by so many pixels, the same in every view.
+OWN = "vignetting"  # every lens has it: a stronger one shows as a larger exponent, not as a further name
+EXPONENT_SD = 0.25  # standard deviation of the exponent from one pair of views
+# Drops on one camera's window: discs in which the image is blurred by this many pixels, the same in every view.
 DROPS, DISCS, RADII_PX = {"medium": 1.5, "strong": 3.0}, 6, (25, 60)
 ACCEPTED = {name: kind.accepted for name, kind in KINDS.items()} | {"drops": ("focus_mismatch",)}
 
@@ -68,7 +68,8 @@ def write(out, rows):
 
 
 def cases(args):
-    """(kind, strength, recording): each recording as it is, then the kinds, on one recording after the other."""
+    """Yields (kind, strength, recording): each recording unchanged, with None for both, then every kind at every
+    strength, on one recording after the other."""
     for recording in args.recordings:
         yield None, None, recording
     number = 0
@@ -79,7 +80,8 @@ def cases(args):
 
 
 def hidden(recording, out, name, strength, seed):
-    """Writes the recording with an effect in its images; returns its parameters."""
+    """Writes a copy of the recording with the effect `name` in its infrared images to `out`. Returns the effect's true
+    parameters."""
     if name != "drops":
         return write_injected(plan(read_capture(recording), name, strength, seed), out)["parameters"]
     shutil.copytree(recording, out)
@@ -98,7 +100,8 @@ def hidden(recording, out, name, strength, seed):
 
 
 def measured(args, name, strength, recording):
-    """A row without an answer, of a recording that calibrate world has measured: told is the plan's word."""
+    """Measures one recording with calibrate world and returns its result row, without a diagnosis. row["told"]: whether
+    the plan of the measured room says that an effect of this size can be told."""
     place = args.out / "_".join([recording.name, *([name, strength] if name else ["plain"])])
     row = {"recording": recording.name, "place": place.name, "hidden": name, "strength": strength, "told": False}
     source, started = recording, time.monotonic()
@@ -121,10 +124,11 @@ def measured(args, name, strength, recording):
 
 
 def is_told(tells, name, truth, capture):
-    """(whether a plan tells an effect of such a size, the sizes from which it does)."""
+    """Returns whether a plan can tell an effect of this size, and the least sizes that it can tell. tells: {effect:
+    {parameter: least size}}; truth: the hidden effect's parameters."""
     light = np.mean([capture.ir(f, side).mean() for f in capture.frames for side in SIDES]) / capture.rig.max_dn
     effect, sizes = {
-        "blur": lambda: ("focus_mismatch", {"sigma_px": truth["radius_px"] / 2.0}),  # of a disc, along an axis
+        "blur": lambda: ("focus_mismatch", {"sigma_px": truth["radius_px"] / 2.0}),  # a disc's deviation along one axis
         "drops": lambda: ("drops on a window", truth),
         "veiling_glare": lambda: ("veiling_glare", truth),
         "ghost": lambda: ("lens_ghost", truth),
@@ -146,7 +150,8 @@ def is_told(tells, name, truth, capture):
 
 
 def answered(args, row, done):
-    """The row with the names of its diagnosis. done: rows so far, of the recordings as they are first."""
+    """Diagnoses a measured room and returns its row with the named effects and the verdict. done: earlier rows, which
+    hold the unchanged recordings' results."""
     started, name = time.monotonic(), row["hidden"]
     result = diagnose(args.out / row["place"], reference=args.reference).result
     entries = {entry["effect"]: entry for entry in result["ranking"]}
@@ -154,7 +159,7 @@ def answered(args, row, done):
     row["nats"] = [round(entries[effect]["score_nats"], 1) for effect in row["named"]]
     row["exponent"] = round(entries[OWN]["parameters"]["exponent"]["value"], 2) if OWN in entries else None
     row["seconds"] = round(row["seconds"] + time.monotonic() - started, 1)
-    if name == OWN:  # more of what every lens has
+    if name == OWN:  # found if the exponent grows beyond the unchanged recording's
         grown = row["exponent"] - next(r["exponent"] for r in done if r["recording"] == row["recording"])
         row["verdict"] = "right" if abs(grown - row["truth"]["exponent"]) < EXPONENT_SD * 3.0 else "silent"
     if row["named"]:

@@ -34,10 +34,10 @@ from activestereo.diagnose.room.plan import plan_of
 from activestereo.effects import builtin
 
 TURNS, EXPOSURES = ((0, 0), (14, 3), (-13, -4)), (1.0, 0.85, 1.3)
-# More of a lens's falloff than it has is a size of it, no name.
+# Every lens has vignetting: more of it changes a size and yields no name.
 DRAWN = sorted(set(KINDS) - {"vignetting"})
-# The recordings that the plan's texts ask for: a further view, turned or rolled, or the good unit in the same places,
-# as near to them as a tripod stands again, degrees.
+# The recordings that the plan's texts ask for: a further view, turned or rolled, or the good unit in the same places.
+# AGAIN: degrees by which a tripod misses its former place.
 VIEWS, GOOD, AGAIN = {"turned by 15 degrees": (15, 0), "rolled by 90 degrees": (0, 0, 90)}, "known to be good", 0.3
 
 
@@ -51,7 +51,7 @@ def main():
     rows = []
     for number in range(args.cases):
         row = planned(args.out / f"case{number}", np.random.default_rng([args.seed, number]))
-        write(args.out, [*rows, row])  # before the answer
+        write(args.out, [*rows, row])  # the plan is stored before the diagnosis
         by_room = row["by"] is not None and "activestereo calibrate" not in row["by"]
         rows.append(answered(args.out / f"case{number}", row) if by_room else row)
         write(args.out, rows)
@@ -62,7 +62,8 @@ def main():
 
 
 def recorded(folder, seed, turns, exposures, session=0):
-    """The imported views of a drawn room."""
+    """Draws a room, writes its views and imports them as a capture into `folder`, which it returns. turns: degrees of
+    each view; exposures: relative; session: number of the visit to the same room."""
     room = Room(turns_deg=turns, exposures=exposures, seed=seed, session=session)
     views = room.write(folder.with_name(folder.name + "_views"))
     stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--depth-scale", "0.0001"]
@@ -71,7 +72,8 @@ def recorded(folder, seed, turns, exposures, session=0):
 
 
 def flawed(folder, clean, row):
-    """The recording `clean` with the row's effect, measured as `folder`."""
+    """Puts the row's effect into the recording `clean`, measures it as `folder` and returns the measured capture.
+    Stores the effect's true parameters in the row."""
     source = folder.with_name(folder.name + "_recorded")
     injection = plan(read_capture(clean), row["hidden"], str(row["size"]), row["seed"])
     row["truth"] = write_injected(injection, source)["parameters"]
@@ -80,7 +82,8 @@ def flawed(folder, clean, row):
 
 
 def planned(folder, rng):
-    """A row without an answer: by is the plan's word, None where no recording of a room tells the size."""
+    """Draws a case and returns its row, without a diagnosis. row["by"]: the planned recording that can tell an effect
+    of this size, None if no recording of a room can."""
     folder.mkdir()
     kind = DRAWN[rng.integers(len(DRAWN))]
     _, medium, strong = KINDS[kind].values
@@ -96,7 +99,8 @@ def planned(folder, rng):
 
 
 def answered(folder, row):
-    """The row with the names of its diagnosis, by the recording that the plan asked for."""
+    """Makes the recording that the plan asks for, diagnoses it, and returns the row with the named effects and
+    verdict."""
     place, reference = folder / "first", []
     turn = next((turn for text, turn in VIEWS.items() if text in row["by"]), None)
     if turn is not None:

@@ -41,7 +41,8 @@ def main() -> None:
 
 
 def row(folder: Path, out: Path, tool: str, device: str) -> str:
-    """The table's row of one capture."""
+    """Diagnoses a practice capture twice, with and without kept renders, and returns its row of the Markdown table.
+    tool: the command activestereo."""
     capture, place, answer = out / "captures" / folder.name, out / folder.name, folder / "answer.json"
     if not capture.is_dir():
         shutil.copytree(folder, capture, ignore=shutil.ignore_patterns(answer.name))
@@ -68,7 +69,8 @@ def row(folder: Path, out: Path, tool: str, device: str) -> str:
 
 
 def kept(result: Path, command: list[str], cache: Path) -> tuple[dict, dict]:
-    """(what a command wrote as JSON, its times); the command is run where it was not run before."""
+    """Returns (the JSON that a command wrote to `result`, its times). Runs the command only if its times are not
+    stored. cache: folder of kept renders."""
     times = result.with_name("times.json")
     if not times.is_file():
         result.parent.mkdir(parents=True, exist_ok=True)

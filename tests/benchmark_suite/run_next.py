@@ -52,7 +52,8 @@ def main():
 
 
 def asked_change(answer):
-    """The change of frames that the tool puts first; None where its advice is another."""
+    """Returns the change of frames that the diagnosis advises first, None without such advice. answer: diagnose.json's
+    contents."""
     return answer["next_measurement"][0]["change"] if answer["next_measurement"] else None
 
 

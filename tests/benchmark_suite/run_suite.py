@@ -81,7 +81,7 @@ def _arguments():
 
 
 def is_wanted(item, names):
-    """Whether a case is among the names: ids, or effects that it hides; every case where no name is given."""
+    """Returns whether a case is selected. names: ids of cases or hidden effects; None selects every case."""
     return names is None or item.id in names or any(effect in names for effect, _ in item.strengths)
 
 
@@ -106,7 +106,7 @@ def _run_all(waiting, args):
 
 
 def _take_cores(shares):
-    """Each worker, and the tool that it starts, keeps to its own cores."""
+    """Binds this worker, and the tool that it starts, to its own processor cores. shares: queue of sets of cores."""
     os.sched_setaffinity(0, shares.get())
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = str(len(os.sched_getaffinity(0)))
@@ -137,8 +137,8 @@ def _run_one(task):
 
 
 def diagnose_capture(command, capture, answer, timeout):
-    """Runs the tool on a capture folder; {returncode, said}. answer: the folder for diagnose.json and the tool's
-    output."""
+    """Runs the tool on a capture folder. Returns {returncode, said}. answer: the folder for diagnose.json and the
+    tool's output; timeout: seconds."""
     words = [word.format(capture=capture, out=answer) for word in shlex.split(command)]
     with open(answer / "log.txt", "w") as log:
         try:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asked of the benchmark suite's measures: at least or at most, to ship, world-class."""
+"""Lists the bars for the benchmark suite's measures: the direction, the value needed to ship, and the world-class
+value."""
 
 BARS = {
     "top-1": (">=", 0.85, 0.92),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a run: README.md with the score table and every miss, and its pictures."""
+"""Writes the page of a benchmark run: README.md with the score table and every wrong answer, and its pictures."""
 
 import numpy as np
 from suite_bars import BARS
@@ -9,7 +9,8 @@ _GOOD, _FAIR, _BAD, _QUIET, _INK = "#2f855a", "#d69e2e", "#c53030", "#cbd5e0", "
 
 
 def write_page(scores, results, folder, set_name):
-    """Writes README.md, answers.png, confusion.png, calibration.png; returns the table as text."""
+    """Writes README.md, answers.png, confusion.png and calibration.png into `folder`. Returns the score table as
+    text."""
     table = _table(scores["measures"])
     lines = [
         f"# The benchmark suite: set `{set_name}`, {len(results)} test cases",
@@ -72,7 +73,7 @@ def _strength_table(by_strength):
 
 
 def _misses(results):
-    """Every case whose answer is not the truth."""
+    """Returns Markdown lines of a table of the cases with a wrong answer."""
     rows = [
         "| case | truth | strength | error over floor | verdict | added | first three |",
         "|---|---|---|---|---|---|---|",
@@ -93,7 +94,7 @@ def _color(truth, answer):
 
 
 def _answers_picture(by_strength):
-    """The answers for each effect at each strength."""
+    """Draws the answer for each effect (rows) at each strength (columns)."""
     effects = sorted({truth for part in by_strength.values() for truth in part["confusion"]})
     figure = Figure(
         figsize=(3.2 + 2.3 * len(by_strength), 1.2 + 0.24 * len(effects)), facecolor="white", layout="constrained"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores the tool's answers against the keys; every rate comes with its Wilson interval (95 %)."""
+"""Scores the tool's answers against the answer keys. Every rate comes with its Wilson interval (95 %)."""
 
 import json
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import binomtest
 from suite_sets import OUTSIDE
 
-# Names of the library that describe what a case calls otherwise: its ambient infrared light is a lamp in the room.
+# {library's name: the case's name} of the same physics: a case's ambient infrared light is a lamp in the room.
 SAME_PHYSICS = {"external_light": "ambient_ir"}
 # An effect counts as detectable where it leaves this much error on test frames above the noise floor, in noise
 # variances.
@@ -17,8 +17,9 @@ DETECTABLE = 0.5
 
 @dataclass(frozen=True)
 class Result:
-    """One case: the key, the tool's diagnose.json (None where it failed) and the run's figures; followed: {"asked" or
-    "random": diagnose.json after one more measurement}, see run_next.py."""
+    """The outcome of one case. key: the answer key; answer: diagnose.json's contents, None if the tool failed; run:
+    times and return code. followed: {"asked" or "random": diagnose.json after one more measurement}, see
+    run_next.py."""
 
     key: dict
     answer: dict | None
@@ -35,8 +36,8 @@ class Result:
 
     @property
     def _asked(self):
-        """The part of the answer that the case asks for: the depth engine's, where its fault is hidden behind infrared
-        images."""
+        """Returns the part of the answer that is scored: the depth engine's if its fault is hidden in a capture with
+        infrared images."""
         asks_for_depth = self.key["set"] == "depth" and self.key["infrared"]
         return self.answer.get("depth", self.answer) if asks_for_depth else self.answer
 
@@ -50,7 +51,7 @@ class Result:
 
     @property
     def added(self):
-        """The effects that are added to the model: on the images and behind the matcher."""
+        """Returns the effects that the tool added, on the images and behind the matcher, under the case's names."""
         return (
             set()
             if self.failed
@@ -59,7 +60,7 @@ class Result:
 
     @property
     def detectable(self):
-        """Whether all that is hidden is: each of several by what it would leave alone."""
+        """Returns whether every hidden effect, alone, raises the error enough to be detectable."""
         oracle = self.key["oracle"]
         return min(oracle.get("alone", {"": oracle["test"]["ratio"]}).values()) >= DETECTABLE
 
@@ -67,8 +68,8 @@ class Result:
         return [self.case_name(entry["effect"]) for entry in self.ranking[:count]]
 
     def case_name(self, effect):
-        """The case's name of an effect of the library. Its second unit stands on the rig or in the room: only where
-        the key says that it stands in the room is room_projector its name."""
+        """Returns the case's name of an effect of the library. room_projector means the case's second_projector only if
+        the key says that the second unit stands in the room."""
         stands_in_room = self.key["hidden"].get("second_projector", {}).get("on_rig", 1.0) <= 0.0
         if effect == "room_projector" and stands_in_room:
             return "second_projector"
@@ -76,7 +77,7 @@ class Result:
 
     @property
     def right(self):
-        """Whether the tool said all that is true, and nothing else."""
+        """Returns whether the answer names all that is hidden and nothing else."""
         if not self.key["infrared"]:
             return self.verdict == "undetermined" and not self.added
         if self.key["set"] == "filters":
@@ -91,24 +92,24 @@ class Result:
 
     @property
     def is_ambiguous(self):
-        """Whether the one thing hidden is named, with others that fit as well."""
+        """Returns whether a single hidden effect is named, among others that fit as well."""
         return (
             self.verdict == "effect" and len(self.truth) == 1 and len(_set_of(self)) > 1 and self.truth <= _set_of(self)
         )
 
     @property
     def is_outside(self):
-        """Whether what is hidden is in no library."""
+        """Returns whether a hidden effect is outside of the tool's library."""
         return bool(self.truth & set(OUTSIDE))
 
     @property
     def named(self):
-        """Whether the tool puts a name to something."""
+        """Returns whether the tool names any effect."""
         return self.verdict == "effect" or bool(self.added)
 
 
 def read_results(folder, ids):
-    """Results of the test cases that were run."""
+    """Reads the Results of those test cases in `folder` that were run. ids: the cases to look for."""
     results = []
     for item_id in ids:
         place = folder / "answers" / item_id
@@ -123,7 +124,7 @@ def read_results(folder, ids):
 
 
 def score(results):
-    """{measure: {value, low, high, n}}, by strength, and what the pictures show."""
+    """Returns {measures: {name: {value, low, high, n}}}, the same by strength, and the data of the pictures."""
     sets = ("single", "pairs", "outside", "none", "depth", "wider", "filters", "mitsuba")
     of = {name: [r for r in results if r.key["set"] == name] for name in sets}
     clear = [r for r in of["single"] if r.detectable]
@@ -174,7 +175,7 @@ def rate(outcomes):
 
 
 def median(values):
-    """With the order statistics' binomial interval (95 %)."""
+    """Returns {value, low, high, n}: the median with the order statistics' binomial interval (95 %)."""
     values = np.sort(np.asarray(values, dtype=np.float64))
     if not values.size:
         return {"value": None, "low": None, "high": None, "n": 0}
@@ -196,7 +197,7 @@ def _first(r):
 
 
 def _resolved(r, how):
-    """Whether, after one more measurement, the truth alone is left."""
+    """Returns whether the true effect alone is left after one more measurement. how: "asked" or "random"."""
     after = r.followed.get(how)
     return (
         after is not None
@@ -216,14 +217,15 @@ def _set_of(r):
 
 
 def _all_told(r):
-    """Whether every hidden effect is named or in the set of a name, and every such set holds one."""
+    """Returns whether the answer covers the truth: each hidden effect is a name or equivalent to one, and every name's
+    set holds a hidden effect."""
     equivalent = {r.case_name(entry["effect"]): map(r.case_name, entry["equivalent"]) for entry in r.ranking}
     sets = [{name, *equivalent.get(name, ())} for name in r.added]
     return bool(sets) and all(found & r.truth for found in sets) and r.truth <= set().union(*sets)
 
 
 def _own_parameters(r):
-    """(truth, what the tool says) of every parameter of the first entry that both know."""
+    """Returns (true value, the tool's entry) for each scored parameter of a correct first effect."""
     if not _first(r):
         return []
     entry = r.ranking[0]
@@ -241,8 +243,8 @@ def _covered(r):
 
 
 def _fall(r):
-    """1 - excess after / excess before: share of the held-out mean square above the true floor that went, by the tool's
-    own figures."""
+    """Returns the share of the held-out mean square error above the true floor that the diagnosis removed, by the
+    tool's own figures. None if unknown."""
     if r.failed or r.answer["heldout_ir_rmse_before"] is None:
         return None
     before, after, floor = (
@@ -254,7 +256,7 @@ def _fall(r):
 
 
 def _calibration(results):
-    """Named test cases in bins of stated confidence: [{stated, right, n}]."""
+    """Bins named cases by their stated confidence. Returns [{stated, right, n}], means of each bin."""
     pairs = [(r.ranking[0]["confidence"], _first(r)) for r in results if r.verdict == "effect" and r.ranking]
     if not pairs:
         return []
@@ -272,7 +274,7 @@ def _ece(results):
 
 
 def _by_strength(singles):
-    """{strength: {measures, confusion: {truth: first name, or what was said instead}}}."""
+    """Returns {strength: {measures, confusion: {true effect: the first name or other answer}}}."""
     table = {}
     for strength in ("below", "weak", "medium", "strong"):
         part = [r for r in singles if strength in r.key["strengths"].values()]

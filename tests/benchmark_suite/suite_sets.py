@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sets of the benchmark suite: which case hides what. Case k of a set is the same in every run; what is reported
-is generation 0.
+"""Defines the sets of the benchmark suite: the effects that each case hides. Case k of a set is the same in every run,
+and generation 0 is the one that is reported.
 
 Other generations are other test cases of the same kinds, to learn from without looking at the suite's own.
 """
@@ -33,7 +33,8 @@ _SMALL = (
 
 @dataclass(frozen=True)
 class Item:
-    """strengths: {effect: index into STRENGTHS}. infrared: False leaves the images out of the capture."""
+    """Identifies one test case. strengths: {effect: index into STRENGTHS}, as a tuple of pairs. infrared: False leaves
+    the images out of the capture."""
 
     set: str
     number: int
@@ -52,16 +53,16 @@ class Item:
 
     @property
     def anonymous_name(self):
-        """The name that the tool under test sees."""
+        """The capture's name, from which the tool under test learns nothing."""
         return "case-" + hashlib.sha256(f"bank {self.seed}".encode()).hexdigest()[:10]
 
     def draw(self):
-        """(hidden effects, moving frames' exposure) of the case."""
+        """Draws the case's (hidden effects {id: parameters}, moving frames' exposure) from its seed."""
         return catalogue.draw_hidden(dict(self.strengths), np.random.Generator(np.random.PCG64([self.seed, 9])))
 
 
 def items(name, generation=0):
-    """The items of a set; 'all' is every set of ALL, mixed, so that a part of it is a sample of it."""
+    """Returns the Items of a set. 'all' mixes all sets of ALL, so that any part of it is a fair sample."""
     return [replace(item, generation=generation) for item in _items(name)]
 
 
@@ -102,8 +103,8 @@ def _filters():
 
 
 def _mitsuba():
-    """Worlds that another renderer draws: effects of the library and of none, drawn from those that it can show, and
-    nothing."""
+    """Returns cases that Mitsuba renders: library effects and outside effects among those that it can show, and cases
+    without an effect."""
     rng = np.random.Generator(np.random.PCG64(8))
     kinds = [rng.permutation([name for name in part if name not in NOT_RENDERED]) for part in (SINGLE, OUTSIDE)]
     hidden = [*kinds[0][:MITSUBA_SINGLE], *kinds[1][:MITSUBA_OUTSIDE]]
@@ -116,7 +117,7 @@ def _none():
 
 
 def _depth():
-    """Faults of the depth engine beside good images, and captures of depth alone."""
+    """Returns cases with depth engine faults beside good images, and cases whose captures hold depth alone."""
     engine = [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in DEPTH_ENGINE]
     return engine + [({effect: STRONG}, False) for effect in list(SINGLE)[:DEPTH_ONLY]]
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of lens, projector, imager and lamps on one measured image: its light, and the variance of the noise that it
-carries."""
+"""Applies effects of lens, projector, imager and lamps to one measured image and to its noise variance."""
 
 from __future__ import annotations
 
@@ -13,30 +12,31 @@ from scipy.ndimage import grey_closing
 from scipy.signal import fftconvolve
 
 Image = NDArray[np.float64]
-_LOBES = 3  # of Lanczos' windowed sinc, which keeps dots sharp
-_PARTS = 16  # of a pixel's side, in which the disc's rim is drawn
+_LOBES = 3  # lobes of Lanczos' windowed sinc, which keeps dots sharp
+_PARTS = 16  # parts of a pixel's side in which the disc's rim is drawn
 # A direction without light is as wide as this share of the pattern's width: a dot and its surroundings.
 _DISC = 1.0 / 150.0
-_WINDOW_PX = 4  # to each side, in which the light between dots is looked for
-_BETWEEN = 0.2  # quantile of that light
+_WINDOW_PX = 4  # half width of the window in which the light between dots is measured
+_BETWEEN = 0.2  # the window's quantile that is taken for the light between dots
 
 
 @dataclass(frozen=True)
 class Light:
-    """value: DN above the black level, [height][width]. variance: DN^2 of the noise in it."""
+    """An image without its black level, with the variance of its noise. value: DN above black, [height][width];
+    variance: DN^2."""
 
     value: Image
     variance: Image
 
     def scaled(self, factor: Image | float) -> Light:
-        """The light times a factor per pixel, its noise too."""
+        """Returns the light times a factor per pixel; the noise scales with it."""
         return Light(self.value * factor, self.variance * np.square(factor))
 
 
 @dataclass(frozen=True)
 class View:
-    """The conditions of an image. time_s: of the frame's middle row; row_time_s: from one row to the next; max_dn: full
-    scale above the black level; depth: z of this camera in metres, 0 = unknown, None if the frame has none."""
+    """Describes how an image was taken. time_s: time of its middle row; row_time_s: from one row to the next; max_dn:
+    full scale above the black level; depth: z in this camera in metres, 0 = unknown, None without depth."""
 
     K: NDArray[np.float64]
     is_right: bool
@@ -47,18 +47,19 @@ class View:
     camera_to_projector: NDArray[np.float64]
     projector_K: NDArray[np.float64]
     projector_size: tuple[int, int]
-    temporal: np.random.Generator  # this image's own
+    temporal: np.random.Generator  # noise drawn anew for this image
     static: np.random.Generator  # the same in all images of the capture
 
     def rays(self, shape: tuple[int, ...]) -> tuple[Image, Image]:
-        """Ray slopes (x / z, y / z) through the pixels' centres."""
+        """Returns the slopes (x / z, y / z) of the rays through the pixels' centres. shape: (height, width)."""
         v, u = np.indices(shape, dtype=np.float64)
         y = (v - self.K[1, 2]) / self.K[1, 1]
         return (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0], y
 
 
 def resampled(light: Light, u: np.ndarray, v: np.ndarray, outside: float | None = None) -> Light:
-    """The light at the positions (u, v). outside: value beyond the image; None repeats the border."""
+    """Returns the light interpolated at positions (u, v) in pixels. outside: value beyond the image; None repeats the
+    border."""
     height, width = light.value.shape
     first_u, weight_u = _taps(u)
     first_v, weight_v = _taps(v)
@@ -76,7 +77,7 @@ def resampled(light: Light, u: np.ndarray, v: np.ndarray, outside: float | None 
 
 
 def _taps(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(first pixel, weights [6][...]), weights of sum 1."""
+    """Returns (first pixel, weights [6][...]) of Lanczos interpolation at each place; the weights sum to 1."""
     first = np.floor(place).astype(np.int64) - _LOBES + 1
     distance = place - first - np.arange(2 * _LOBES).reshape(-1, *[1] * place.ndim)
     weights = np.sinc(distance) * np.sinc(distance / _LOBES) * (np.abs(distance) < _LOBES)
@@ -84,7 +85,7 @@ def _taps(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def disc(radius_px: float) -> np.ndarray:
-    """The point spread of a defocused ideal lens: an even disc, averaged over pixels; its sum is 1."""
+    """Returns the point spread of a defocused ideal lens: an even disc, averaged over pixels, with sum 1."""
     side = 2 * int(np.ceil(radius_px + 0.5)) + 1
     offset = (np.arange(side * _PARTS) + 0.5) / _PARTS - side / 2
     inside = np.hypot(offset[:, None], offset) <= radius_px
@@ -93,7 +94,7 @@ def disc(radius_px: float) -> np.ndarray:
 
 
 def blur(light: Light, view: View, radius_px: float) -> Light:
-    """Defocus: every point becomes a disc."""
+    """Blurs the light by defocus: every point becomes a disc."""
     kernel = disc(radius_px)
 
     def spread(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -104,31 +105,32 @@ def blur(light: Light, view: View, radius_px: float) -> Light:
 
 
 def veiling_glare(light: Light, view: View, fraction: float) -> Light:
-    """A fraction of all light is scattered evenly over the image."""
+    """Scatters a fraction of all light evenly over the image."""
     kept = light.scaled(1.0 - fraction)
     return Light(kept.value + fraction * light.value.mean(), kept.variance)
 
 
 def ghost(light: Light, view: View, fraction: float) -> Light:
-    """A reflection between the lens's surfaces: the image again, turned by half a turn about the optical axis."""
+    """Adds a reflection between the lens's surfaces: the image turned by 180 degrees about the optical axis."""
     v, u = np.indices(light.value.shape, dtype=np.float64)
     turned = resampled(light, 2.0 * view.K[0, 2] - u, 2.0 * view.K[1, 2] - v, outside=0.0)
     return Light(light.value + fraction * turned.value, light.variance + fraction**2 * turned.variance)
 
 
 def vignetting(light: Light, view: View, exponent: float) -> Light:
-    """Light falls by cos^exponent of the angle to the optical axis."""
+    """Dims the light by cos^exponent of the angle to the optical axis."""
     x, y = view.rays(light.value.shape)
     return light.scaled(np.cos(np.arctan(np.hypot(x, y))) ** exponent)
 
 
 def radial_distortion(light: Light, view: View, k1: float) -> Light:
-    """A point at r focal lengths from the axis is drawn at r (1 + k1 r^2)."""
+    """Bends the image: a point at r focal lengths from the axis moves to r (1 + k1 r^2)."""
     return _bent(light, view, lambda x, y, r2: (x * k1 * r2, y * k1 * r2))
 
 
 def tangential_distortion(light: Light, view: View, size: float, direction_rad: float) -> Light:
-    """A lens with decentred elements (Brown 1966), p1 and p2 being `size` times the direction's sine and cosine."""
+    """Bends the image as a lens with decentred elements does (Brown 1966). p1 and p2 are `size` times the direction's
+    sine and cosine."""
     p1, p2 = size * np.sin(direction_rad), size * np.cos(direction_rad)
     return _bent(
         light,
@@ -138,8 +140,8 @@ def tangential_distortion(light: Light, view: View, size: float, direction_rad: 
 
 
 def _bent(light: Light, view: View, shift: Callable[..., tuple[Image, Image]]) -> Light:
-    """Shows in each pixel the ray that the distortion, ray + shift(ray), moves to its centre. Finds it by fixed-point
-    iteration."""
+    """Resamples the image under a distortion: each pixel shows the ray that ray + shift(ray) moves to its centre, found
+    by fixed-point iteration."""
     drawn_x, drawn_y = view.rays(light.value.shape)
     x, y = drawn_x, drawn_y
     for _ in range(12):
@@ -150,23 +152,23 @@ def _bent(light: Light, view: View, shift: Callable[..., tuple[Image, Image]]) -
 
 
 def gain(light: Light, view: View, excess: float) -> Light:
-    """An amplifier that multiplies light and noise by 1 + excess."""
+    """Multiplies light and noise by 1 + excess, as an amplifier does."""
     return light.scaled(1.0 + excess)
 
 
 def black_level(light: Light, view: View, offset_dn: float) -> Light:
-    """A pedestal that is there without light."""
+    """Adds a constant offset, which is there without light too."""
     return Light(light.value + offset_dn, light.variance)
 
 
 def row_noise(light: Light, view: View, sigma_dn: float) -> Light:
-    """Adds an offset of its own to every row of every image."""
+    """Adds a random offset to every row, drawn anew for every image."""
     offsets = sigma_dn * view.temporal.standard_normal((light.value.shape[0], 1))
     return Light(light.value + offsets, light.variance)
 
 
 def response(light: Light, view: View, compression: float) -> Light:
-    """A response that saturates softly: y = x (1 + c) / (1 + c x / full scale). Full scale stays fixed."""
+    """Compresses the light by a soft saturation: y = x (1 + c) / (1 + c x / full scale). Full scale stays fixed."""
     relative = np.maximum(light.value, 0.0) / view.max_dn
     below = 1.0 + compression * relative
     slope = (1.0 + compression) / below**2
@@ -175,17 +177,15 @@ def response(light: Light, view: View, compression: float) -> Light:
 
 
 def bands(light: Light, view: View, depth: float, frequency_hz: float, phase_rad: float) -> Light:
-    """Light that swings with the mains and is read row by row: bands that roll from frame to frame. depth: amplitude
-    over mean in the image, after the exposure's average."""
+    """Modulates the light by mains flicker read row by row: bands that roll from frame to frame. depth: amplitude over
+    mean in the image, after the exposure's average."""
     height = light.value.shape[0]
     time_s = view.time_s + (np.arange(height) - (height - 1) / 2) * view.row_time_s
     return light.scaled(1.0 + depth * np.cos(2.0 * np.pi * frequency_hz * time_s + phase_rad)[:, None])
 
 
-
-
 def dead_dots(light: Light, view: View, share: float) -> Light:
-    """In a share of the projector's directions only the light between the dots is left."""
+    """Removes a share of the projector's dots; the light between dots stays. Raises ValueError without depth."""
     if view.depth is None:
         raise ValueError("has no depth, which dead_dots needs to follow a dot from one image to the next")
     rows, columns = np.nonzero(_is_dead(view, share) & (view.depth > 0.0))
@@ -199,7 +199,8 @@ def dead_dots(light: Light, view: View, share: float) -> Light:
 
 
 def dead_directions(view: View, share: float) -> np.ndarray:
-    """Pixels of the pattern without light, bool [height][width]: discs at random places until they fill `share`."""
+    """Draws the pattern's pixels without light, bool [height][width]: discs at random places until they fill
+    `share`."""
     width, height = view.projector_size
     dead, count = np.zeros((height, width), bool), 0
     radius = max(1.0, _DISC * width / 2)
@@ -215,7 +216,7 @@ def dead_directions(view: View, share: float) -> np.ndarray:
 
 
 def _is_dead(view: View, share: float) -> np.ndarray:
-    """Mask of the pixels with surface points in a dead direction."""
+    """Returns a mask of the pixels whose surface point lies in a dead direction of the projector."""
     assert view.depth is not None
     x, y = view.rays(view.depth.shape)
     point = np.stack([x, y, np.ones_like(x)]) * view.depth
@@ -231,7 +232,8 @@ def _is_dead(view: View, share: float) -> np.ndarray:
 
 
 def moved_depth(depth: np.ndarray, K: np.ndarray, to_other: np.ndarray, other_K: np.ndarray) -> np.ndarray:
-    """A depth image as another camera of the same size sees it: the nearest surface wins, gaps of one pixel close."""
+    """Projects a depth image in metres into another camera of the same size. The nearest surface wins, and gaps of one
+    pixel close. to_other: 4x4, this camera to the other."""
     v, u = np.nonzero(depth > 0.0)
     z = depth[v, u]
     point = np.linalg.inv(K) @ np.stack([u * z, v * z, z])

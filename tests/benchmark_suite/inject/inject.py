@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Copies a capture with one more effect in its measured infrared images, and writes the answer beside them."""
+"""Copies a capture with one more effect in its measured infrared images, and writes the answer into the copy."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from activestereo.common.output_files import new_folder, write_bytes, write_text
 from activestereo.common.progress_bar import ProgressBar
 
 ANSWER = "answer.json"
-_DARKEST = 0.001  # of all pixels: taken for black if nothing better is known
-_ROW_TIME_S = 2e-5  # of a capture that states none
+_DARKEST = 0.001  # share of darkest pixels, taken for black if nothing better is known
+_ROW_TIME_S = 2e-5  # assumed for a capture that states none
 
 
 @dataclass(frozen=True)
 class Injection:
-    """One effect for the images of a capture, and all that they then depend on."""
+    """One effect to put into a capture's images, with everything on which the changed images depend."""
 
     capture: Capture
     name: str
@@ -47,7 +47,7 @@ class Injection:
         return KINDS[self.name]
 
     def changed(self, number: int, side: str) -> np.ndarray:
-        """The image of one frame, by its number in the capture, as whole DN."""
+        """Returns one changed infrared image in whole DN. number: the frame's place in the capture."""
         frame, rig = self.capture.frames[number], self.capture.rig
         measured = self.capture.ir(frame, side).astype(np.float64)
         if side not in self.sides or (self.name == "dead_dots" and frame.projector_power == 0.0):
@@ -85,7 +85,8 @@ class Injection:
         )
 
     def _depth(self, frame: Frame, is_right: bool) -> np.ndarray | None:
-        """Depth of one camera, from this frame or a repeat of it, since repeats often store it once."""
+        """Returns one camera's depth in metres, [height][width], of this frame or a repeat of it, since repeats often
+        store it once. None without depth."""
         group = frame.repeat_group
         repeats = [f for f in self.capture.frames if group is not None and f.repeat_group == group]
         told = next((f for f in (frame, *repeats) if f.depth_path is not None), frame)
@@ -100,8 +101,8 @@ def _generator(*key: int | bool) -> np.random.Generator:
 
 
 def plan(capture: Capture, name: str, strength: str, seed: int, black_dn: float | None = None) -> Injection:
-    """The Injection of an effect at one of STRENGTHS, or at a number. black_dn: the images' black level; None takes
-    their darkest pixels. Raises ValueError with the fault."""
+    """Returns the Injection of the effect `name`. strength: one of STRENGTHS or a number. black_dn: the black level;
+    None takes the darkest pixels. Raises ValueError with the fault."""
     if name not in KINDS:
         raise ValueError(unknown("effect", name, KINDS))
     kind = KINDS[name]
@@ -121,14 +122,14 @@ def plan(capture: Capture, name: str, strength: str, seed: int, black_dn: float 
 
 
 def darkest(capture: Capture) -> float:
-    """The darkest thousandth of all pixels, DN."""
+    """Returns the value in DN below which a thousandth of all infrared pixels lie."""
     images = [capture.ir(frame, side).ravel() for frame in capture.frames if frame.has_infrared for side in SIDES]
     return float(np.quantile(np.concatenate(images), _DARKEST, method="lower"))
 
 
 def write_injected(injection: Injection, out: Path, bar: ProgressBar | None = None) -> dict[str, Any]:
-    """Writes the capture with the effect as the new folder `out`, and returns the contents of its answer.json. Copies
-    everything except the infrared images; depth stays the device's."""
+    """Writes the capture with the effect as the new folder `out`. Returns the contents of its answer.json. Everything
+    but the infrared images is copied, so depth stays the device's."""
     capture = injection.capture
     home = capture.path.resolve()
     if out.resolve().is_relative_to(home):

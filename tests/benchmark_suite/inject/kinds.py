@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kinds of effects that can be put into measured images, their strengths, and the names that are right for them."""
+"""Defines the effects that can be put into measured images, their strengths, and the names in the lab's library that
+are right for them."""
 
 from __future__ import annotations
 
@@ -16,11 +17,13 @@ STRENGTHS = ("weak", "medium", "strong")
 
 @dataclass(frozen=True)
 class Kind:
-    """One effect.
+    """One kind of effect, with its parameter's values and limits.
 
-    values: by STRENGTHS. low, high: limits of a value. in_dn: values are DN of an image of 8 bits. one_camera: the seed
-    picks the left or the right one. drawn: further parameters, from the seed. accepted: right names of the lab's
-    library, empty if the library has no such effect. behind_noise: the effect acts on the imager's noise, too."""
+    values: one for each of STRENGTHS. low, high: limits of a value. in_dn: values are DN of an image of 8 bits.
+    one_camera: the seed picks the left or the right camera. drawn: further parameters, drawn from the seed. accepted:
+    right names in the lab's library, empty if it has no such effect. behind_noise: the effect acts on the imager's
+    noise, too.
+    """
 
     apply: Callable[..., Light]
     parameter: str
@@ -35,7 +38,8 @@ class Kind:
     drawn: Callable[[np.random.Generator], Mapping[str, float]] = lambda _: {}
 
     def value(self, strength: str) -> float:
-        """A strength's name or a number as the parameter's value. Raises ValueError with the choices."""
+        """Returns the parameter's value for a strength's name or a number as text. Raises ValueError with the
+        choices."""
         if strength in STRENGTHS:
             return self.values[STRENGTHS.index(strength)]
         try:
@@ -49,7 +53,7 @@ class Kind:
 
 
 def _mains(generator: np.random.Generator) -> dict[str, float]:
-    """Twice the mains' frequency, of the two that there are, and a phase."""
+    """Draws twice a mains frequency, of 50 or 60 Hz, and a phase."""
     frequency = generator.choice([100.0, 120.0]) + generator.uniform(-0.2, 0.2)
     return {"frequency_hz": float(frequency), "phase_rad": float(generator.uniform(-np.pi, np.pi))}
 
@@ -108,5 +112,3 @@ KINDS: dict[str, Kind] = {
         effects.response, "compression", "1", (0.1, 0.3, 1.0), -0.5, 10.0, ("response_gamma",), behind_noise=True
     ),
 }
-
-

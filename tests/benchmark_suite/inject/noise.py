@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of measured images, variance = floor + slope x light (EMVA 1288). Adds noise after an effect that reduces
-it: a blurred lens does not quieten an imager."""
+"""Models the noise of measured images, variance = floor + slope x light (EMVA 1288). After an effect that reduces noise
+it adds the lost noise, because a blurred lens does not quieten an imager."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from inject.effects import Light
 
 from activestereo.capture.capture import SIDES, Capture
 
-ROUNDING = 1.0 / 12.0  # variance of rounding to whole DN
+ROUNDING = 1.0 / 12.0  # variance in DN^2 of rounding to whole DN
 _BINS, _FEWEST = 16, 64
 _BLOCK = 4  # of second differences to each side, of which the quietest blocks show the noise
 _QUIET = 0.1
@@ -22,7 +22,8 @@ _QUIET = 0.1
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """variance = floor_dn2 + slope_dn x light, DN above black. measured: the method."""
+    """Noise variance in DN^2 as floor_dn2 + slope_dn x light, in DN above black. measured: the method that measured
+    it."""
 
     floor_dn2: float
     slope_dn: float
@@ -33,8 +34,8 @@ class NoiseModel:
 
 
 def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
-    """The noise model from differences of repeats; without them, of the quietest places, where texture makes it too
-    high."""
+    """Fits the noise model to differences of repeated frames. Without repeats it uses the quietest blocks of the
+    images, where texture makes it too high."""
     pairs = [
         (capture.ir(first, side), capture.ir(second, side))
         for frames in capture.repeats().values()
@@ -54,7 +55,8 @@ def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
 
 
 def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(mean, variance by second differences across both axes) of blocks; Immerkaer 1996, with separate 3x3 pixels."""
+    """Returns (mean, noise variance) of the image's blocks. The variance comes from second differences across both axes
+    (Immerkaer 1996), with separate 3x3 pixels."""
     side = 3 * _BLOCK
     rows, columns = (length // side for length in image.shape)
     blocks = image[: rows * side, : columns * side].reshape(rows, _BLOCK, 3, columns, _BLOCK, 3)
@@ -64,8 +66,8 @@ def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _line(level: np.ndarray, variance: np.ndarray, full: float, quiet: float | None) -> tuple[float, float]:
-    """(floor, slope), neither below 0, through the mean variance of bins of equal count. With `quiet` it uses that
-    quantile, divided by the quantile of pure noise."""
+    """Fits variance = floor + slope x level, both at least 0, to bins of equal count; returns (floor, slope). quiet:
+    the quantile of a bin's variances to use, corrected for pure noise; None for their mean."""
     usable = level < 0.95 * full
     level, variance = level[usable], variance[usable]
     order = np.array_split(np.argsort(level, kind="stable"), max(1, min(_BINS, len(level) // _FEWEST)))
@@ -84,7 +86,7 @@ def _line(level: np.ndarray, variance: np.ndarray, full: float, quiet: float | N
 
 
 def with_noise(light: Light, noise_model: NoiseModel, generator: np.random.Generator) -> Light:
-    """Adds noise up to the noise model's at each level, less the later rounding's."""
+    """Adds noise until each level has the noise model's variance, less that of the later rounding."""
     lacking = np.maximum(noise_model.variance(light.value) - light.variance - ROUNDING, 0.0)
     added = np.sqrt(lacking) * generator.standard_normal(light.value.shape)
     return Light(light.value + added, light.variance + lacking)
