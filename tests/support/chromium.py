@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Debian's chromium without a window, driven over a pipe by the DevTools protocol
+"""Drives Debian's headless chromium over a pipe by the DevTools protocol
 (chromedevtools.github.io/devtools-protocol)."""
 
 import base64
@@ -21,8 +21,8 @@ def is_installed() -> bool:
 
 
 class Page:
-    """One page in a browser of its own; a context manager that ends the browser. Raises RuntimeError where the browser
-    or a script fails.
+    """A page in a browser of its own, as a context manager that ends the browser. Raises RuntimeError if the browser or
+    a script fails.
 
     size: (width, height) of the window, pixels.
     """
@@ -77,7 +77,7 @@ class Page:
         self._profile.cleanup()
 
     def call(self, method: str, **parameters: object) -> dict:
-        """The result of one command of the protocol."""
+        """Sends one command of the protocol and returns its result."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}
         if self._session:
@@ -106,7 +106,7 @@ class Page:
         return json.loads(message)
 
     def value(self, expression: str) -> object:
-        """A script expression's value; it may be a promise."""
+        """Evaluates a script expression and returns its value, awaiting a promise."""
         result = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in result:
             raise RuntimeError(
@@ -115,7 +115,7 @@ class Page:
         return result["result"].get("value")
 
     def wait(self, condition: str) -> None:
-        """Until an expression is true. RuntimeError after a minute."""
+        """Waits until a script expression is true. Raises RuntimeError after a minute."""
         end = time.monotonic() + _ANSWER_S
         while not self.value(condition):
             if time.monotonic() > end:
@@ -123,7 +123,8 @@ class Page:
             time.sleep(0.02)
 
     def place(self, selector: str, x: float = 0.5, y: float = 0.5) -> tuple[float, float]:
-        """Window coordinates of a share (x, y) of an element, scrolled into view."""
+        """Scrolls an element into view and returns window coordinates inside it. x, y: place as shares of its width and
+        height."""
         script = f"""(() => {{ const e = document.querySelector({json.dumps(selector)});
             e.scrollIntoView({{block: 'center'}});
             const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; }})()"""
@@ -134,7 +135,7 @@ class Page:
         self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], **more)
 
     def click(self, selector: str, x: float = 0.5, y: float = 0.5, count: int = 1) -> None:
-        """Presses and releases the left button on a share (x, y) of an element."""
+        """Clicks the left button inside an element `count` times. x, y: place as shares of its width and height."""
         place = self.place(selector, x, y)
         self.mouse("mouseMoved", place)
         for number in range(1, count + 1):
@@ -151,17 +152,17 @@ class Page:
         return self.value(f"document.querySelector({json.dumps(selector)}).textContent")
 
     def screenshot(self, path: Path, is_whole: bool = False) -> None:
-        """The window, or the whole page, as PNG."""
+        """Writes the window, or the whole page, as a PNG file."""
         shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=is_whole)
         Path(path).write_bytes(base64.b64decode(shot["data"]))
 
     def requests(self) -> list[str]:
-        """Addresses that the page asked for, pictures inside it left out."""
+        """Returns the addresses that the page requested, without data URIs."""
         sent = [e["params"]["request"]["url"] for e in self.events if e.get("method") == "Network.requestWillBeSent"]
         return [address for address in sent if not address.startswith("data:")]
 
     def complaints(self) -> list[str]:
-        """Exceptions of scripts and what the console logged as an error."""
+        """Returns the texts of scripts' exceptions and of errors on the console."""
         thrown = [
             e["params"]["exceptionDetails"]["text"] for e in self.events if e.get("method") == "Runtime.exceptionThrown"
         ]

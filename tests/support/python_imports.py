@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Imports of Python sources; each file is parsed once for all tests that ask."""
+"""Lists the imports of Python sources; each file is parsed once for all tests that ask."""
 
 import ast
 import functools
@@ -8,7 +8,7 @@ import pathlib
 
 @functools.cache
 def imports(path: pathlib.Path) -> frozenset[tuple[str, str]]:
-    """(module, name in it, else nothing) of each absolute import, wherever it stands in the file."""
+    """Returns (module, imported name or "") of each absolute import, wherever it stands in the file."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
         if isinstance(node, ast.Import):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Upright or lying cylinders with caps: closed-form intersection, and triangles for the glTF file."""
+"""Defines upright or lying cylinders with caps: closed-form intersection, and triangles for the glTF file."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,8 @@ _SEGMENTS = 192
 
 @dataclass(frozen=True)
 class Cylinder:
-    """From `centre` half_length to both sides along `axis` (unit)."""
+    """A solid cylinder with caps that extends from `centre` by half_length to both sides along the unit vector
+    `axis`."""
 
     name: str
     centre: tuple
@@ -21,7 +22,7 @@ class Cylinder:
     albedo: float
 
     def frame(self):
-        """Rows: two unit vectors across the axis, then the axis."""
+        """Returns a rotation matrix whose rows are two unit vectors across the axis, then the axis."""
         axis = np.asarray(self.axis, dtype=np.float64)
         helper = np.array([0.0, 1.0, 0.0]) if abs(axis[1]) < 0.7 else np.array([1.0, 0.0, 0.0])
         across = np.cross(helper, axis)

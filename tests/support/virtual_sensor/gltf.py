@@ -8,7 +8,7 @@ import numpy as np
 
 
 def write_gltf(folder, solids):
-    """The path of the .gltf."""
+    """Writes scene.gltf and scene.bin into `folder` and returns the path of the .gltf."""
     blob, views, accessors, meshes, nodes, materials = b"", [], [], [], [], []
 
     def accessor(array, kind, component, bounds):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Radiance in a world of Lambertian solids: projector and uniform sky, paths of any number of bounces."""
+"""Computes radiance in a world of Lambertian solids, lit by a projector and a uniform sky, over paths of any number of
+bounces."""
 
 import numpy as np
 
@@ -7,7 +8,8 @@ _LIFT = 1e-7
 
 
 def closest(solids, origins, directions):
-    """(t, unit normal facing the ray, albedo, index of the solid or -1) of the nearest hit of each ray."""
+    """Returns (t, unit normal facing the ray, albedo, index of the solid or -1) of each ray's nearest hit. origins,
+    directions: [n][3]."""
     t = np.full(len(origins), np.inf)
     normal = np.zeros_like(origins)
     albedo = np.zeros(len(origins))
@@ -25,8 +27,8 @@ def closest(solids, origins, directions):
 
 
 def projector_irradiance(solids, points, normals, projector):
-    """Irradiance [2][n] of unoccluded projector light, I cos / d^2: of its pattern, bilinear and zero outside it, and
-    of a pattern that is 1 everywhere."""
+    """Returns irradiance [2][n] of unoccluded projector light, I cos / d^2: of its pattern, and of a pattern that is 1
+    everywhere. The pattern is bilinear, and zero outside."""
     from_source = points - projector.position
     distance = np.linalg.norm(from_source, axis=1)
     direction = from_source / distance[:, None]
@@ -44,14 +46,14 @@ def projector_irradiance(solids, points, normals, projector):
 
 
 def _inside(image, u, v):
-    """Where a bilinear look-up meets a pixel."""
+    """Returns a mask of places (u, v) at which a bilinear look-up meets a pixel of the image."""
     height, width = image.shape
     return (u > -1) & (v > -1) & (u < width) & (v < height)
 
 
 def bilinear(image, u, v):
-    """Values [2][n] inside at (u, v), pixel centres at integers, of the image and of one that is 1; samples outside
-    count as zero."""
+    """Interpolates the image, and an image of ones, at places (u, v) inside; pixel centres are at integers. Returns
+    [2][n]; samples outside count as zero."""
     stack = np.pad(np.stack([image, np.ones_like(image)]), ((0, 0), (1, 1), (1, 1)))
     i, j = np.floor(u).astype(int), np.floor(v).astype(int)
     a, b = u - i, v - j
@@ -61,9 +63,11 @@ def bilinear(image, u, v):
 
 
 def radiance(solids, origins, directions, projector, numbers, bounces):
-    """[4][n]: direct and indirect projector, sky, and direct projector under a pattern of 1: radiance along each ray,
-    sky radiance 1; and t, normal, index of the first hit. One cosine-distributed path per ray, by the numbers in 0..1
-    [bounces + 1][2][n]."""
+    """Traces one cosine-distributed path per ray under a sky of radiance 1. Returns radiances [4][n] (direct projector,
+    indirect projector, sky, direct projector with a pattern of 1), and (t, normal, index) of the first hit.
+
+    numbers: random numbers in 0..1 for the paths' directions, [bounces + 1][2][n].
+    """
     count = len(origins)
     direct, indirect, sky, flat = lights = np.zeros((4, count))
     weight = np.ones(count)
@@ -76,7 +80,7 @@ def radiance(solids, origins, directions, projector, numbers, bounces):
         hit = index >= 0
         sky[alive[~hit]] += weight[~hit]
         if depth == bounces + 1:
-            break  # this last ray only asks whether the sky is seen
+            break  # the last ray only tests whether it reaches the sky
         alive, weight, normal, albedo = alive[hit], weight[hit] * albedo[hit], normal[hit], albedo[hit]
         points = origins[hit] + t[hit, None] * directions[hit] + _LIFT * normal
         light, under_ones = weight / np.pi * projector_irradiance(solids, points, normal, projector)
@@ -88,7 +92,8 @@ def radiance(solids, origins, directions, projector, numbers, bounces):
 
 
 def _cosine_direction(normal, a, b):
-    """A unit sphere's surface point added to the normal is cosine-distributed."""
+    """Returns cosine-distributed unit directions [n][3]: a point of the unit sphere added to the normal. a, b: random
+    numbers in 0..1."""
     z = 2.0 * a - 1.0
     r = np.sqrt(np.maximum(0.0, 1.0 - z * z))
     sphere = np.stack([r * np.cos(2 * np.pi * b), r * np.sin(2 * np.pi * b), z], axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PCG32 (O'Neill 2014, XSH-RR), one stream per array element, and the distributions a sensor needs."""
+"""Implements PCG32 (O'Neill 2014, XSH-RR), one stream per array element, and the distributions that a sensor needs."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ _MULTIPLIER = np.uint64(6364136223846793005)
 
 
 class Pcg:
-    """Independent streams in the shape given; every draw advances all of them once or more."""
+    """Independent random streams, one for each element of `shape`. Every draw advances all streams at least once."""
 
     def __init__(self, shape, seed, sequence=0):
         count = int(np.prod(shape))
@@ -29,15 +29,15 @@ class Pcg:
         return (mixed >> turn) | (mixed << ((np.uint32(32) - turn) & np.uint32(31)))
 
     def uniform(self):
-        """In (0, 1), float64."""
+        """Draws uniform numbers in (0, 1), float64."""
         return ((self._next().astype(np.float64) + 0.5) / 2.0**32).reshape(self.shape)
 
     def normal(self):
-        """Mean 0, deviation 1 (Box and Muller 1958)."""
+        """Draws normal numbers of mean 0 and deviation 1 (Box and Muller 1958)."""
         return np.sqrt(-2.0 * np.log(self.uniform())) * np.cos(2.0 * np.pi * self.uniform())
 
     def gamma(self, shape_k):
-        """Mean 1, variance 1 / shape_k, for shape_k >= 1 (Marsaglia and Tsang 2000)."""
+        """Draws gamma numbers of mean 1 and variance 1 / shape_k, for shape_k >= 1 (Marsaglia and Tsang 2000)."""
         d = shape_k - 1.0 / 3.0
         value = np.full(self.shape, np.nan)
         while np.isnan(value).any():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A virtual sensor: radiance to digital numbers, with multiplicative speckle, shot noise, read noise and rounding."""
+"""Turns radiance into digital numbers, with multiplicative speckle, shot noise, read noise and rounding."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from virtual_sensor.pcg import Pcg
 
 @dataclass(frozen=True)
 class Sensor:
-    """projector_scale, ambient_scale: DN per second x gain x radiance; shot: DN of variance per DN; speckle_k: gamma
-    shape."""
+    """The figures of an infrared imager. projector_scale, ambient_scale: DN per second x gain x radiance; shot: DN of
+    variance per DN; speckle_k: gamma shape."""
 
     projector_scale: float
     ambient_scale: float
@@ -23,13 +23,14 @@ class Sensor:
 
 
 def expected(sensor, view, exposure_gain, power):
-    """Noise-free DN, unclipped."""
+    """Returns the noise-free image in DN, unclipped. exposure_gain: seconds x gain; power: the projector's, 1 =
+    nominal."""
     projector = sensor.projector_scale * power * (view.direct + view.indirect)
     return sensor.black_dn + exposure_gain * (projector + sensor.ambient_scale * view.sky)
 
 
 def expose(sensor, view, exposure_gain, power, seed):
-    """uint8 [height][width]."""
+    """Returns one noisy exposure, uint8 [height][width]. Arguments are as in expected()."""
     rng = Pcg(view.sky.shape, seed, sequence=1)
     signal = expected(sensor, view, exposure_gain, power) - sensor.black_dn
     value = signal * rng.gamma(sensor.speckle_k)

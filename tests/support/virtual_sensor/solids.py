@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lambertian solids with closed-form ray intersections, and their triangles for the glTF file.
+"""Defines Lambertian solids with closed-form ray intersections, and their triangles for the glTF file.
 
-Rays are float64 arrays of origins and unit directions [n][3]; a miss has t = inf. Solids are closed or two-sided;
-normals point outwards, and a rectangle's along its `normal`.
+Rays are float64 arrays of origins and unit directions [n][3]; a miss has t = inf. Solids are closed or two-sided.
+Normals point outwards; a rectangle's point along its `normal`.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ def _unit(v):
 
 @dataclass(frozen=True)
 class Rectangle:
-    """Centre, two half-edge vectors (perpendicular), albedo; the normal is u x v."""
+    """A rectangle with its centre at `centre`. u, v: perpendicular half-edge vectors, metres; the normal is u x v."""
 
     name: str
     centre: tuple
@@ -79,7 +79,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Box:
-    """Turned by `yaw` radians about the y axis."""
+    """A box turned by `yaw` radians about the y axis."""
 
     name: str
     centre: tuple
@@ -97,11 +97,11 @@ class Box:
         local_direction = directions @ rotation
         enter, leave = np.full(len(origins), -np.inf), np.full(len(origins), np.inf)
         axis = np.zeros(len(origins), np.intp)
-        for k in range(3):  # a column at a time: far faster than reductions over rows of three
+        for k in range(3):  # looping over columns is far faster than reductions over rows of three
             with np.errstate(divide="ignore", invalid="ignore"):
                 inverse = 1.0 / local_direction[:, k]
                 low, high = (-half[k] - local_origin[:, k]) * inverse, (half[k] - local_origin[:, k]) * inverse
-            near, far = np.minimum(low, high), np.maximum(low, high)  # NaN where a ray lies in a face's plane
+            near, far = np.minimum(low, high), np.maximum(low, high)  # NaN if a ray lies in a face's plane
             later = near > enter
             axis[later], enter = k, np.where(later, near, enter)
             leave = np.fmin(leave, far)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rectangle of tiles with an albedo each: printed patterns on tables and walls."""
+"""Defines rectangles of tiles, each with its own albedo, as printed patterns on tables and walls."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ from virtual_sensor.solids import Rectangle
 
 @dataclass(frozen=True)
 class Tiles(Rectangle):
-    """`albedo` is a nested tuple [rows along u][columns along v]."""
+    """A rectangle of tiles. albedo: nested tuple [rows along u][columns along v]."""
 
     def _grid(self):
         return np.asarray(self.albedo, dtype=np.float64)
 
     def tile_of(self, points):
-        """Row and column of the tile under points [..., 3] on the rectangle."""
+        """Returns the row and column of the tile under each of the points [..., 3] on the rectangle."""
         grid = self._grid()
         offset = points - np.asarray(self.centre, dtype=np.float64)
         indices = []
@@ -30,14 +30,14 @@ class Tiles(Rectangle):
         return self._grid()[self.tile_of(points)]
 
     def pieces(self):
-        """One patchwork of the tiles per shade."""
+        """Returns one Patchwork for each albedo, with all tiles that have it."""
         grid = self._grid()
         return [Patchwork(f"{self.name}{k}", self, float(shade)) for k, shade in enumerate(np.unique(grid))]
 
 
 @dataclass(frozen=True)
 class Patchwork:
-    """The tiles of one albedo, for the glTF file."""
+    """All tiles of one albedo in a Tiles rectangle, as one solid for the glTF file."""
 
     name: str
     tiles: Tiles

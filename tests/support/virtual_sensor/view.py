@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The image of one pinhole camera of a world: every pixel is the mean over a grid of jittered subpixel rays, whose
-paths spread over all directions by a lattice with a random shift in each pixel (Cranley and Patterson 1976)."""
+"""Renders a pinhole camera's image of a world. Every pixel is the mean over a grid of jittered subpixel rays. A lattice
+with a random shift in each pixel spreads their paths over all directions (Cranley and Patterson 1976)."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,8 @@ from virtual_sensor.pcg import Pcg
 
 @dataclass(frozen=True)
 class PatternSource:
-    """A projector in world coordinates: rotation columns are its axes."""
+    """A projector in world coordinates. rotation: its columns are the projector's axes; pattern: relative intensity
+    0..1."""
 
     position: np.ndarray
     rotation: np.ndarray
@@ -22,8 +23,8 @@ class PatternSource:
 
 @dataclass(frozen=True)
 class View:
-    """Images [height][width] of the three lights, of the direct one under a pattern of 1, and depth, normal (world) and
-    solid index at the pixel centres."""
+    """A camera's noise-free images [height][width]: radiance by source, and geometry. flat: the direct projector light
+    if the pattern were 1; depth, normal (world), index of the solid: at the pixel centres."""
 
     direct: np.ndarray
     indirect: np.ndarray
@@ -35,7 +36,8 @@ class View:
 
 
 def look(solids, size, K, camera_to_world, projector, seed, grid=4, bounces=4):
-    """A View of width x height = size; grid x grid rays per pixel, each jittered within its cell."""
+    """Renders a camera's View. size: (width, height) in pixels; grid: rays per pixel along each side, each jittered
+    within its cell."""
     width, height = size
     rng = Pcg(width * height, seed)
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
@@ -57,7 +59,8 @@ def look(solids, size, K, camera_to_world, projector, seed, grid=4, bounces=4):
 
 
 def lattice_steps(dimensions):
-    """Powers of 1 / g, where g^(dimensions + 1) = g + 1: the golden ratio's kin, whose multiples spread evenly."""
+    """Returns the steps of a low-discrepancy lattice: powers of 1 / g with g^(dimensions + 1) = g + 1, a generalised
+    golden ratio."""
     g = 2.0
     for _ in range(60):
         g = (1.0 + g) ** (1.0 / (dimensions + 1))
@@ -65,7 +68,8 @@ def lattice_steps(dimensions):
 
 
 def _rays(u, v, K, camera_to_world):
-    """World origins and unit directions through pixels (u, v), and the cosine to the optical axis."""
+    """Returns world origins and unit directions [n][3] through pixels (u, v), and the cosine of each ray to the optical
+    axis."""
     local = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], axis=1)
     length = np.linalg.norm(local, axis=1)
     directions = (local / length[:, None]) @ camera_to_world[:3, :3].T

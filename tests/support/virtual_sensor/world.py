@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small table-top world, captured: solids, pattern, poses, exposures, noise, and the numbers that made it."""
+"""Draws and records a small table-top world: solids, pattern, poses, exposures and noise, with the numbers that made
+it."""
 
 from dataclasses import dataclass
 
@@ -19,7 +20,8 @@ PROJECTOR_X_M = 0.015
 
 @dataclass(frozen=True)
 class World:
-    """The truth that the product must find out; `views` are the noise-free images, {(frame id, side): View}."""
+    """A recorded world with the truth that the product must find. views: noise-free images, {(frame id, side):
+    View}."""
 
     capture_path: object
     sensor: Sensor
@@ -28,7 +30,7 @@ class World:
 
 
 def table_top():
-    """Table, wall, ball, box; y is up, the camera looks along -z from above."""
+    """Returns the scene's solids: table, wall, ball and box; y is up, and the camera looks along -z from above."""
     return (
         Rectangle("table", (0.0, 0.0, -0.1), (0.0, 0.0, 0.7), (0.9, 0.0, 0.0), 0.45),
         Rectangle("wall", (0.0, 0.4, -0.6), (0.9, 0.0, 0.0), (0.0, 0.5, 0.0), 0.6),
@@ -38,7 +40,7 @@ def table_top():
 
 
 def dot_pattern(width, height, dots, seed):
-    """uint8 image of round Gaussian dots of varied strength on a dark ground."""
+    """Draws a uint8 image of round Gaussian dots of varied strength on a dark ground."""
     rng = Pcg(dots, seed)
     u, v, strength = rng.uniform() * width, rng.uniform() * height, 0.4 + 0.6 * rng.uniform()
     columns, rows = np.arange(width)[None], np.arange(height)[:, None]
@@ -49,7 +51,8 @@ def dot_pattern(width, height, dots, seed):
 
 
 def look_at(eye, target):
-    """Camera-to-world pose: x right, y down, z forward, world y up."""
+    """Returns the 4x4 camera-to-world pose of a camera at `eye` that looks at `target`: x right, y down, z forward,
+    world y up."""
     eye, target = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
     z = (target - eye) / np.linalg.norm(target - eye)
     x = np.cross(z, [0.0, 1.0, 0.0])
@@ -60,8 +63,8 @@ def look_at(eye, target):
 
 
 def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=1):
-    """Captures the table-top at folder/capture and returns its World. Two poses train, one test, each twice; one frame
-    without projector and one of half the exposure, as a careful user records them."""
+    """Records the table-top as a capture in folder/capture and returns its World. There are two train poses and one
+    test pose, each recorded twice. One more frame has no projector light, and one has half the exposure."""
     sensor = sensor or Sensor(projector_scale=9.0e4, ambient_scale=3.0e3)
     folder.mkdir(parents=True, exist_ok=True)
     solids = table_top()
@@ -91,7 +94,7 @@ def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=1):
 
 
 def see(solids, rig, pattern, left_to_world, side, seed, grid, bounces):
-    """One camera's View from the rig's pose."""
+    """Renders one camera's View. left_to_world: the rig's pose, 4x4; side: "left" or "right"."""
     camera = rig.camera(side)
     camera_to_world = left_to_world if side == "left" else left_to_world @ np.linalg.inv(rig.left_to_right)
     source_pose = left_to_world @ np.linalg.inv(rig.projector.left_to_projector)

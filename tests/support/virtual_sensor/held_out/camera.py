@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rays of a camera's subpixel grid, with what may be wrong in its place, its lens' geometry and its timing."""
+"""Computes the rays of a camera's subpixel grid, with hidden effects of the camera's place, lens geometry and
+timing."""
 
 import numpy as np
 
@@ -7,8 +8,9 @@ from virtual_sensor.held_out.rig import HEIGHT, WIDTH, moved
 
 
 def rays(rig, frame, side, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):
-    """(origins, directions [n][3], rig poses [n][4][4] at the ray's time), row by row of a grid of sub x sub rays per
-    pixel; offset: shift of the grid within its cells."""
+    """Returns (origins [n][3], directions [n][3], index of each ray's grid row [n], left camera's pose at each row's
+    time [rows][4][4]). The grid has sub x sub rays per pixel, row by row. offset: shift of the grid within its
+    cells."""
     columns = (np.arange(WIDTH * sub) + 0.5 + offset[0]) / sub - 0.5
     rows = (np.arange(HEIGHT * sub) + 0.5 + offset[1]) / sub - 0.5
     u, v = np.meshgrid(columns, rows)
@@ -21,7 +23,8 @@ def rays(rig, frame, side, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):
 
 
 def axis_cosine(directions, poses, row):
-    """Depth per unit of distance along the rays."""
+    """Returns the cosine between each ray and the optical axis, that is depth per unit of distance. poses[row]: each
+    ray's pose."""
     return np.einsum("ni,ni->n", directions, poses[row, :3, 2])
 
 
@@ -33,7 +36,7 @@ def _directions(rig, frame, side, hidden, u, v):
         growth = 1.0 + hidden["thermal_drift"]["focal_per_k"] * frame.warming_k
         fx, fy = fx * growth, fy * growth
         cx += hidden["thermal_drift"]["cx_px_per_k"] * frame.warming_k * (side == "right")
-    if "thermal_lens" in hidden:  # Heats up from power-on, whatever the thermometer says.
+    if "thermal_lens" in hidden:  # Grows with time since power-on, independent of the stated temperature.
         p = hidden["thermal_lens"]
         growth = 1.0 + p["growth"] * (1.0 - np.exp(-frame.timestamp_s / p["time_constant_s"]))
         fx, fy = fx * growth, fy * growth
@@ -54,7 +57,7 @@ def _directions(rig, frame, side, hidden, u, v):
             x - 2 * p["p1"] * x * y - p["p2"] * (r2 + 2 * x * x),
             y - p["p1"] * (r2 + 2 * y * y) - 2 * p["p2"] * x * y,
         )
-    if "thin_prism" in hidden:  # As a wedge deflects the ray itself.
+    if "thin_prism" in hidden:  # A wedge deflects the ray itself.
         p, r2 = hidden["thin_prism"], x * x + y * y
         x, y = x - p["s1"] * r2, y - p["s3"] * r2
     if "imager_tilt" in hidden:  # Each point of the imager lies nearer to the lens, or farther, by its own height.
@@ -66,7 +69,7 @@ def _directions(rig, frame, side, hidden, u, v):
 
 
 def _turned(directions, side, hidden):
-    """The right camera's own rotation: roll, then pitch."""
+    """Applies the right camera's hidden rotation, roll then pitch, to ray directions."""
     if side == "left":
         return directions
     for name, (a, b) in (("stereo_roll", (0, 1)), ("stereo_pitch", (1, 2))):
@@ -86,7 +89,8 @@ def _camera_x(rig, side, hidden):
 
 
 def _poses_by_row(frame, side, hidden, dt_s, sub):
-    """The left camera's pose at the time of every row of the grid."""
+    """Returns the left camera's pose [rows][4][4] at the time of every row of the grid. dt_s: time from
+    mid-exposure."""
     row = np.repeat(np.arange(HEIGHT) - (HEIGHT - 1) / 2, sub)
     times = np.full(len(row), dt_s)
     if "rolling_shutter" in hidden:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One test case: a capture folder for the tool under test, and the answer key that it must not see."""
+"""Makes one test case: a capture folder for the tool under test, and the answer key that it must not see."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +21,7 @@ SIDES = ("left", "right")
 SUB = 4
 _BLUR_INSTANTS, _BLUR_SUB = 8, 2
 _FRAMES_BEFORE = 8
-# What acts on rays and surfaces; everything else acts on images.
+# Effects on rays and surfaces; all others act on images.
 RAY_EFFECTS = frozenset(
     "projector_defocus pattern_scale_drift pattern_rotation dot_gain_spread dot_astigmatism projector_vignetting "
     "laser_power_drift"
@@ -35,7 +35,7 @@ _BY_FRAME = frozenset({"dim_dots", "pattern_scale_drift", "laser_power_drift", "
 
 @dataclass(frozen=True)
 class Hardware:
-    """Everything that stands in front of a ray: the scene, the rig, and what is wrong with them."""
+    """The physical world that rays meet: the scene, the rig and the hidden effects on them."""
 
     solids: tuple
     rig: Rig
@@ -54,8 +54,8 @@ class Hardware:
 
 
 class Case:
-    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the size of the scene's
-    errors; more: a change of frames that are recorded beside the usual ones, see more.py."""
+    """A test case, determined by its seed, its hidden effects {id: {parameter: value}} and the size of the believed
+    scene's errors. more: a change of frames that are recorded beside the usual ones, see more.py."""
 
     def __init__(self, seed, hidden, scene_errors=1.0, sub=SUB, moving_exposure=1 / 8, more=None):
         self.seed, self.hidden, self._scene_errors, self._sub = seed, hidden, scene_errors, sub
@@ -68,7 +68,7 @@ class Case:
         self._layers, self._ambient, self._hardwares = {}, {}, {}
 
     def in_scene(self, scene_seed):
-        """The same sensor, wrong in the same way, in front of another scene."""
+        """Returns a case of the same sensor, with the same hidden effects, in front of another scene."""
         other = Case(self.seed, self.hidden, self._scene_errors, self._sub)
         other.solids = draw_scene(np.random.Generator(np.random.PCG64([scene_seed, 0])))
         other.frames = tuple(frame for frame in other.frames if frame.power > 0 and not frame.is_moving)
@@ -76,7 +76,7 @@ class Case:
         return other
 
     def hiding(self, hidden):
-        """The same world with other hidden effects; shares what has been computed."""
+        """Returns the same world with other hidden effects; it shares what this case has computed already."""
         other = Case(self.seed, hidden, self._scene_errors, self._sub)
         other._layers, other._ambient, other._hardwares = self._layers, self._ambient, self._hardwares
         other.__dict__.update(lightmap=self.lightmap, sensor=self.sensor)
@@ -88,7 +88,7 @@ class Case:
 
     @cached_property
     def sensor(self):
-        """Exposed so that a tenth of a percent of the first frame's pixels pass half of the range, before other
+        """The imager, exposed so that 0.1 % of the first frame's pixels exceed about half of the range before other
         errors."""
         lights = on_pixels(self.layers(self.frames[0], "left", {}), self.frames[0], "left", {}, self.rig)
         n, exposure = self._noise, self.frames[0].exposure_s
@@ -117,7 +117,8 @@ class Case:
         return self._hardwares[key]
 
     def layers(self, frame, side, hidden):
-        """Layers of a frame on the subpixel grid; equal frames share theirs."""
+        """Returns the radiance Layers of a frame on the subpixel grid; frames with equal poses and timing share
+        them."""
         hardware = self.hardware(hidden)
         timing = (frame.warming_k, frame.timestamp_s) if _BY_FRAME & set(hardware.hidden) else ()
         key = (id(hardware), side, frame.camera_to_world.tobytes(), timing)
@@ -145,7 +146,7 @@ class Case:
         return shade(hardware, frame, bundle, (HEIGHT * sub, WIDTH * sub), bounced, ambient)
 
     def _indirect(self, hardware, frame):
-        """Lightmap values: the projector's bounced light at the frame's pose, and ambient light."""
+        """Returns two sets of lightmap values: the projector's bounced light at the frame's pose, and ambient light."""
         gain = hardware.hidden.get("interreflection", {}).get("gain", 0.0)
         if id(hardware) not in self._ambient:
             self._ambient[id(hardware)] = self.lightmap.ambient(gain)
@@ -160,7 +161,7 @@ class Case:
         return on_pixels(self.layers(frame, side, hidden), frame, side, hidden, self.rig)
 
     def _residue(self, frame, side, hidden):
-        """The residue that the frame before leaves, or None."""
+        """Returns the charge in DN that the frame before leaves (image lag), or None."""
         if "image_lag" not in hidden or frame.id == 0:
             return None
         before = self.frames[frame.id - 1]
@@ -168,7 +169,7 @@ class Case:
         return hidden["image_lag"]["fraction"] * left
 
     def expected(self, frame, side, hidden):
-        """Noise-free DN under the effects given: the world's own, or fewer."""
+        """Returns the noise-free image in DN under the given hidden effects, which may be fewer than the world's."""
         return imager.expected(
             self.sensor, self.lights(frame, side, hidden), frame, side, hidden, self._residue(frame, side, hidden)
         )
@@ -179,13 +180,14 @@ class Case:
         return imager.exposed(self.sensor, lights, frame, side, self.hidden, residue, age)
 
     def depth(self, frame, pair, rig):
-        """The device's depth of a pair that it recorded, metres [height][width]; rig: what it takes for its own."""
+        """Returns the device's depth of a recorded pair in metres, [height][width]. rig: the calibration that the
+        device believes."""
         ages = range(1, 1 + _FRAMES_BEFORE * ("temporal_filter" in self.hidden))
         earlier = [[self.measured(frame, side, age) for side in SIDES] for age in ages]
         return device_depth(*pair, rig.focal_px, rig.baseline_m, self.hidden, earlier)
 
     def capture(self, folder, name):
-        """Writes the capture and returns what the oracle says of it."""
+        """Writes the capture into `folder` and returns the oracle's bounds on it."""
         images = {(frame.id, side): self.measured(frame, side) for frame in self.frames for side in SIDES}
         errors = np.random.Generator(np.random.PCG64([self.seed, 2]))
         rig, solids = (

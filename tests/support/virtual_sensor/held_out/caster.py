@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nearest hits and occlusion, with rays sorted out by bounding spheres first."""
+"""Finds nearest hits and occlusion of rays; bounding spheres first exclude most rays."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ LIFT_M = 1e-6
 
 
 def closest(solids, origins, directions, skip=None):
-    """(t, unit normal facing the ray, index or -1) of rays [n][3]; skip: index of a solid that the ray does not see,
-    per ray."""
+    """Returns (t, unit normal facing the ray, index of the solid or -1) of each ray's nearest hit. skip: for each ray,
+    the index of a solid that it passes."""
     t = np.full(len(directions), np.inf)
     normal = np.zeros((len(directions), 3))
     index = np.full(len(directions), -1)
@@ -30,7 +30,8 @@ def closest(solids, origins, directions, skip=None):
 
 
 def transmittance(solids, origins, targets, through=None):
-    """Share of light that passes from origins to targets [n][3]: 0 behind a solid; through: {index: share per solid}.
+    """Returns the share of light that passes from origins to targets [n][3], 0 behind a solid. through: {index of a
+    solid: the share that it transmits}.
 
     Rectangles bound the room and cast no shadow into it.
     """
@@ -49,7 +50,8 @@ def transmittance(solids, origins, targets, through=None):
 
 
 def albedo_of(solids, index, points):
-    """Diffuse albedo at hit points; 0 where nothing was hit."""
+    """Returns the diffuse albedo at each hit point, 0 for rays without a hit. index: the solid that each ray hits, or
+    -1."""
     albedo = np.zeros(len(points))
     for i, solid in enumerate(solids):
         here = index == i
@@ -59,7 +61,7 @@ def albedo_of(solids, index, points):
 
 
 def _candidates(solid, origins, directions):
-    """Indices of the rays that meet the solid's bounding sphere ahead of them."""
+    """Returns the indices of the rays that meet the solid's bounding sphere ahead of them."""
     radius = bounding_radius(solid)
     if radius is None:
         return np.arange(len(directions))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that may be hidden in a world: every effect at four strengths, pairs, effects that no library has,
-depth-engine faults.
+"""Lists the effects that may be hidden in a world, each at four strengths: single effects, pairs, effects that no
+library has, and depth engine faults.
 
-A level multiplies the scaled parameters; the four were measured on trial cases so that the error they leave on test
-frames, over the noise floor and in quadrature, is about TARGETS (see oracle.py). Two effects change the noise itself:
-theirs are chosen.
+A level multiplies the scaled parameters. The four levels were measured on trial cases, so that the error they leave on
+test frames over the noise floor, in quadrature, is about TARGETS (see oracle.py). Two effects change the noise itself;
+their levels are chosen.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +17,8 @@ TARGETS = (0.15, 0.4, 0.9, 2.0)
 
 @dataclass(frozen=True)
 class Entry:
-    """scaled: parameters at level 1; fixed: ranges to draw from; signed: the level's sign is drawn, too."""
+    """An effect's parameters at four levels. scaled: values at level 1; fixed: ranges to draw from; signed: the level's
+    sign is drawn, too."""
 
     levels: tuple
     scaled: dict
@@ -93,7 +94,7 @@ OUTSIDE = {
     "column_smear": Entry((0.74, 2, 4.6, 8), {"fraction": 0.1}),
     "row_droop": Entry((0.57, 1.8, 4.5, 11), {"fraction": 0.1}),
 }
-# What the library has beside the singles.
+# Effects of the library that are not in SINGLE.
 WIDER = {
     "tangential_distortion": Entry((0.14, 0.46, 1.2, 3.2), {"p1": 1e-3, "p2": -7e-4}, signed=True),
     "thin_prism": Entry((0.65, 1.9, 4.4, 11.5), {"s1": 1e-3, "s3": 6e-4}, signed=True),
@@ -108,7 +109,7 @@ WIDER = {
         {"place_x": (-0.2, 0.2), "place_y": (-0.15, 0.15), "radius": (0.1, 0.2)},
     ),
 }  # fmt: skip
-# Faults of the device's own depth engine: the infrared images show nothing of them.
+# Faults of the device's own depth engine, which the infrared images do not show.
 DEPTH_ENGINE = {
     "pixel_locking": Entry((0.02, 0.04, 0.08, 0.14), {"amplitude_px": 1.0}),
     "edge_fattening": Entry((3, 5, 7, 9), {"block_px": 1.0}),
@@ -129,18 +130,18 @@ TWINS = (
     ("rolling_shutter", "exposure_desync"),
     ("laser_power_drift", "chromatic_drift"),
 )
-# What a device's firmware does to good depth: no fault, and nothing may be named for it.
+# Filters of a device's firmware on good depth: they are no fault, and the tool must not name them.
 FILTERS = {
     "temporal_filter": Entry((0.9, 0.7, 0.4, 0.2), {"weight": 1.0}),
     "hole_filling": Entry((2, 8, 32, 128), {"reach_px": 1.0}),
 }
 CATALOGUE = SINGLE | WIDER | OUTSIDE | DEPTH_ENGINE | FILTERS
-# Noise has no signature in mean images: not a partner that a pair could be found with.
+# Effects on noise leave no signature in mean images, so that no pair with them could be found.
 _PARTNERS = [name for name in SINGLE if name not in ("row_noise", "quantisation", "motion_blur")]
 
 
 def pairs(count):
-    """`count` pairs: the twins first, then partners that differ, none twice in a row."""
+    """Returns `count` pairs of effects: first the similar ones in TWINS, then random partners; no pair occurs twice."""
     rng = np.random.Generator(np.random.PCG64(40))
     found = list(TWINS)
     while len(found) < count:
@@ -151,8 +152,8 @@ def pairs(count):
 
 
 def draw_hidden(strengths, rng):
-    """{effect: parameters} of {effect: index into STRENGTHS}, and the moving frames' exposure in units of the
-    others'."""
+    """Draws the parameters of hidden effects. strengths: {effect: index into STRENGTHS}. Returns ({effect: parameters},
+    the moving frames' exposure relative to the others')."""
     hidden, moving_exposure = {}, 1 / 8
     for name, strength in strengths.items():
         hidden[name] = CATALOGUE[name].draw(strength, rng)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Charts: every surface of a solid as grids of texels, for light that varies smoothly over it."""
+"""Divides every surface of a solid into charts, grids of texels for light that varies smoothly over the surface."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,8 @@ from virtual_sensor.solids import Box, Rectangle, Sphere
 
 @dataclass(frozen=True)
 class Chart:
-    """points, normals [rows][columns][3] at texel centres; wraps: columns are periodic."""
+    """A grid of texels on one surface. points, normals: at texel centres, [rows][columns][3]; wraps: columns are
+    periodic."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -19,7 +20,7 @@ class Chart:
 
 
 def charts(solid, spacing):
-    """The charts of a solid, texels about `spacing` metres apart."""
+    """Returns the charts of a solid, with texels about `spacing` metres apart."""
     if isinstance(solid, Rectangle):
         return [_rectangle(np.asarray(solid.centre), np.asarray(solid.u), np.asarray(solid.v), spacing)]
     if isinstance(solid, Box):
@@ -30,7 +31,8 @@ def charts(solid, spacing):
 
 
 def locate(solid, points, shapes):
-    """(chart, row, column) of points on the surface; row and column are real, texel centres at integers."""
+    """Returns (chart, row, column) of points on the solid's surface. row and column are real numbers with texel centres
+    at integers. shapes: (rows, columns) of each chart."""
     if isinstance(solid, Rectangle):
         chart = np.zeros(len(points), dtype=int)
         offset = points - np.asarray(solid.centre)
@@ -49,7 +51,7 @@ def locate(solid, points, shapes):
 
 
 def inside(solid, points):
-    """Whether points lie inside a solid, or behind a rectangle."""
+    """Returns whether each point lies inside a solid, or behind a rectangle."""
     offset = points - np.asarray(solid.centre)
     if isinstance(solid, Rectangle):
         return offset @ np.cross(solid.u, solid.v) < 0
@@ -62,7 +64,8 @@ def inside(solid, points):
 
 
 def bounding_radius(solid):
-    """About the centre; None for rectangles, which are tested with every ray."""
+    """Returns the radius of a bounding sphere about the solid's centre; None for rectangles, which are tested with
+    every ray."""
     if isinstance(solid, Rectangle):
         return None
     if isinstance(solid, Box):
@@ -86,7 +89,7 @@ def _rectangle(centre, u, v, spacing):
 
 
 def _box(box, spacing):
-    """Faces in the order -x, +x, -y, +y, -z, +z."""
+    """Returns the charts of a box's faces in the order -x, +x, -y, +y, -z, +z."""
     rotation, faces = box.rotation(), []
     for axis in range(3):
         a, b = (axis + 1) % 3, (axis + 2) % 3
@@ -117,7 +120,8 @@ def _sphere(sphere, spacing):
 
 
 def _cylinder(cylinder, spacing):
-    """The side, then the caps at the axis' negative and positive end (squares around the discs)."""
+    """Returns the charts of a cylinder: the side, then the caps at the axis' negative and positive end, as squares
+    around the discs."""
     frame = cylinder.frame()
     rows, columns = _counts(2 * cylinder.half_length, 2 * np.pi * cylinder.radius, spacing)
     turn = _centres(columns)[None] * np.pi

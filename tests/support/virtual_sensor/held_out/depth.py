@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The virtual device's own depth engine: census of a cross-shaped window, eight-path SGM, and its possible faults."""
+"""Implements the virtual device's own depth engine: census of a cross-shaped window, eight-path SGM, and its possible
+faults."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, median_filter, uniform_filter
@@ -13,7 +14,8 @@ _PATHS = [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]
 
 
 def device_depth(left, right, focal_px, baseline_m, hidden, earlier=()):
-    """Metres [height][width], 0 = none. earlier: the pairs before, latest first, of a device that averages."""
+    """Returns the device's depth in metres, [height][width], 0 = none. earlier: previous pairs, latest first, for a
+    device that averages over time."""
     disparity = _matched(left, right, hidden)
     if "temporal_filter" in hidden:
         frames = [disparity, *(_matched(*pair, hidden) for pair in earlier)]
@@ -24,14 +26,15 @@ def device_depth(left, right, focal_px, baseline_m, hidden, earlier=()):
 
 
 def _averaged(frames, weight):
-    """Frames that are within half a pixel of the latest, with weights that fall as (1 - weight)^age."""
+    """Averages disparities over time. Frames within half a pixel of the latest count, with weights that fall as (1 -
+    weight)^age. frames: [age][height][width]."""
     near = (frames > 0) & (np.abs(frames - frames[0]) < 0.5)
     weights = near * (1.0 - weight) ** np.arange(len(frames))[:, None, None]
     return np.where(frames[0] > 0, (weights * frames).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9), 0.0)
 
 
 def _filled(disparity, reach):
-    """Pixel by pixel from the left, at most `reach` of them in a row."""
+    """Fills holes in each row with the value to their left, at most `reach` pixels in a row."""
     out, since = disparity.copy(), np.zeros(disparity.shape[0], dtype=int)
     for x in range(1, out.shape[1]):
         since = np.where(disparity[:, x] > 0, 0, since + 1)
@@ -40,7 +43,7 @@ def _filled(disparity, reach):
 
 
 def _matched(left, right, hidden):
-    """Disparity in pixels [height][width], 0 = none, as the matcher with its faults gives it."""
+    """Matches a pair under the matcher's hidden faults. Returns disparity in pixels [height][width], 0 = none."""
     fattening = hidden.get("edge_fattening", {}).get("block_px", 1)
     cost = _cost(_census(left), _census(right), fattening)
     total = sum(_aggregate(cost, *path) for path in _PATHS)
@@ -81,7 +84,8 @@ def _census(image):
 
 
 def _cost(left, right, block):
-    """Hamming distance [height][width][disparity]; where the right image has no partner, the worst."""
+    """Returns the Hamming distance of census codes [height][width][disparity]; pixels without a partner in the right
+    image get the largest. block: side of the window that averages it."""
     height, width = left.shape
     cost = np.full((height, width, MAX_DISPARITY), float(len(_CROSS)))
     for d in range(MAX_DISPARITY):
@@ -95,7 +99,7 @@ def _bits(x):
 
 
 def _aggregate(cost, dy, dx):
-    """One direction of semi-global matching (Hirschmueller 2008), line by line."""
+    """Aggregates the cost along one direction of semi-global matching (Hirschmueller 2008), line by line."""
     vertical = dy != 0
     volume = cost if vertical else cost.transpose(1, 0, 2)
     step = dy if vertical else dx
@@ -110,7 +114,8 @@ def _aggregate(cost, dy, dx):
 
 
 def _least(before, shift):
-    """Cheapest way from the line before, less its minimum; new paths start at the border."""
+    """Returns the least cost of reaching each disparity from the line before, less its minimum. shift: sideways step of
+    a diagonal path; new paths start at the border."""
     low = before.min(axis=1, keepdims=True)
     best = np.minimum(before, low + _P2)
     best[:, 1:] = np.minimum(best[:, 1:], before[:, :-1] + _P1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector: relative radiant intensity towards points of its frame, with everything that may be wrong in it."""
+"""Models the projector: its relative radiant intensity towards points, with its hidden effects."""
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -12,7 +12,8 @@ _ASTIGMATIC_TAPS = 7
 
 
 class Emitter:
-    """hidden: {effect: {parameter: value}}; those of other stages are ignored."""
+    """The projector with its hidden effects. hidden: {effect: {parameter: value}}; effects of other stages are
+    ignored."""
 
     def __init__(self, rig, hidden, seed):
         self.K = rig.projector_K()
@@ -23,13 +24,14 @@ class Emitter:
             else rig.pattern
         )
         self._levels = {0: self.pattern}
-        # Bounced light is smooth: it may see a blurred pattern, which its coarse texels sample without aliasing.
+        # Bounced light is smooth, so that it takes a blurred pattern, which coarse texels sample without aliasing.
         self._coarse = fftconvolve(np.pad(self.pattern, 40), np.outer(_gauss(14.0), _gauss(14.0)), mode="same")[
             40:-40, 40:-40
         ]
 
     def intensity(self, local, frame, coarse=False):
-        """Towards points [n][3] of the projector's frame."""
+        """Returns the relative radiant intensity towards points [n][3] in the projector's frame. coarse: use a blurred
+        pattern, for bounced light."""
         h = self._hidden
         ahead = local[:, 2] > 1e-6
         z = np.where(ahead, local[:, 2], 1.0)
@@ -58,7 +60,7 @@ class Emitter:
         if "laser_power_drift" in h:  # Characteristic temperature of a laser diode; ageing is linear in time.
             p = h["laser_power_drift"]
             shading = shading * np.exp(p["per_k"] * frame.warming_k) * (1.0 + p["per_s"] * frame.timestamp_s)
-        if "dim_dots" in h:  # A place with flanks of its own.
+        if "dim_dots" in h:  # A dim region with its own soft edge.
             p = h["dim_dots"]
             away = np.minimum(np.hypot(x - p["place_x"], y - p["place_y"]) / p["radius"], 100.0)
             shading = shading * (1.0 - (p["depth"] + p["per_k"] * frame.warming_k) / np.cosh(away) ** 1.3)
@@ -70,8 +72,8 @@ class Emitter:
         return shading
 
     def _defocused(self, u, v, z, aperture_px_m, focus_m):
-        """Through a hexagonal aperture of a disc's second moment: stack of blurred patterns, linear between its
-        levels."""
+        """Samples the pattern at (u, v) blurred by a hexagonal aperture, which grows with the distance of z from the
+        focus. It interpolates a stack of blurred patterns."""
         level = aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m) / _LEVEL_STEP_PX
         level = np.minimum(level, 60.0)
         low = np.floor(level).astype(int)
@@ -93,7 +95,8 @@ class Emitter:
         return self._levels[i]
 
     def _astigmatic(self, u, v, sigma_px):
-        """Dots stretch radially, in proportion to the field angle; sigma_px at the pattern's left and right end."""
+        """Samples the pattern with dots stretched radially, in proportion to the field angle. sigma_px: the blur at the
+        pattern's left and right end."""
         du, dv = u - self.K[0, 2], v - self.K[1, 2]
         radius = np.maximum(np.hypot(du, dv), 1e-9)
         step = sigma_px * radius / (PATTERN_WIDTH / 2)
@@ -106,7 +109,7 @@ class Emitter:
 
 
 def _diffracted(x, y, frame, scale=0.0, per_k=0.0):
-    """Grating equation: the sine of the angle, not its tangent, goes with the wavelength."""
+    """Moves directions by the grating equation: the sine of the angle, not its tangent, scales with the wavelength."""
     growth = 1.0 + scale + per_k * frame.warming_k
     tangent = np.hypot(x, y)
     sine = tangent / np.sqrt(1.0 + tangent**2) / growth
@@ -115,7 +118,8 @@ def _diffracted(x, y, frame, scale=0.0, per_k=0.0):
 
 
 def _with_uneven_dots(pattern, seed, spread):
-    """Every dot (the cell of its maximum) times a gamma variable of mean 1."""
+    """Multiplies every dot, the pixels nearest to its maximum, by a gamma variable of mean 1. spread: its standard
+    deviation."""
     from scipy.ndimage import distance_transform_edt, maximum_filter
 
     peaks = (pattern == maximum_filter(pattern, 5)) & (pattern > 0.2)
@@ -127,7 +131,7 @@ def _with_uneven_dots(pattern, seed, spread):
 
 
 def _hexagon(disc_diameter):
-    """Kernel of a regular hexagon whose variance per axis, 5 R^2 / 24, is the disc's, D^2 / 16."""
+    """Returns the blur kernel of a regular hexagon whose variance per axis, 5 R^2 / 24, is that of a disc, D^2 / 16."""
     radius = disc_diameter * np.sqrt(24 / 80)
     if radius < 0.05:
         return np.ones((1, 1))

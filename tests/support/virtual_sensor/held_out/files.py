@@ -16,7 +16,7 @@ DEPTH_SCALE = 0.001
 
 
 def write_png(path, image):
-    """Gray, uint8 or uint16 [height][width]."""
+    """Writes a gray PNG file from uint8 or uint16 [height][width]."""
     height, width = image.shape
     depth = 8 * image.dtype.itemsize
     raw = image.astype(">u2" if depth == 16 else "u1").tobytes()
@@ -35,8 +35,8 @@ SURVEY = {
 
 
 def write_capture(folder, name, rig, solids, frames, images, depths, max_disparity, line_time_s=None, survey=1.0):
-    """rig, solids: as the user believes them. images: {(frame id, side): uint8}; depths: {frame id: metres}. survey:
-    how many times a good survey's errors the capture states."""
+    """Writes a capture folder. rig, solids: as the user believes them. images: {(frame id, side): uint8}; depths:
+    {frame id: metres}. survey: the stated uncertainty in units of a good survey's errors."""
     folder = Path(folder)
     for part in ("left", "right", "depth"):
         (folder / part).mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From light on pixels to digital numbers. Static fields come from the sensor's seed, temporal noise from the
+"""Turns light on pixels into digital numbers. Static fields come from the sensor's seed, temporal noise from the
 frame's."""
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _SPECKLE_CELLS = 48
 
 @dataclass(frozen=True)
 class Sensor:
-    """projector_scale, ambient_scale: DN per second and radiance; speckle: contrast of the
+    """The imager's figures. projector_scale, ambient_scale: DN per second and radiance; speckle: contrast of the
     multiplicative noise; shot: DN of variance per DN at gain 1."""
 
     projector_scale: float
@@ -36,13 +36,14 @@ def static_rng(sensor, tag, side=None, extra=0):
 
 
 def expected(sensor, lights, frame, side, hidden, previous=None):
-    """DN without temporal noise and rounding, clipped to the range."""
+    """Returns the image in DN without temporal noise and rounding, clipped to the range. lights: (projector, ambient,
+    other) images; previous: the residue of the frame before, or None."""
     charge = _charge(sensor, lights, frame, side, hidden, previous)
     return np.clip(_digital(_read_out(charge, sensor, side, hidden), sensor, frame, hidden, rounded=False), 0, MAX_DN)
 
 
 def exposed(sensor, lights, frame, side, hidden, previous=None, age=0):
-    """uint8: one exposure with its noise. age: frames before the one that is recorded."""
+    """Returns one noisy exposure as uint8. age: 0 for the recorded frame, n for the n-th frame before it."""
     key = [sensor.seed, 1000 + frame.id, 1 + _SIDES.index(side)] + [age] * (age > 0)
     rng = np.random.Generator(np.random.PCG64(key))
     k = 1.0 / sensor.speckle**2
@@ -56,7 +57,7 @@ def exposed(sensor, lights, frame, side, hidden, previous=None, age=0):
 
 
 def collected(sensor, lights, frame, side, hidden):
-    """DN of light alone, at the frame's exposure and true gain."""
+    """Returns the DN of light alone, at the frame's exposure and true gain, without black level and noise."""
     projector, ambient, other = lights
     if "speckle_static" in hidden:
         projector = projector * _grain(sensor, frame, side, **hidden["speckle_static"])
@@ -123,7 +124,7 @@ def _digital(signal, sensor, frame, hidden, rounded=True):
 
 
 def tone(signal, curvature):
-    """Logarithmic compression with full scale fixed."""
+    """Compresses a signal logarithmically; black and full scale stay fixed."""
     relative = np.maximum(signal, 0.0) / MAX_DN
     return MAX_DN * np.log1p(curvature * relative) / np.log1p(curvature)
 
@@ -134,14 +135,15 @@ def _arrhenius(frame):
 
 
 def _hot(sensor, side, share, rate_dn_per_s):
-    """A log-normal tail of the given mean."""
+    """Returns the dark current of hot pixels, DN per second [height][width]: a share of pixels, log-normal with mean
+    rate_dn_per_s."""
     rng = static_rng(sensor, 23, side)
     strength = np.exp(0.7 * rng.standard_normal(SHAPE) - 0.245)
     return np.where(rng.random(SHAPE) < share, strength, 0.0) * rate_dn_per_s
 
 
 def _bloomed(signal, lost_range, spill):
-    """Hard full well; the overflow runs along the column, two pixels far."""
+    """Clips the signal at full well and spills the overflow along the column, up to two pixels far."""
     full = (1 - lost_range) * MAX_DN
     over = spill * np.maximum(signal - full, 0.0)
     value = np.minimum(signal, full)
@@ -152,7 +154,8 @@ def _bloomed(signal, lost_range, spill):
 
 
 def _grain(sensor, frame, side, contrast):
-    """Sums of correlated speckle patterns (complex Gaussian fields through a pupil), one per pose of the rig."""
+    """Returns static speckle of mean 1, one field per pose of the rig: sums of correlated patterns (complex Gaussian
+    fields through a pupil)."""
     pose = int(np.abs(frame.camera_to_world[:3, 3] @ [7919, 104729, 1299709] * 1e3)) % 2**31
     rng = static_rng(sensor, 24, side, pose)
     cells = min(_SPECKLE_CELLS, max(1, round(1 / contrast**2)))
@@ -165,8 +168,8 @@ def _grain(sensor, frame, side, contrast):
 
 
 def _flicker(frame, depth, frequency_hz, phase_rad, line_time_s):
-    """A rectified sine, as lamps without smoothing give; its fundamental has the amplitude `depth`. Mean over each
-    row's exposure."""
+    """Returns each row's relative lamp light: a rectified sine, as lamps without smoothing give, averaged over the
+    row's exposure. depth: amplitude of its fundamental."""
     row_time = frame.timestamp_s + (np.arange(HEIGHT) - (HEIGHT - 1) / 2) * line_time_s
     instants = row_time[:, None] + (np.arange(24) + 0.5 - 12) / 24 * frame.exposure_s
     wave = np.pi / 2 * np.abs(np.sin(np.pi * frequency_hz * instants + phase_rad / 2))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Indirect light by radiosity: form factors between texels by quasi-random rays, once per scene, for every pose of the
-rig.
+"""Computes indirect light by radiosity: form factors between texels by quasi-random rays, once per scene, for every
+pose of the rig.
 
 All values are irradiance / pi, so that albedo times a value is a radiance.
 """
@@ -15,12 +15,12 @@ from virtual_sensor.held_out.charts import charts, inside, locate
 _RAYS = 192
 _CHUNK = 400_000
 _BOUNCES = 5
-# Plastic number: the rank-1 sequence of lowest discrepancy in two dimensions (Roberts 2018).
+# The plastic number gives the rank-1 sequence of lowest discrepancy in two dimensions (Roberts 2018).
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 class Lightmap:
-    """Texels of all solids, the light transport between them, and the sky's share at each."""
+    """Holds the texels of all solids, the light transport between them, and the sky's share at each."""
 
     def __init__(self, solids, rng, spacings):
         self._solids = solids
@@ -80,19 +80,21 @@ class Lightmap:
         return texel
 
     def bounced(self, first):
-        """The light that arrives after one bounce or more, where `first` arrives directly."""
+        """Returns the light that arrives at each texel after one bounce or more. first: the light that arrives
+        directly."""
         total = np.zeros_like(first)
         for _ in range(_BOUNCES):
             total = self._transport @ (self.albedo * self._filled(first + total))
         return self._filled(total)
 
     def ambient(self, bounce_gain=0.0):
-        """Under uniform sky of radiance 1, all bounces included; bounce_gain: by how much too strong they are."""
+        """Returns each texel's light under a uniform sky of radiance 1, all bounces included. bounce_gain: relative
+        excess of the bounced light."""
         return self._filled(self._sky) + (1.0 + bounce_gain) * self.bounced(self._sky)
 
     def _filled(self, values):
-        """Texels that nobody sees take the nearest exposed one's value, so that interpolation does not darken its
-        neighbours."""
+        """Gives texels inside of other solids the nearest exposed texel's value, so that interpolation does not darken
+        their neighbours."""
         values = values.copy()
         for starts, group in zip(self._starts, self._charts, strict=True):
             for start, chart in zip(starts, group, strict=True):
@@ -105,7 +107,8 @@ class Lightmap:
         return values
 
     def look_up(self, values, index, points):
-        """Bilinear value at hit points; 0 where nothing was hit."""
+        """Interpolates texel values at hit points; 0 for rays without a hit. index: the solid that each ray hits, or
+        -1."""
         found = np.zeros(len(points))
         for i, solid in enumerate(self._solids):
             here = np.flatnonzero(index == i)
@@ -137,7 +140,7 @@ def _bilinear(grid, row, column, wraps):
 
 
 def _cosine(normals, u):
-    """Cosine-distributed directions by Malley's disc."""
+    """Returns cosine-distributed directions about the normals, by Malley's disc. u: random numbers [n][2]."""
     radius, turn = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
     helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     tangent = np.cross(helper, normals)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Haze between rig and scene: Beer-Lambert fading, ambient light scattered in, and the projector's beam seen from the
-side."""
+"""Simulates haze between rig and scene: Beer-Lambert fading, scattered ambient light, and the projector's beam seen
+from the side."""
 
 import numpy as np
 
@@ -9,7 +9,8 @@ _NEAR_M, _FAR_M = 0.06, 2.0
 
 
 def faded(lights, origins, directions, t, projector_centres, extinction_per_m):
-    """[direct, indirect, sky, other, lamp] after the way through the haze."""
+    """Returns the lights [direct, indirect, sky, other, lamp] after their way through the haze. t: the rays' hit
+    distances in metres, inf for none."""
     reached = np.isfinite(t)
     points = origins + np.where(reached, t, 0.0)[:, None] * directions
     from_projector = np.linalg.norm(points - projector_centres, axis=1)
@@ -21,8 +22,8 @@ def faded(lights, origins, directions, t, projector_centres, extinction_per_m):
 
 
 def backscatter(world, frame, origins, directions, t, row, poses, extinction_per_m):
-    """Single isotropic scattering of the rig's own beam, by midpoints in log distance; shadows in the haze are left
-    out."""
+    """Returns the rig's own beam scattered once, isotropically, towards the camera along each ray. It sums midpoints in
+    log distance and leaves out shadows in the haze."""
     centres = (poses[:, :3, 0] * world.rig.projector_x_m + poses[:, :3, 3])[row]
     edges = np.geomspace(_NEAR_M, _FAR_M, _STEPS + 1)
     total = np.zeros(len(directions))

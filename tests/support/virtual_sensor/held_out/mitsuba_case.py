@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test cases whose light Mitsuba 3 (Jakob et al., 2022) renders: its shapes, its projector, its paths.
+"""Makes test cases whose light Mitsuba 3 (Jakob et al., 2022) renders, with its shapes, its projector and its paths.
 
-Lens and imager, and rays that a lens bends, stay the virtual sensor's. What comes straight from the projector has no
-noise, for it is one path a ray; light that surfaces send on is smoothed over each surface, albedo left out. Rolling
-shutters, defocus, haze and light below or through surfaces are not rendered.
+Lens, imager and bent rays stay the virtual sensor's. Direct projector light has no noise, because it is one path a ray.
+Light that surfaces send on is smoothed over each surface, albedo left out. Rolling shutters, defocus, haze and light
+below or through surfaces are not rendered.
 """
 
 import numpy as np
@@ -18,18 +18,18 @@ from virtual_sensor.held_out.surface import LAMP_POSITION, Layers, depth_along, 
 from virtual_sensor.solids import Box, Sphere
 from virtual_sensor.tiles import Tiles
 
-# Hidden effects whose light this renders; effects of lenses, imagers and noise need no more than its images.
+# Hidden effects whose light Mitsuba renders; effects of lenses, imagers and noise only need its images.
 NOT_RENDERED = frozenset(
     "projector_defocus dot_astigmatism rolling_shutter exposure_desync row_desync motion_blur haze subsurface"
     " transmission interreflection dim_dots".split()
 )
 _FINE = 2  # texels of the projector's image per pixel of the pattern
-_PATHS, _MOST_SURFACES = 4, 6  # per ray of the subpixel grid
+_PATHS, _MOST_SURFACES = 4, 6  # paths per ray of the subpixel grid, most surfaces of a path
 _SMOOTH_PX = 1.5
 
 
 def mitsuba():
-    """The package, compiled for this processor by LLVM. ImportError without it."""
+    """Returns the package mitsuba in its LLVM variant. Raises ImportError without it."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
@@ -37,7 +37,7 @@ def mitsuba():
 
 
 class MitsubaCase(Case):
-    """As Case, with another renderer."""
+    """A Case whose light Mitsuba renders."""
 
     def _indirect(self, hardware, frame):
         return None, None  # Mitsuba's paths bounce by themselves.
@@ -66,7 +66,7 @@ class MitsubaCase(Case):
 
 
 class Surfaces:
-    """Surfaces that the rays of a subpixel grid meet."""
+    """The surfaces that the rays of a subpixel grid hit, for smoothing light over each of them."""
 
     def __init__(self, solids, bundle, shape):
         origins, directions, *_ = bundle
@@ -76,12 +76,13 @@ class Surfaces:
         points = origins + np.where(hit, t, 0.0)[:, None] * directions
         self._albedo = albedo_of(solids, self._index, points)
         self.depth = depth_along(bundle, t, self._index).reshape(shape)
-        faces = np.rint(3.0 * normal).astype(int) @ [100, 10, 1]  # of a box; a rounded solid's are patches
+        faces = np.rint(3.0 * normal).astype(int) @ [100, 10, 1]  # a box's faces; patches of a rounded solid
         boxes = np.isin(self._index, [i for i, solid in enumerate(solids) if isinstance(solid, Box)])
         self._parts = 10_000 * self._index + np.where(boxes, faces, 0)
 
     def smooth(self, light):
-        """The light, flat, with its irradiance averaged over neighbours of the same surface; the sky stays."""
+        """Averages the irradiance over neighbours on the same surface and returns the flat array of radiances; the sky
+        stays."""
         out = light.copy()
         irradiance = light / np.maximum(self._albedo, 1e-3)
         sigma = _SMOOTH_PX * self.shape[0] / HEIGHT
@@ -99,7 +100,8 @@ class _Rays:
         self._rays = [mi.Point3f(*np.ascontiguousarray(part.T, np.float32)) for part in bundle[:2]]
 
     def light(self, parts, surfaces, paths):
-        """Mean radiance along the rays, over `paths` paths of at most `surfaces` vertices beside the camera."""
+        """Returns the mean radiance along the rays over `paths` paths. surfaces: the most vertices of a path beside the
+        camera."""
         mi = self._mi
         scene = mi.load_dict({"type": "scene", **parts})
         integrator = mi.load_dict({"type": "path", "max_depth": surfaces, "rr_depth": 100})
@@ -151,7 +153,7 @@ def _shape(mi, solid, paint):
 
 
 def _cylinder(mi, solid, paint):
-    """One mesh with its caps: Mitsuba's cylinder is a tube."""
+    """Returns a mesh of the cylinder with its caps, because Mitsuba's cylinder is an open tube."""
     positions, normals, faces = solid.triangles()
     mesh = mi.Mesh(solid.name, len(positions), len(faces), has_vertex_normals=True, props=_with_paint(mi, paint))
     parameters = mi.traverse(mesh)
@@ -190,8 +192,8 @@ def _second(mi, hardware, frame):
 
 
 def _projector(mi, hardware, frame, pose, power):
-    """Mitsuba's projector throws an image on the plane at one metre: its irradiance there, an intensity over z^2 falls
-    with the cube of the cosine."""
+    """Returns Mitsuba's projector. It throws an image of irradiance on the plane at one metre, so that the intensity is
+    multiplied by the cosine's third power."""
     width, height = _FINE * PATTERN_WIDTH, _FINE * PATTERN_HEIGHT
     focal = _FINE * hardware.emitter.K[0, 0]
     x, y = np.meshgrid((np.arange(width) + 0.5 - 0.5 * width) / focal, (np.arange(height) + 0.5 - 0.5 * height) / focal)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""More frames of a world: what a user records who follows the tool's advice, or does something else instead."""
+"""Adds frames to a world, as a user records them who follows the tool's advice or makes another choice."""
 
 from dataclasses import replace
 
@@ -25,8 +25,8 @@ CHOICES = {
 
 
 def more_frames(frames, change):
-    """The frames, and after them the changed ones of every train view; repeats: as many more of each; views: so many
-    like the first frame from other places instead."""
+    """Returns the frames, followed by a changed copy of every train view. change["repeats"]: that many more of each
+    view; change["views"]: that many new poses with the first frame's settings, instead."""
     if "views" in change:
         rng = np.random.Generator(np.random.PCG64([_SEED, len(frames)]))
         new = [replace(frames[0], camera_to_world=random_pose(rng), repeat_group=None) for _ in range(change["views"])]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From radiance on the subpixel grid to light on pixels: blur, stray light, shading."""
+"""Turns radiance on the subpixel grid into light on pixels: blur, stray light, shading."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -13,8 +13,8 @@ _GLARE_SIGMA_PX, _WINDOW_PX = 45.0, 11.0
 
 
 def on_pixels(layers, frame, side, hidden, rig):
-    """(own projector, sky and lamp, second projector) [HEIGHT][WIDTH]: irradiance on the sensor in units of
-    radiance."""
+    """Returns three images [HEIGHT][WIDTH] of irradiance on the sensor, in units of radiance: own projector, sky and
+    lamp, second projector."""
     direct, indirect = layers.direct, layers.indirect
     if "chromatic_drift" in hidden:
         p = hidden["chromatic_drift"]
@@ -39,7 +39,7 @@ def _through_lens(fine, side, hidden, rig):
     if "window_haze" in hidden:
         h = hidden["window_haze"]["fraction"]
         image = (1 - h) * image + h * _halo(image)
-    if "veiling_glare" in hidden:  # Half of it wide but not even.
+    if "veiling_glare" in hidden:  # Half of the glare is a wide but uneven blur.
         g = hidden["veiling_glare"]["fraction"]
         image = (1 - g) * image + 0.5 * g * (
             image.mean() + gaussian_filter(image, _GLARE_SIGMA_PX, mode="reflect", truncate=2.5)
@@ -52,7 +52,7 @@ def _through_lens(fine, side, hidden, rig):
 
 
 def shading(side, hidden, rig):
-    """The lens transmission relative to that on its axis, [HEIGHT][WIDTH]."""
+    """Returns the lens transmission relative to that on its axis, [HEIGHT][WIDTH]."""
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float64)
     r2 = ((u - (WIDTH - 1) / 2) ** 2 + (v - (HEIGHT - 1) / 2) ** 2) / rig.focal_px**2
     shading = np.ones((HEIGHT, WIDTH))
@@ -65,14 +65,15 @@ def shading(side, hidden, rig):
 
 
 def _aside(image, fraction, shift_u_px, shift_v_px):
-    """The image moved right and down, dark beyond the frame, its Fourier components turned in phase."""
+    """Returns the image moved right and down by real numbers of pixels (a phase shift in Fourier space), dark beyond
+    the frame."""
     wide = np.pad(image, 24)
     phase = shift_u_px * np.fft.fftfreq(wide.shape[1]) + shift_v_px * np.fft.fftfreq(wide.shape[0])[:, None]
     return np.fft.ifft2(np.fft.fft2(wide) * np.exp(-2j * np.pi * phase)).real[24:-24, 24:-24]
 
 
 def _blurred(fine, diameter_px):
-    """By a disc, diameter in pixels, on the subpixel grid; the picture's border repeats outside."""
+    """Blurs an image on the subpixel grid by a disc of the given diameter in pixels; the border reflects."""
     radius = 0.5 * diameter_px * (fine.shape[0] // HEIGHT)
     if radius < 0.2:
         return fine
@@ -84,7 +85,7 @@ def _blurred(fine, diameter_px):
 
 
 def _halo(image):
-    """Forward scattering of a dirty window: exp(-r / length)."""
+    """Blurs the image by forward scattering of a dirty window, exp(-r / length)."""
     half = int(4 * _WINDOW_PX)
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
     kernel = np.exp(-np.hypot(x, y) / _WINDOW_PX)

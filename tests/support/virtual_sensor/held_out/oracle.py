@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bounds that the best model could reach on a world: its own noise, and the error while the hidden effects are left
-out."""
+"""Computes the bounds that the best model could reach on a world: its own noise, and the error without the hidden
+effects."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ SIDES = ("left", "right")
 
 
 def errors(world, images):
-    """{split: {floor_dn, before_dn, ratio}}: RMSE of the truth, and of the world without its hidden effects after
-    fitting projector scale, ambient scale and black level on the train frames; ratio: root of the excess square, over
-    the floor."""
+    """Returns {split: {floor_dn, before_dn, ratio}}. floor_dn: RMSE of the true model. before_dn: RMSE without hidden
+    effects, after projector scale, ambient scale and black level are fitted to the train frames. ratio: root of the
+    excess square, over the floor."""
     scales = _fit(world, images)
     figures = {}
     for split in ("train", "test"):
@@ -35,7 +35,7 @@ def errors(world, images):
 
 
 def ratio_alone(world, name, floor_dn):
-    """errors()' ratio on test frames if the world hid this one of its effects alone."""
+    """Returns errors()' ratio on test frames as if the world hid only the effect `name`."""
     hidden = {name: world.hidden[name]}
     images = {(frame.id, side): world.expected(frame, side, hidden) for frame in world.frames for side in SIDES}
     scales, tests = (
@@ -62,18 +62,18 @@ def _columns(world, frame, side):
 
 
 def scored_parameters(world):
-    """{effect: {parameter: value}} that a tool can be held to, under the names of the catalogue's physics."""
+    """Returns {hidden effect: {parameter: true value}} on which a tool is scored; parameters are the lab library's."""
     return {name: _scored(world, name, dict(values)) for name, values in world.hidden.items()}
 
 
 def _best_power(x, y, exponents):
-    """The one of the exponents e with which a multiple of x^e fits y best."""
+    """Returns the exponent e among `exponents` whose multiple of x^e fits y best."""
     misfit = [np.sum((y - x**e * (y @ x**e) / (x**e @ x**e)) ** 2) for e in exponents]
     return exponents[int(np.argmin(misfit))]
 
 
 def _scored(world, name, values):
-    if name == "response_gamma":  # The power law that fits the true curve best over the first frame's own signal.
+    if name == "response_gamma":  # The power law that best fits the true curve over the first frame's own signal.
         signal = world.expected(world.frames[0], "left", {}) - world.sensor.black_dn
         x = signal[signal > 0.5]
         return {"log_exponent": float(np.log(_best_power(x, tone(x, values["curvature"]), np.linspace(0.3, 1.2, 181))))}
@@ -82,14 +82,12 @@ def _scored(world, name, values):
             shading("left", {name: {"exponent": n}}, world.rig).ravel() for n in (values["exponent"], 2.0)
         )
         return {"exponent": 2.0 * float(_best_power(squared_cosine, falloff, np.linspace(0.0, 4.0, 801)))}
-    if name == "gain_error":  # As a power of the nominal gain.
+    if name == "gain_error":  # The gain's error as a power of the nominal gain.
         gain = max(frame.gain for frame in world.frames)
         return {"log_gain": float(np.log1p(values["error"]) / np.log(gain))}
     if name == "projector_defocus":  # The radius; hidden is the diameter of the disc of equal second moment.
         return {"aperture_px_m": values["aperture_px_m"] / 2}
-    if (
-        name == "subsurface"
-    ):  # The rms distance along one axis; hidden is the length of exp(-r / length) over the surface.
+    if name == "subsurface":  # The rms distance along one axis; hidden is the length of exp(-r / length).
         return {"length_m": float(np.sqrt(3.0) * values["length_m"])}
     main = {
         "flicker_banding": ("depth",),

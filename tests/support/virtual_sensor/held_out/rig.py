@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rig and the eight frames of a held-out case: true values, and the calibration that the user believes."""
+"""Draws the rig and the eight frames of a held-out case: true values, and the calibration that the user believes."""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,8 @@ FOCAL_SURVEY = 1e-3
 
 @dataclass(frozen=True)
 class Rig:
-    """Both cameras have one focal length; the projector and the right camera stand on the left camera's x axis."""
+    """The stereo rig. Both cameras have one focal length; the projector and the right camera stand on the left camera's
+    x axis."""
 
     focal_px: float
     baseline_m: float
@@ -31,7 +32,8 @@ class Rig:
 
 @dataclass(frozen=True)
 class Frame:
-    """camera_to_world: the left camera at mid-exposure; twist: body velocity [v, w] in its frame."""
+    """The settings of one frame. camera_to_world: the left camera's pose at mid-exposure, 4x4; twist: body velocity [v,
+    w] in its frame."""
 
     id: int
     camera_to_world: np.ndarray
@@ -68,10 +70,11 @@ def believed(rig, rng, amount):
 
 
 def draw_frames(rng, moving_exposure=1 / 8):
-    """Two poses with repeat, projector off and half exposure; two moving; warm at both poses. Test: a moving and a warm
-    one.
+    """Draws the frames: two train poses with repeat, projector off and half exposure, two moving frames, and warm
+    frames at both poses. The test frames are a moving and a warm one.
 
-    moving_exposure: of the moving frames, in units of the others; their gain makes up for it."""
+    moving_exposure: exposure of the moving frames relative to the others'; their gain makes up for it.
+    """
     poses = [random_pose(rng) for _ in range(4)]
     exposure = rng.uniform(0.0035, 0.0045)
     moving = {"exposure_s": exposure * moving_exposure, "gain": round(1 / moving_exposure, 4)}
@@ -91,12 +94,12 @@ def draw_frames(rng, moving_exposure=1 / 8):
 
 
 def random_pose(rng):
-    """Camera-to-world from somewhere in front of the table, towards its middle."""
+    """Draws a camera-to-world pose in front of the table, looking towards its middle."""
     return look_at(*_eye_and_target(rng))
 
 
 def look_at(eye, target):
-    """Camera-to-world: x right, y down, z forward, world y up."""
+    """Returns the 4x4 camera-to-world pose at `eye` looking at `target`: x right, y down, z forward, world y up."""
     eye, target = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
     z = (target - eye) / np.linalg.norm(target - eye)
     x = np.cross(z, [0.0, 1.0, 0.0])
@@ -107,7 +110,8 @@ def look_at(eye, target):
 
 
 def moved(pose, twist, times):
-    """Poses [n][4][4] of a body `times` seconds after `pose`, under a constant twist [v, w] in its own frame."""
+    """Returns the poses [n][4][4] of a body `times` seconds after `pose`, under a constant twist [v, w] in its own
+    frame."""
     v, w = np.asarray(twist[:3], dtype=np.float64), np.asarray(twist[3:], dtype=np.float64)
     times = np.atleast_1d(np.asarray(times, dtype=np.float64))
     speed = np.linalg.norm(w)
@@ -121,8 +125,8 @@ def moved(pose, twist, times):
 
 
 def _exponential_coefficients(speed, t):
-    """The coefficients of K and K^2 in the exponential of a twist, and of K^2 v in its translation (Murray, Li and
-    Sastry 1994, 2.36)."""
+    """Returns the coefficients of K and K^2 in the exponential of a twist, and of K^2 v in its translation (Murray, Li
+    and Sastry 1994, 2.36)."""
     if speed < 1e-9:
         return t, 0.5 * t**2, t**3 / 6
     angle = speed * t
@@ -130,7 +134,8 @@ def _exponential_coefficients(speed, t):
 
 
 def draw_pattern(rng):
-    """Relative intensity 0..1: round dots on a jittered hexagonal grid, the four strengths of a multi-level element."""
+    """Draws the pattern's relative intensity 0..1: round dots on a jittered hexagonal grid, with the four strengths of
+    a multi-level element."""
     pitch = rng.uniform(7.6, 9.0)
     rows, columns = int(PATTERN_HEIGHT / (0.866 * pitch)) + 1, int(PATTERN_WIDTH / pitch) + 1
     image = np.full((PATTERN_HEIGHT, PATTERN_WIDTH), 0.015)
@@ -158,7 +163,8 @@ def _eye_and_target(rng):
 
 
 def _twist(rng):
-    """Mostly sideways, up to 0.8 m/s and 1.5 rad/s; both turn the picture the same way."""
+    """Draws a twist (v, w), mostly sideways, up to 0.8 m/s and 1.5 rad/s. The sideways motion and the turn move the
+    picture the same way."""
     side = rng.choice([-1, 1])
     v = np.array([side * rng.uniform(0.5, 0.8), rng.uniform(-0.4, 0.4), rng.uniform(-0.2, 0.2)])
     w = np.array([rng.uniform(-0.6, 0.6), side * rng.uniform(0.8, 1.5), rng.uniform(-0.4, 0.4)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws table-top scenes, and what a user would measure of one."""
+"""Draws table-top scenes, and the scene that a user would measure with errors."""
 
 from dataclasses import replace
 
@@ -17,7 +17,8 @@ POSITION_M, TILT_RAD, ALBEDO = 1e-3, np.radians(0.25), 0.03
 
 
 def draw_scene(rng):
-    """Table, wall, two boxes, ball, standing can, lying pipe: y is up, the table's top is y = 0."""
+    """Draws a scene's solids: table, wall, two boxes, ball, standing can, lying pipe. y is up; the table's top is y =
+    0."""
     table = Tiles("table", (0.0, 0.0, -0.1), (0.0, 0.0, 0.8), (1.3, 0.0, 0.0), _tile_albedo(rng, 30, 48))
     wall = Tiles(
         "wall", (0.0, 0.5, rng.uniform(-0.8, -0.65)), (1.3, 0.0, 0.0), (0.0, 0.55, 0.0), _tile_albedo(rng, 44, 12)
@@ -39,7 +40,8 @@ def texel_spacing(solids):
 
 
 def measured_solids(solids, rng, amount):
-    """The scene as measured with errors: places, angles about the vertical (planes: tilts) and albedos."""
+    """Returns the solids as measured with errors in their places, angles about the vertical (planes: tilts) and
+    albedos. amount: the errors' size, 1 = usual."""
     return tuple(_measured(solid, rng, amount) for solid in solids)
 
 
@@ -62,7 +64,7 @@ def _measured(solid, rng, amount):
 
 
 def _tilted(edge, other, angle):
-    """The edge turned out of the plane about the other one."""
+    """Returns the vector `edge` turned out of the plane of both, about `other`, by `angle` radians."""
     edge = np.asarray(edge, dtype=np.float64)
     out = np.cross(edge, other)
     out *= np.linalg.norm(edge) / np.linalg.norm(out)
@@ -70,7 +72,8 @@ def _tilted(edge, other, angle):
 
 
 def _tile_albedo(rng, rows, columns):
-    """Patches of four shades: a third of the tiles copy their neighbour."""
+    """Draws tile albedos [rows][columns] in four shades; a third of the tiles copy their neighbour, which makes
+    patches."""
     shades = rng.uniform((0.08, 0.25, 0.45, 0.7), (0.2, 0.4, 0.65, 0.88))
     grid = rng.choice(shades, (rows, columns))
     copies = rng.random((rows, columns)) < 0.33
@@ -106,5 +109,5 @@ def _pipe(rng, x, z):
 
 
 def gltf_pieces(solids):
-    """One solid per glTF node, each of one material."""
+    """Splits the solids into pieces of one material each, one for each glTF node."""
     return [piece for solid in solids for piece in (solid.pieces() if isinstance(solid, Tiles) else [solid])]

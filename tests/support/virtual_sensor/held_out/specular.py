@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A glossy coat on some of the solids: Beckmann facets under Schlick's Fresnel term (the product uses GGX)."""
+"""Adds a glossy coat to some of the solids: Beckmann facets under Schlick's Fresnel term (the product uses GGX)."""
 
 import numpy as np
 
@@ -9,7 +9,8 @@ _LOBE = 4
 
 
 def glints(world, frame, directions, points, normals, index, poses, row, ambient):
-    """(projector's glint, reflected sky and surroundings, share of the diffuse light that is left) per hit."""
+    """Returns for each hit: the projector's glint, the reflected sky and surroundings, and the share of diffuse light
+    that is left."""
     p = world.hidden["specular"]
     dots, sky, keep = np.zeros(len(points)), np.zeros(len(points)), np.ones(len(points))
     glossy = np.flatnonzero(np.isin(index, [i for i, s in enumerate(world.solids) if world.is_glossy(s)]))
@@ -45,7 +46,7 @@ def _projector_glint(world, frame, points, n, view, poses, row, f0, roughness, e
 
 
 def _surroundings(world, points, normals, directions, ambient, roughness):
-    """Radiance from around the mirror direction under the sky: four rays on the lobe's cone."""
+    """Returns radiance from around the mirror direction, under the sky, by four rays on the lobe's cone."""
     mirror = directions - 2 * np.einsum("ij,ij->i", directions, normals)[:, None] * normals
     total = np.zeros(len(points))
     for k in range(_LOBE):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light that leaves the scene towards the camera: one radiance image per light source on the subpixel grid."""
+"""Computes the light that leaves the scene towards the camera: one radiance image per light source on the subpixel
+grid."""
 
 from dataclasses import dataclass, replace
 
@@ -17,8 +18,9 @@ _RING = 12
 
 @dataclass(frozen=True)
 class Layers:
-    """Radiance [rows][columns]: projector straight off a surface and otherwise (power 1), sky of radiance 1, a second
-    projector (its own power), lamp; depth in metres, 0 where nothing was hit."""
+    """Radiance images [rows][columns] by light source, and depth. direct, indirect: the projector's light straight off
+    a surface and otherwise, at power 1; sky: of radiance 1; other: a second projector at its own power. depth: metres,
+    0 = no hit."""
 
     direct: np.ndarray
     indirect: np.ndarray
@@ -28,14 +30,15 @@ class Layers:
     depth: np.ndarray
 
     def map(self, function):
-        """Maps the lights; depth stays."""
+        """Applies a function to each light image; depth stays."""
         return replace(
             self, **{name: function(getattr(self, name)) for name in ("direct", "indirect", "sky", "other", "lamp")}
         )
 
 
 def shade(world, frame, camera_rays, shape, bounced, ambient):
-    """Layers of a bundle of rays. world: solids, rig, emitter, hidden, lightmap; bounced, ambient: lightmap values."""
+    """Returns the Layers that a bundle of rays sees. world: the scene's Hardware; bounced, ambient: lightmap values;
+    shape: (rows, columns)."""
     origins, directions, row, poses = camera_rays
     t, normal, index = closest(world.solids, origins, directions)
     lights = _lights(world, frame, origins, directions, row, poses, (t, normal, index), bounced, ambient)
@@ -48,14 +51,14 @@ def shade(world, frame, camera_rays, shape, bounced, ambient):
 
 
 def depth_along(camera_rays, t, index):
-    """Depth [n] of what the rays meet at t, 0 where that is nothing."""
+    """Returns the depth [n] of the rays' hits at distance t, 0 without a hit (index -1)."""
     _, directions, row, poses = camera_rays
     return np.where(index >= 0, np.where(index >= 0, t, 0.0) * axis_cosine(directions, poses, row), 0.0)
 
 
 def projector_irradiance(world, frame, points, normals, poses, row, coarse=False):
-    """Irradiance / pi at points [n][3] from the rig's projector; poses[row] is the left camera's at each point's
-    time."""
+    """Returns irradiance / pi at points [n][3] from the rig's projector. poses[row]: the left camera's pose at each
+    point's time."""
     centre = _projector_centres(world, poses, row)
     way = points - centre
     local = np.einsum("nji,nj->ni", poses[row, :3, :3], way)
@@ -80,7 +83,7 @@ def _clear_solids(world):
 
 
 def _lights(world, frame, origins, directions, row, poses, hits, bounced, ambient):
-    """[direct, indirect, sky, other, lamp] along the rays."""
+    """Returns the radiances [direct, indirect, sky, other, lamp] along the rays."""
     t, normal, index = hits
     count = len(directions)
     lights = [np.zeros(count) for _ in range(5)]
@@ -122,7 +125,8 @@ def _direct(world, frame, points, normals, index, poses, row):
 
 
 def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
-    """Light enters around where it leaves, with density exp(-r / length) over the tangent plane."""
+    """Returns irradiance / pi that leaves points of a translucent surface: light enters around them, with density exp(-r / length_m) over the
+    tangent plane."""
     helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     tangent = np.cross(helper, normals)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
@@ -138,7 +142,7 @@ def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
 
 
 def _gamma2_quantile(p):
-    """The quantile of the density r exp(-r), by Newton's method."""
+    """Returns the quantile p of the density r exp(-r), by Newton's method."""
     r = 1.7
     for _ in range(30):
         r -= (1 - (1 + r) * np.exp(-r) - p) / (r * np.exp(-r))
@@ -147,8 +151,8 @@ def _gamma2_quantile(p):
 
 
 def second_unit_poses(rig, poses, on_rig, beside_m, yaw_rad):
-    """The second unit's projector to the world, of each pose of the left camera [n][4][4]: mounted beside, or standing
-    in the room."""
+    """Returns the second unit's projector-to-world pose for each pose of the left camera, [n][4][4]. on_rig: above 0 it
+    is mounted beside the first unit, else it stands in the room."""
     if on_rig <= 0:
         return np.broadcast_to(look_at((np.sign(beside_m) * 0.45, 0.5, 0.45), (0.0, 0.05, -0.25)), poses.shape)
     turn = np.array([[np.cos(yaw_rad), 0, np.sin(yaw_rad)], [0, 1, 0], [-np.sin(yaw_rad), 0, np.cos(yaw_rad)]])
@@ -159,7 +163,7 @@ def second_unit_poses(rig, poses, on_rig, beside_m, yaw_rad):
 
 
 def _second_projector(world, frame, points, normals, poses, row, power, on_rig, beside_m, yaw_rad):
-    """Light of another unit with the same pattern."""
+    """Returns irradiance / pi at points from another unit's projector with the same pattern."""
     placed = second_unit_poses(world.rig, poses, on_rig, beside_m, yaw_rad)
     centre, rotation = placed[:, :3, 3][row], placed[:, :3, :3][row]
     way = points - centre
@@ -174,7 +178,8 @@ def _second_projector(world, frame, points, normals, poses, row, power, on_rig, 
 
 
 def _lamp(world, points, normals, strength):
-    """A small lamp on one side; irradiance / pi is `strength` at one metre, facing it."""
+    """Returns irradiance / pi at points from a small lamp on one side. strength: irradiance / pi at one metre, facing
+    the lamp."""
     position = np.asarray(LAMP_POSITION)
     way = position - points
     distance = np.linalg.norm(way, axis=1)
@@ -185,7 +190,7 @@ def _lamp(world, points, normals, strength):
 
 
 def _seen_through(world, frame, camera_rays, hits, lights, bounced, ambient):
-    """Thin clear walls: a share of what is behind joins what the surface itself shows."""
+    """Adds a share of the light behind thin clear walls to the light that the walls themselves show."""
     origins, directions, row, poses = camera_rays
     share = world.hidden["transmission"]["share"]
     for i, solid in enumerate(world.solids):
