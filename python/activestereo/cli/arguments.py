@@ -210,8 +210,8 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
 def add_shared(
     parser: argparse.ArgumentParser | argparse._ArgumentGroup, **said: str | bool | Mapping[str, Any]
 ) -> None:
-    """Adds options of _SHARED to a parser, in the order given. Each keyword names an option; its value is True, the
-    words that fill the help text's %s, or argparse keywords that override the option's own."""
+    """Adds options of _SHARED to a parser, in the order given. Each keyword names an option. Its value is True, words
+    that replace the help text's %s, or argparse keywords that override the option's own."""
     for name, words in said.items():
         names, option = _SHARED[name]
         own = words if isinstance(words, Mapping) else {}
@@ -232,7 +232,7 @@ def carried(args: argparse.Namespace, *names: str) -> list[Any]:
 
 
 def check_paper(args: argparse.Namespace) -> None:
-    """Raises CommandError before the long work if the file of --pdf or --csv cannot be written."""
+    """Raises CommandError or OSError before the long work if the file of --pdf or --csv cannot be written."""
     for path in (args.pdf, args.csv):
         if path is not None:
             check_out_file(path)
@@ -273,7 +273,7 @@ def real(text: str) -> float:
 
 
 def check_out_file(path: Path) -> None:
-    """Raises CommandError before the long work if no file can be written at `path`."""
+    """Raises CommandError or OSError before the long work if no file can be written at `path`."""
     if path.is_dir():
         raise CommandError(f"{path} is a folder: give the name of a file, such as {path / 'model.json'}")
     if not path.absolute().parent.is_dir():

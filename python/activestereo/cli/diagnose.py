@@ -174,8 +174,8 @@ def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
 
 @contextmanager
 def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
-    """Wraps a diagnosis: Ctrl-C writes a note into `folder` on what is kept and how to go on. A block that ends
-    normally removes the note of an earlier run."""
+    """Wraps a diagnosis: Ctrl-C writes a note into `folder` on the kept results and on how to continue. A block that
+    ends normally removes the note of an earlier run."""
     from activestereo.common.output_files import write_text
     from activestereo.compare.cache import default_cache_folder
 
@@ -193,7 +193,7 @@ def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
 
 
 def _paper(args: argparse.Namespace, diagnosis: Diagnosis) -> list[str]:
-    """Writes the files of --pdf and --csv. Returns lines that name the written files."""
+    """Writes the files of --pdf and --csv. Returns a line for each file, whether it was written or not."""
     from activestereo.report.paper import write_diagnosis_csv, write_diagnosis_pdf
 
     lines, comparison = [], diagnosis.comparison() if args.pdf else None

@@ -64,7 +64,7 @@ def examine() -> dict[str, Any]:
     with suppress(RuntimeError):  # a device that cannot be opened
         renders_on = kuafu.Device().info.name if any(device.usable for device in devices) else None
     free_bytes = None
-    with suppress(OSError, KeyError, ValueError):  # a kernel without /proc/meminfo
+    with suppress(OSError, KeyError, ValueError):  # a system without /proc/meminfo
         fields = dict(line.split(":", 1) for line in read_text("/proc/meminfo").splitlines())
         free_bytes = 1024 * int(fields["MemAvailable"].split()[0])
     cache = LayerCache()
@@ -106,7 +106,7 @@ def _words(found: dict[str, Any]) -> str:
 
 
 def _blas() -> str | None:
-    """Returns the path of the BLAS library that NumPy has loaded, or None if the kernel does not tell."""
+    """Returns the path of the BLAS library that NumPy has loaded, or None if the kernel does not list it."""
     import numpy.linalg  # noqa: F401 -- loads it
 
     try:

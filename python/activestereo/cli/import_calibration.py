@@ -27,7 +27,7 @@ _MOST_ROWS_PX = 0.5
 
 def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[DeviceText, list[str]]:
     """Returns (calibration, lines on assumptions) for images of size (width, height): --calibration's, else --k and
-    --baseline. The preset of --sensor supplies what is not given."""
+    --baseline. The preset of --sensor fills in missing figures."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.capture import Camera
     from activestereo.capture.importers.realsense_text import DeviceText
@@ -129,7 +129,7 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
 
 
 def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:
-    """Detects the order of the cameras from up to three pairs. Raises CommandError if left and right are swapped.
+    """Returns the order of the cameras, found in up to three pairs. Raises CommandError if left and right are swapped.
     are_exchanged: --swap was given; offset_px: right cx minus left cx."""
     from activestereo.capture.images import read_gray
     from activestereo.compare.camera_order import camera_order

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Detects known failures of a Vulkan set-up and names the remedy: missing loader, driver, library or device, a
-container without graphics capability, a render node without permission."""
+"""Detects known failures of a Vulkan set-up and names the remedy. They are a missing loader, driver, library or device,
+a container without graphics capability, and a render node without permission."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports for people: pictures and browser pages of comparisons, diagnoses and simulated frames.
+"""Writes reports for people: pictures and browser pages of comparisons, diagnoses and simulated frames.
 
 write           compare.json, compare.png and report.html of a comparison, with a diagnosis beside it
 write_diagnosis diagnose.json and model.json

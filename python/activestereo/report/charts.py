@@ -90,8 +90,8 @@ def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[
 
 
 def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
-    """Plots RMSE and mean residual in bins of each covariate (such as depth or radius), with 95 % intervals and the
-    noise floor, one panel per table. unit: the residual's."""
+    """Plots RMSE and mean residual in bins of each covariate, such as depth or radius, with 95 % intervals and the
+    noise floor. Each table gets a panel. unit: the residual's."""
     columns = min(len(tables), _COLUMNS)
     rows = -(-len(tables) // columns)
     height_in = 2.35 * rows + _LEGEND_IN

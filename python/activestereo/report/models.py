@@ -105,8 +105,8 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
 
 
 def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
-    """Returns the model with an effect added, or the model unchanged if the effect or its parameters are unknown, so
-    that the report shows the rest."""
+    """Returns the model with an effect added. If the effect or its parameters are unknown it returns the model
+    unchanged, so that the report shows the rest."""
     try:
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):

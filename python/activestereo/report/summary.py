@@ -76,8 +76,8 @@ def is_near_noise(scores: Mapping[str, Any]) -> bool:
 
 
 def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
-    """Returns sentences, most important first: warnings, the kind and place of the model's error, the error's change by
-    its effects, and families of effects that cause such an error."""
+    """Returns sentences, most important first: warnings, the error's kind and place, its change by the model's effects,
+    and families of effects that cause such an error."""
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
     if shape is None or not scores["regions"].get("infrared", {}).get("is_explainable", True):
@@ -125,8 +125,8 @@ def _gain(place: Mapping[str, Any]) -> float:
 
 
 def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Returns the region below the value at which the mean error changes its sign; None if the mean makes less than
-    half of the error. table: one covariate's bins."""
+    """Returns the region below the value at which the mean error changes its sign, or None if the mean makes too little
+    of the error. table: one covariate's bins."""
     bins, low = table["bins"], _PLACES[table["covariate"]][0]
     sums = [b["pixels"] * b["mean"] for b in bins]
     parts = [(sum(sums[:i]), sum(sums[i:]), i) for i in range(1, len(bins))]

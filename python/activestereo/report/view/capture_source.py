@@ -100,8 +100,6 @@ class CaptureSource:
             self._exposures[frame_id] = self._exposure(frame_id)
         return self._exposures[frame_id]
 
-    # ---- inside ----
-
     def _exposure(self, frame_id: int) -> Exposure:
         """Builds exposure(). Radiance is in counts of the room's light, the unit of the scene's lamps too."""
         frame, model = self._frame(frame_id), self._model()

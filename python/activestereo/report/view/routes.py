@@ -90,7 +90,7 @@ class Routes:
         return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
-        """Saves the sensor under the page's settings as a model. Answers with its path and the simulate options that it
+        """Saves the sensor under the page's settings as a model. Answers with its path and a remark on settings that it
         cannot hold."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)

@@ -61,8 +61,6 @@ class SceneSource:
         colour_to_left = CAMERA_TO_BODY.T @ as_matrix(self._config.trans_pose_l) @ CAMERA_TO_BODY
         return Exposure(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
 
-    # ---- inside ----
-
     @computed_once
     def _scene(self) -> kuafu.Scene:
         scene = kuafu.Scene(self._device)

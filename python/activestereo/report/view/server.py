@@ -165,8 +165,6 @@ class _Handler(BaseHTTPRequestHandler):
     def version_string(self) -> str:
         return "activestereo"
 
-    # ---- inside ----
-
     def _answer(self, make: Callable[[str], tuple[bytes, str]]) -> None:
         try:
             content, kind = make(self.server.guard.inner_path(self.path, self.headers))

@@ -70,7 +70,8 @@ class Settings:
         return config, self.in_model(model)
 
     def in_model(self, model: SensorModel) -> SensorModel:
-        """Returns the model with these settings' surfaces and effects in place of its own."""
+        """Returns the model with these settings' effects and surface values. If `effects` is None the model keeps its
+        own effects."""
         known = {entry.effect.id: entry for entry in model.effects}
         if self.effects is not None:
             model = replace(model, effects=())
