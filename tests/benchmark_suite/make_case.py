@@ -13,7 +13,7 @@ from virtual_sensor.held_out.mitsuba_case import MitsubaCase
 def make_case(item, capture_folder, key_path, scene_errors, more=None, elsewhere=None):
     """Writes the capture and the answer key of an Item, whole or not at all, and returns the key.
 
-    scene_errors: errors of the believed scene in units of the usual ones. more: a change of frames recorded beside the
+    scene_errors: size of the errors in the believed scene, 1 = usual. more: a change of frames recorded beside the
     usual ones (see more.py). elsewhere: (folder, seed) for a capture of another scene by the same sensor.
     """
     hidden, moving_exposure = item.draw()

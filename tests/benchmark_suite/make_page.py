@@ -3,12 +3,12 @@
 """Writes the benchmark suite's README.md from results/*.json.
 
     python3 tests/benchmark_suite/make_page.py            # writes it
-    python3 tests/benchmark_suite/make_page.py --check    # fails where it is not what the results say
+    python3 tests/benchmark_suite/make_page.py --check    # fails if it differs from the results
 
-results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number of
-answered test cases n, and a note on those that were not; mitsuba.json has those of another renderer's worlds and
-next.json what run_next.py printed, both of the search before this one; practice.json is of practice.py; causes.json
-says what goes wrong.
+results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number n of
+answered test cases, and a note on unanswered ones. mitsuba.json has those of worlds that Mitsuba renders, and
+next.json the output of run_next.py; both are from the search before this one. practice.json is the output of
+practice.py. causes.json explains wrong answers.
 """
 
 import json

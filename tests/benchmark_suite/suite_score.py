@@ -10,8 +10,8 @@ from suite_sets import OUTSIDE
 
 # {library's name: the case's name} of the same physics: a case's ambient infrared light is a lamp in the room.
 SAME_PHYSICS = {"external_light": "ambient_ir"}
-# An effect counts as detectable where it leaves this much error on test frames above the noise floor, in noise
-# variances.
+# An effect is detectable if the error above the noise floor that it leaves on test frames has this ratio to the
+# noise floor (see oracle.py).
 DETECTABLE = 0.5
 
 

@@ -36,7 +36,7 @@ class Light:
 @dataclass(frozen=True)
 class View:
     """Describes how an image was taken. time_s: time of its middle row; row_time_s: from one row to the next; max_dn:
-    full scale above the black level; depth: z in this camera in metres, 0 = unknown, None without depth."""
+    full scale above the black level. depth: z in this camera in metres, 0 = unknown, None without depth."""
 
     K: NDArray[np.float64]
     is_right: bool

@@ -16,7 +16,7 @@ from activestereo.capture.capture import SIDES, Capture
 
 ROUNDING = 1.0 / 12.0  # variance in DN^2 of rounding to whole DN
 _BINS, _FEWEST = 16, 64
-_BLOCK = 4  # of second differences to each side, of which the quietest blocks show the noise
+_BLOCK = 4  # side of a block, in second differences; the quietest blocks show the noise
 _QUIET = 0.1
 
 

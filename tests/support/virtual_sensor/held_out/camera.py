@@ -42,7 +42,7 @@ def _directions(rig, frame, side, hidden, u, v):
         fx, fy = fx * growth, fy * growth
     if "principal_point_offset" in hidden and side == "right":
         cx, cy = cx + hidden["principal_point_offset"]["cx_px"], cy + hidden["principal_point_offset"]["cy_px"]
-    if "rectification_resampling" in hidden:  # The raw grid lies off the rectified one.
+    if "rectification_resampling" in hidden:  # The raw pixel grid is offset from the rectified one.
         u, v = (
             u + hidden["rectification_resampling"]["phase_u_px"],
             v + hidden["rectification_resampling"]["phase_v_px"],
@@ -60,7 +60,7 @@ def _directions(rig, frame, side, hidden, u, v):
     if "thin_prism" in hidden:  # A wedge deflects the ray itself.
         p, r2 = hidden["thin_prism"], x * x + y * y
         x, y = x - p["s1"] * r2, y - p["s3"] * r2
-    if "imager_tilt" in hidden:  # Each point of the imager lies nearer to the lens, or farther, by its own height.
+    if "imager_tilt" in hidden:  # A tilt moves each point of the imager towards the lens or away from it.
         p = hidden["imager_tilt"]
         depth = 1.0 - x * np.sin(p["tau_y_rad"]) + y * np.sin(p["tau_x_rad"])
         x, y = x * np.cos(p["tau_y_rad"]) / depth, y * np.cos(p["tau_x_rad"]) / depth
@@ -97,7 +97,7 @@ def _poses_by_row(frame, side, hidden, dt_s, sub):
         times += hidden["rolling_shutter"]["line_time_s"] * row
     if side == "right" and "exposure_desync" in hidden:
         times += hidden["exposure_desync"]["delay_s"]
-    if side == "right" and "row_desync" in hidden:  # Delay that grows from the middle both ways: no shutter's law.
+    if side == "right" and "row_desync" in hidden:  # The delay grows from the middle row both ways, as no shutter does.
         times += hidden["row_desync"]["delay_s"] * (2 * row / HEIGHT) ** 2
     if not frame.is_moving or not times.any():
         return np.broadcast_to(frame.camera_to_world, (len(row), 4, 4))

@@ -2,9 +2,9 @@
 """Lists the effects that may be hidden in a world, each at four strengths: single effects, pairs, effects that no
 library has, and depth engine faults.
 
-A level multiplies the scaled parameters. The four levels were measured on trial cases, so that the error they leave on
-test frames over the noise floor, in quadrature, is about TARGETS (see oracle.py). Two effects change the noise itself;
-their levels are chosen.
+A level multiplies the scaled parameters. Trial cases set the levels so that an effect's error on test frames, over the
+noise floor and in quadrature, is about TARGETS (see oracle.py). Two effects change the noise itself; their levels are
+chosen.
 """
 
 from dataclasses import dataclass, field

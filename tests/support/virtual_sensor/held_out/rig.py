@@ -125,8 +125,8 @@ def moved(pose, twist, times):
 
 
 def _exponential_coefficients(speed, t):
-    """Returns the coefficients of K and K^2 in the exponential of a twist, and of K^2 v in its translation (Murray, Li
-    and Sastry 1994, 2.36)."""
+    """Returns the coefficients of K and K^2 in a twist's exponential, and of K^2 v in its translation (Murray, Li and
+    Sastry 1994, 2.36)."""
     if speed < 1e-9:
         return t, 0.5 * t**2, t**3 / 6
     angle = speed * t

@@ -12,7 +12,7 @@ from virtual_sensor.tiles import Tiles
 TEXEL_M = {"table": 0.022, "wall": 0.04}
 OBJECT_TEXEL_M = 0.013
 CLEARANCE_M = 0.02
-# SceneMeasurement errors: the tolerance, to both sides.
+# Tolerances of the believed scene: errors are drawn up to these values to both sides.
 POSITION_M, TILT_RAD, ALBEDO = 1e-3, np.radians(0.25), 0.03
 
 

@@ -19,7 +19,7 @@ _RING = 12
 @dataclass(frozen=True)
 class Layers:
     """Radiance images [rows][columns] by light source, and depth. direct, indirect: the projector's light straight off
-    a surface and otherwise, at power 1; sky: of radiance 1; other: a second projector at its own power. depth: metres,
+    a surface and otherwise, at power 1. sky: of radiance 1. other: a second projector at its own power. depth: metres,
     0 = no hit."""
 
     direct: np.ndarray
@@ -125,8 +125,8 @@ def _direct(world, frame, points, normals, index, poses, row):
 
 
 def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
-    """Returns irradiance / pi that leaves points of a translucent surface: light enters around them, with density exp(-r / length_m) over the
-    tangent plane."""
+    """Returns irradiance / pi that leaves points of a translucent surface. The light enters around them, with density
+    exp(-r / length_m) over the tangent plane."""
     helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     tangent = np.cross(helper, normals)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
