@@ -124,7 +124,8 @@ def read_results(folder, ids):
 
 
 def score(results):
-    """Returns {measures: {name: {value, low, high, n}}}, the same by strength, and the data of the pictures."""
+    """Returns {measures, by_strength, calibration} of the Results. measures: {name: {value, low, high, n}} with 95 %
+    intervals; the other two are the pictures' data."""
     sets = ("single", "pairs", "outside", "none", "depth", "wider", "filters", "mitsuba")
     of = {name: [r for r in results if r.key["set"] == name] for name in sets}
     clear = [r for r in of["single"] if r.detectable]
@@ -274,7 +275,8 @@ def _ece(results):
 
 
 def _by_strength(singles):
-    """Returns {strength: {measures, confusion: {true effect: the first name or other answer}}}."""
+    """Returns {strength: {measure: rate, "confusion": {true effect: the first name or other answer}}} of cases with one
+    effect."""
     table = {}
     for strength in ("below", "weak", "medium", "strong"):
         part = [r for r in singles if strength in r.key["strengths"].values()]

@@ -35,8 +35,8 @@ _DEPTH = "depth"
 
 
 def explorer_section(comparison: Comparison, images: ModelImages, told: ToldErrors) -> str:
-    """Returns the explorer's HTML with its data as a JSON script. images: {model: {(frame id, side): expected DN}} as
-    model_images() returns them; told: told_errors()'s RMSE."""
+    """Returns the explorer's HTML with its data as a JSON script. images: {model: {(frame id, side): expected DN}} from
+    model_images(); told: each model's RMSE from told_errors()."""
     data = explorer_data(comparison, images, told)
     left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
     note = (

@@ -49,7 +49,7 @@ def first_screen(
     """Returns the first screen of a diagnosis as HTML. diagnosis: diagnose.json's contents.
 
     images: expected DN of the models BASE and, if an effect was found, FOUND. Without a comparison or images it has no
-    pictures. steps: commands to paste. told: told_errors()'s RMSE.
+    pictures. steps: commands to paste. told: each model's RMSE from told_errors().
     """
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
     cells = [] if comparison is None or images is None else _pictures(comparison, images, told or {})

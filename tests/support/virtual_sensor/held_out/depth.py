@@ -14,8 +14,8 @@ _PATHS = [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]
 
 
 def device_depth(left, right, focal_px, baseline_m, hidden, earlier=()):
-    """Returns the device's depth in metres, [height][width], 0 = none. earlier: previous pairs, latest first, for a
-    device that averages over time."""
+    """Returns the device's depth in metres, [height][width], 0 = none. hidden: {effect: {parameter: value}}; earlier:
+    previous pairs, latest first, for a device that averages over time."""
     disparity = _matched(left, right, hidden)
     if "temporal_filter" in hidden:
         frames = [disparity, *(_matched(*pair, hidden) for pair in earlier)]

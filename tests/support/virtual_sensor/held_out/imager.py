@@ -37,13 +37,14 @@ def static_rng(sensor, tag, side=None, extra=0):
 
 def expected(sensor, lights, frame, side, hidden, previous=None):
     """Returns the image in DN without temporal noise and rounding, clipped to the range. lights: (projector, ambient,
-    other) images; previous: the residue of the frame before, or None."""
+    other) images; hidden: {effect: {parameter: value}}; previous: the residue of the frame before, or None."""
     charge = _charge(sensor, lights, frame, side, hidden, previous)
     return np.clip(_digital(_read_out(charge, sensor, side, hidden), sensor, frame, hidden, rounded=False), 0, MAX_DN)
 
 
 def exposed(sensor, lights, frame, side, hidden, previous=None, age=0):
-    """Returns one noisy exposure as uint8. age: 0 for the recorded frame, n for the n-th frame before it."""
+    """Returns one noisy exposure as uint8. age: 0 for the recorded frame, n for the n-th frame before it; other
+    arguments are as in expected()."""
     key = [sensor.seed, 1000 + frame.id, 1 + _SIDES.index(side)] + [age] * (age > 0)
     rng = np.random.Generator(np.random.PCG64(key))
     k = 1.0 / sensor.speckle**2

@@ -23,7 +23,7 @@ def faded(lights, origins, directions, t, projector_centres, extinction_per_m):
 
 def backscatter(world, frame, origins, directions, t, row, poses, extinction_per_m):
     """Returns the rig's own beam scattered once, isotropically, towards the camera along each ray. It sums midpoints in
-    log distance and leaves out shadows in the haze."""
+    log distance and leaves out shadows in the haze. t: hit distances in metres, inf for none."""
     centres = (poses[:, :3, 0] * world.rig.projector_x_m + poses[:, :3, 3])[row]
     edges = np.geomspace(_NEAR_M, _FAR_M, _STEPS + 1)
     total = np.zeros(len(directions))

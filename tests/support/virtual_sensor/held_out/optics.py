@@ -14,7 +14,7 @@ _GLARE_SIGMA_PX, _WINDOW_PX = 45.0, 11.0
 
 def on_pixels(layers, frame, side, hidden, rig):
     """Returns three images [HEIGHT][WIDTH] of irradiance on the sensor, in units of radiance: own projector, sky and
-    lamp, second projector."""
+    lamp, second projector. layers: radiance on the subpixel grid; hidden: {effect: {parameter: value}}."""
     direct, indirect = layers.direct, layers.indirect
     if "chromatic_drift" in hidden:
         p = hidden["chromatic_drift"]

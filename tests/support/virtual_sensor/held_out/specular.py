@@ -9,8 +9,8 @@ _LOBE = 4
 
 
 def glints(world, frame, directions, points, normals, index, poses, row, ambient):
-    """Returns for each hit: the projector's glint, the reflected sky and surroundings, and the share of diffuse light
-    that is left."""
+    """Returns for each ray: the projector's glint, the reflected sky and surroundings, and the share of diffuse light
+    that is left. poses[row]: the left camera's pose at each ray's time; ambient: lightmap values."""
     p = world.hidden["specular"]
     dots, sky, keep = np.zeros(len(points)), np.zeros(len(points)), np.ones(len(points))
     glossy = np.flatnonzero(np.isin(index, [i for i, s in enumerate(world.solids) if world.is_glossy(s)]))
