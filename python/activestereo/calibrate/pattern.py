@@ -149,10 +149,11 @@ def calibrate_pattern(
     """Measures the Pattern from a capture whose repeat groups show one flat, matt wall, each group from one distance,
     with the projector on.
 
-    The rig is assumed to be right: `model`'s if it has one, else the capture's nominal one. This concerns K, the
-    baseline, the projector's K and, for one distance, its position. Dots are directions from that rig's cameras, so
-    they are wrong with another rig. Raises ValueError with file, number and remedy: too few or moving repeats, a
-    saturated wall, a distorted lens, a surface that is not flat."""
+    K, the baseline and the projector's K are `model`'s if it has a rig, else the capture's nominal ones. The
+    projector's rotation is always the capture's nominal one, and so is its position for one distance: two distances
+    measure it. Dots are directions from that rig's cameras, so they are wrong with another rig. Raises ValueError with
+    file, number and remedy: too few or moving repeats, a saturated wall, a distorted lens, a surface that is not
+    flat."""
     tell = progress or (lambda fraction: None)
     capture, source = read_capture(path), f"{path}/capture.json"
     if model is not None and model.rig is not None:

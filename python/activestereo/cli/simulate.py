@@ -182,8 +182,9 @@ def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
 
 
 def sensor_config(args: argparse.Namespace, model: SensorModel | None) -> StereoDepthSensorConfig:
-    """Returns the configuration of the model, or without a model that of the --sensor preset, scaled to
-    --resolution."""
+    """Returns the model's configuration, with --sensor's values where it has none; without a model the --sensor preset,
+    scaled to --resolution if given. Raises CommandError if that has another shape than the preset, or a side below
+    32."""
     from activestereo.camera.presets import StereoDepthSensorConfig
 
     if model is not None:

@@ -30,7 +30,8 @@ class GltfWriter:
         }
 
     def set_extras(self, **fields: Any) -> None:
-        """Sets the `extras` of the file's asset, with facts for this project's programs that glTF cannot express."""
+        """Replaces the asset's `extras` by these fields (JSON values): facts for this project's programs that glTF
+        cannot express."""
         self._json["asset"]["extras"] = fields
 
     def add_material(self, name: str, **fields: Any) -> int:

@@ -139,7 +139,8 @@ def places_of(points: Image, pose: NDArray[np.float64], K: NDArray[np.float64]) 
 
 
 def normals_of(points: Image) -> Image:
-    """Computes unit normals, towards the camera, from each point's neighbours two pixels away."""
+    """Returns unit normals towards the camera, float32, of points [height, width, 3] in camera axes: blurred by 1.5 px,
+    then differenced over two pixels each way. The outer two pixels are wrong: they wrap around."""
     smooth = np.dstack([blurred(np.ascontiguousarray(points[..., k]), 1.5) for k in range(3)])
     across, down = (np.roll(smooth, -2, axis) - np.roll(smooth, 2, axis) for axis in (1, 0))
     normal = np.cross(down, across)

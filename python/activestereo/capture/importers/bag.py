@@ -131,7 +131,8 @@ def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None
 
 
 def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
-    """Reads only a bag's calibration. baseline_m and errors are as in extract_bag()."""
+    """Reads a bag's calibration, no images. baseline_m: for a bag that states none. Raises ValueError with the bag and
+    the missing part, or if both baselines exist and differ."""
     found = _Found()
     for topic, kind in topics(path):
         if kind in IMAGES and (stream := stream_of(topic)) is not None:

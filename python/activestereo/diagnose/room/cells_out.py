@@ -57,8 +57,8 @@ class Normal:
 
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
-    """Makes the Block of every view in every band: recorded values of the cells, and the image changes of the columns
-    there."""
+    """Returns the Block of each view and band that has cells: recorded values, and the columns' image changes, 0 where
+    a column does not reach (an effect reaches only judged views)."""
     frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
     frames = {key: frame for key, frame in frames.items() if frame.cells}
     blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
@@ -140,7 +140,8 @@ class _Frame:
         return out
 
     def block(self, light: RoomLight, columns: int) -> Block:
-        """Returns the Block of these cells, with all columns 0."""
+        """Returns the Block of these cells: residual, gain and variance read from `light`, and room for so many
+        columns, all 0 until blocks_of() fills them."""
         floor, share = _ERROR[self.band]
         residual, gain, level = (np.empty(self.seen.shape, np.float32) for _ in range(3))
         for n, k in enumerate(self.images):

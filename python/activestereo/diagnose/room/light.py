@@ -53,8 +53,10 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
 
 
 def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
-    """Returns the expected room light of image k: the slow light of all images, and fine light as far as other views
-    confirm it. Noise and remainders of dots in the fine light would weaken every column that is computed from it."""
+    """Returns the room light expected in image k, DN, [height][width]: the blurred mean of all images at k's places,
+    and fine light, weighted by how well image k agrees with other views. own: each image's light without dots and black
+    level, DN. gain: each image's exposure times lens falloff. Unconfirmed fine light is noise or rests of dots, and
+    would weaken every column computed from it."""
     fine = [image - blur(image, _SLOW_PX) for image in own]
     mean, _ = _mean(room, k, own, gain)
     fine_mean, _ = _mean(room, k, fine, gain)

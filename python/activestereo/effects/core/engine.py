@@ -78,7 +78,7 @@ class EngineCamera:
         self.camera.k = k
 
     def scale_focal(self, factor: float) -> None:
-        """Multiplies both focal lengths by a factor; the principal point stays."""
+        """Multiplies this camera's fx and fy (and skew) by a factor, in place; the principal point stays."""
         k = self.camera.k
         k[:2, :2] *= factor
         self.camera.k = k

@@ -170,8 +170,9 @@ class Shading(Facing):
         return np.where(np.isfinite(z) & self.hit, mean, 0.0)
 
     def light_of_unit(self, intensity_m2: float, unit_points: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Returns the radiance that another projector with the own pattern adds, over the ambient radiance.
-        unit_points: the surface points in its frame; position: its place in camera coordinates."""
+        """Returns the radiance, relative to the ambient radiance, that another projector with this pattern adds,
+        [height][width], without shadows. intensity_m2: its radiant intensity over the ambient radiance, m^2.
+        unit_points: surface points in that projector's frame. position: that projector in camera coordinates."""
         view = self._view
         sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
         _, _, irradiance = self.from_source(position)

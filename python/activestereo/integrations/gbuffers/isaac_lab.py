@@ -50,8 +50,8 @@ class ActiveStereoRenderer(_Forwarding):
         self._cameras[id(render_data)] = _tensor(orientations), float(_tensor(intrinsics)[0, 0, 0])
 
     def read_output(self, render_data: Any, camera_data: Any) -> None:
-        """Reads the source's images and replaces 'depth' by the measured depth. Raises ValueError if the camera lacks
-        one of the data types NEEDS."""
+        """Lets the source fill camera_data.output, then overwrites its 'depth' in place with the stereo camera's depth.
+        Raises ValueError if camera_data.output lacks one of the data types NEEDS."""
         self.source.read_output(render_data, camera_data)
         missing = [name for name in NEEDS if name not in camera_data.output]
         if missing:

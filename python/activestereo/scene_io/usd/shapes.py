@@ -113,8 +113,8 @@ def _primvar(stage: Stage, prim: Any, name: str, cut: Polygons) -> np.ndarray | 
 
 
 def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.ndarray:
-    """Returns unit normals of the face corners [corners, 3]. If there are none, a subdivided mesh gets smooth ones and
-    others the normals of their faces."""
+    """Returns unit normals of the corners of `cut`, [corners, 3], in the mesh's own frame. Without usable authored
+    ones, a mesh with a subdivision scheme gets smooth ones and others those of their faces."""
     found = _primvar(stage, mesh.GetPrim(), "normals", cut)
     if found is None:
         authored = stage.vectors(mesh.GetNormalsAttr())
