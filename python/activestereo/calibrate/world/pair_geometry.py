@@ -62,7 +62,7 @@ def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:
         return PairEstimate(rig.baseline_m, 0.0, 0.0, (np.inf, np.inf, np.inf), True)
     mean = np.median(each, axis=0)
     deviation = each.std(axis=0, ddof=1) / np.sqrt(len(each)) if len(each) > 1 else np.full(3, np.inf)
-    own = abs(mean[0]) * 1.0 < _OWN_PX and abs(mean[1]) < _OWN_PX
+    own = abs(mean[0]) < _OWN_PX and abs(mean[1]) < _OWN_PX
     share = 0.0 if own else float(mean[0]) / rig.left.K[0, 0]
     return PairEstimate(
         rig.baseline_m - share, 0.0 if own else float(mean[1]), float(mean[2]),

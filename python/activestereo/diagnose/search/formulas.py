@@ -55,18 +55,22 @@ def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: f
     """Returns the other effects that explain nearly all that a shape parameter of a named effect changes within its
     typical range. A black level that moves with temperature, for example, stands in for a dark signal's doubling.
     floor: a smaller fall of chi2 is ignored."""
-    space, model, out = linear.solution.space, linear.solution.model, []
+    space, model = linear.solution.space, linear.solution.model
     own, values = next((e, values) for e, values in model.effects if e.id == effect.id)
-    for i, (e, p) in enumerate(space.pairs):
-        if e.id != effect.id or p.neutral == 0.0 or p.choice or not others:
-            continue
+    shapes = [i for i, (e, p) in enumerate(space.pairs) if e.id == effect.id and p.neutral != 0.0 and not p.choice]
+    if not shapes or not others:
+        return []
+    atoms = atoms_of(linear, others, numbers.prior_reach)
+    columns, here = columns_of(linear, atoms, 1), linear.images(model)
+    out: list[str] = []
+    for i in shapes:
+        p = space.pairs[i][1]
         usual = values[p.name] + p.typical
         usual = usual if usual <= p.high else max(values[p.name] - p.typical, p.low)
-        change = linear.change(model.with_effect(own, **values | {p.name: usual}), linear.images(model))
-        atoms = atoms_of(linear, others, numbers.prior_reach)
+        change = linear.change(model.with_effect(own, **values | {p.name: usual}), here)
         rest = {name: np.delete(getattr(linear, name), i, axis=0) for name in ("nuisances", "precision")}
         alone = replace(linear, **rest, pull=np.zeros(len(rest["precision"])), residual=change)
-        seen = scores(alone, columns_of(linear, atoms, 1))
+        seen = scores(alone, columns)
         found = candidates(atoms, seen) if seen.total > floor else {}
         out += [name for name, c in found.items() if c.gain > (1.0 - numbers.formula_error) * seen.total]
     return out

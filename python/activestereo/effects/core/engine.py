@@ -25,13 +25,10 @@ from scipy.linalg import expm
 from activestereo.capture.capture import Frame
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
-from activestereo.effects.core.view import random_stream
+from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, random_stream
 
 if TYPE_CHECKING:
     import kuafu
-
-REFERENCE_TEMPERATURE_C = 25.0
-
 
 # The share of the projector's light that is left at tangents (x, y) of angles from its axis.
 PatternGain = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
