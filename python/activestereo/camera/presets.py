@@ -105,6 +105,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     SUPPORTED_MODELS = tuple(camera_titles())
     _FIELDS: tuple[str, ...] = ()  # all names, once a first one has been made
     _calibrated: Calibrated  # of the camera's data, or of scaled()
+    _scale: float  # of the images, to those of the camera's data
 
     def __init__(self, model: str = "D435") -> None:
         camera = read_camera(model)
@@ -222,6 +223,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             name: figure.value for name, figure in camera.figures["optics"].items()
         } or None
         self.rgb_optics: dict[str, Any] | None = None
+        object.__setattr__(self, "_scale", 1.0)
         self._keep_calibration()
 
     def _keep_calibration(self) -> None:
@@ -366,8 +368,10 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         """Returns a copy whose matcher and speckle suit images with `factor` times the focal length in pixels."""
         self.check()
         out = deepcopy(self)
-        if factor < 0.5:  # to half the size imagers bin pixels, which do not overlap
-            out.pixel_blur_px = 0.5  # with less dots fold over, with more they drown
+        object.__setattr__(out, "_scale", self._scale * factor)
+        was_small, is_small = (scale < 0.4999 for scale in (self._scale, out._scale))
+        if is_small != was_small:  # to half the size imagers bin pixels, which do not overlap
+            out.pixel_blur_px = 0.5 if is_small else 0.0  # with less dots fold over, with more they drown
         out.max_disparity = max(32, round(self.max_disparity * factor))
         out.block_width, out.block_height = (
             min(side, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side * factor) + 1))
@@ -414,4 +418,4 @@ def own_config(config: StereoDepthSensorConfig | str | PathLike[str]) -> StereoD
     return deepcopy(config)
 
 
-StereoDepthSensorConfig._FIELDS = tuple(name for name in vars(StereoDepthSensorConfig()) if name != "_calibrated")
+StereoDepthSensorConfig._FIELDS = tuple(name for name in vars(StereoDepthSensorConfig()) if name[0] != "_")

@@ -83,6 +83,7 @@ def test_scaled_keeps_what_a_camera_sees():
     half = config.scaled(0.5)
     assert half.ir_resolution == (424, 240) and half.max_disp == 64
     assert half.pixel_blur_px == 0 and config.scaled(0.4).pixel_blur_px == 0.5
+    assert config.scaled(0.6).scaled(0.6).pixel_blur_px == 0.5 and config.scaled(0.4).scaled(2.0).pixel_blur_px == 0
     for camera, size in (("ir", config.ir_resolution), ("rgb", config.rgb_resolution)):
         for corner in (np.array([-0.5, -0.5]), np.array(size) - 0.5):
             ray = np.linalg.inv(getattr(config, f"{camera}_intrinsic")) @ [*corner, 1.0]

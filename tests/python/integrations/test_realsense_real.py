@@ -24,7 +24,8 @@ def frameset(number):
     lens = rs.intrinsics(64, 48, 31.5, 23.5, 50.0, 50.0, rs.distortion.brown_conrady)
     moved = np.eye(4)
     moved[0, 3] = -0.015
-    depth = rs.video_stream_profile(StreamRequest(rs.stream.depth, 0, 64, 48, rs.format.z16, 30), lens)
+    request = StreamRequest(rs.stream.depth, 0, 64, 48, rs.format.z16, 30)
+    depth = rs.video_stream_profile(request, lens, baseline_m=0.055)
     color = rs.video_stream_profile(StreamRequest(rs.stream.color, 0, 64, 48, rs.format.bgr8, 30), lens, moved)
     rng = np.random.default_rng(number)
     z = np.round(1000 + 200 * np.sin(np.arange(64) / 9)[None] + 3 * np.arange(48)[:, None] + rng.normal(0, 3, (48, 64)))
@@ -73,6 +74,10 @@ def test_the_real_device_has_our_frames(pairs):
         lambda m: m.hole_filling_filter(1),
         lambda m: m.hole_filling_filter(2),
         lambda m: m.threshold_filter(0.9, 1.1),
+        lambda m: m.spatial_filter(),
+        lambda m: m.spatial_filter(0.6, 8, 1, 1),
+        lambda m: m.spatial_filter(0.5, 20, 2, 3),
+        lambda m: m.spatial_filter(0.5, 20, 3, 5),
     ],
 )
 def test_a_filter_is_the_real_one_to_the_count(pairs, make):
@@ -80,6 +85,16 @@ def test_a_filter_is_the_real_one_to_the_count(pairs, make):
     for ours, there in pairs:
         expected = np.asanyarray(theirs.process(there.get_depth_frame()).get_data())
         np.testing.assert_array_equal(mine.process(ours.get_depth_frame()).get_data(), expected)
+
+
+@pytest.mark.parametrize("values", [(0.5, 20, 2, 0), (0.6, 8, 1, 1), (0.5, 20, 3, 5)])
+def test_disparities_are_smoothed_and_filled_as_the_real_ones(pairs, values):
+    for ours, there in pairs:
+        disparity = real.disparity_transform(True).process(there.get_depth_frame())
+        expected = np.asanyarray(real.spatial_filter(*map(float, values)).process(disparity).get_data())
+        mine = rs.spatial_filter(*values).process(rs.disparity_transform(True).process(ours.get_depth_frame()))
+        expected = expected.view(np.float32)[:, :-1]  # its last column fills from the next row's first pixel
+        np.testing.assert_allclose(mine.get_data()[:, :-1], expected, atol=1e-4)
 
 
 def test_point_clouds_and_texture_are_the_real_ones(pairs):

@@ -123,7 +123,7 @@ class disparity_transform(filter):
         return depth.changed(counts, depth.profile.seen(depth.profile.intrinsics, format.z16))
 
 
-_FILL_RADIUS_PX = (0, 2, 4, 8, 16, 10**6)
+_FILL_RADIUS_PX = (0, 2, 4, 8, 16, 255)  # fills one pixel less
 
 
 class spatial_filter(filter):
@@ -147,40 +147,44 @@ class spatial_filter(filter):
 
     def _filtered(self, depth: frame) -> frame:
         pixels = np.asarray(depth.get_data())
-        values = pixels.astype(np.float32)
+        values, is_count = pixels.astype(np.float32), np.issubdtype(pixels.dtype, np.integer)
         alpha, delta = self.get_option(option.filter_smooth_alpha), self.get_option(option.filter_smooth_delta)
-        half = 0.5 if np.issubdtype(pixels.dtype, np.integer) else 0.0  # counts are rounded at each step
-        for _ in range(int(self.get_option(option.filter_magnitude))):
-            along = values.T
-            _smooth(along[:-1], alpha, np.nextafter(delta, np.inf), half)
-            _smooth(along[::-1], alpha, np.nextafter(delta, np.inf), half)
-            _smooth(values, alpha, delta, half)
-            _smooth(values[::-1], alpha, delta, half)
         radius = _FILL_RADIUS_PX[int(self.get_option(option.holes_fill))]
-        if radius:
-            _fill_rows(values, radius)
+        along, far = values.T, delta + 0.5  # counts may differ by delta along rows
+        for _ in range(int(self.get_option(option.filter_magnitude))):
+            if is_count:  # fills as it smooths, and leaves the last column on its way there
+                _sweep(along[:-1], alpha, far, radius, is_count)
+                _sweep(along[::-1], alpha, far, radius, is_count)
+            else:
+                _sweep(along, alpha, delta)
+                _sweep(along[::-1], alpha, delta)
+            _sweep(values, alpha, delta, 0, is_count)
+            _sweep(values[::-1], alpha, delta, 0, is_count)
+        if not is_count:
+            _sweep(along, 1.0, 0.0, radius)
+            _sweep(along[:0:-1], 1.0, 0.0, radius)  # the first column keeps its holes
         return depth.changed(values.astype(pixels.dtype))
 
 
-def _smooth(values: NDArray[np.float32], alpha: float, delta: float, half: float) -> None:
-    """Filters along the first axis, in place: moves each measured value towards the one before it, unless they differ
-    by delta or more. half: 0.5 rounds each result, 0 does not."""
-    before = values[0].copy()
+def _sweep(values: NDArray[np.float32], alpha: float, delta: float, radius_px: int = 0, is_count: bool = False) -> None:
+    """Smooths and fills along the first axis, in place. A measured value moves towards the one before it, unless they
+    differ by delta or more. Of each hole, the first radius_px - 1 pixels take the value before them. As in librealsense
+    (src/proc/spatial-filter), counts are rounded and compared with smoothed neighbours, disparities with unsmoothed
+    ones; in counts, a lone measured pixel between holes does not start a new fill."""
+    before, compared = values[0].copy(), values[0].copy()
+    run = np.zeros(values.shape[1], np.int64)
     for row in values[1:]:
-        is_smooth = (row > 0) & (before > 0) & (np.abs(row - before) < delta)
+        unsmoothed, is_measured = row.copy(), row > 0
+        both = is_measured & (before > 0)
         moved = alpha * row + (1.0 - alpha) * before
-        np.copyto(row, np.floor(moved + half) if half else moved, where=is_smooth)
-        before = row
-
-
-def _fill_rows(values: NDArray[np.float32], radius_px: int) -> None:
-    """Fills holes of each row in place with the value on their left, up to radius_px pixels away from it."""
-    since = np.zeros(values.shape[0], np.int64)
-    for x in range(1, values.shape[1]):
-        is_hole = values[:, x] == 0
-        since = np.where(is_hole, since + 1, 0)
-        takes = is_hole & (since <= radius_px)
-        values[takes, x] = values[takes, x - 1]
+        np.copyto(row, np.floor(moved + 0.5) if is_count else moved, where=both & (np.abs(row - compared) < delta))
+        if radius_px:
+            run[both if is_count else is_measured] = 0
+            is_hole = ~is_measured & (before > 0)
+            run[is_hole] += 1
+            np.copyto(row, before, where=is_hole & (run < radius_px))
+        before = row.copy()
+        compared = before if is_count else unsmoothed
 
 
 # {persistence: (least, count)}: a hole keeps its last value if at least `least` of the last `count` frames measured it.
@@ -245,7 +249,7 @@ class hole_filling_filter(filter):
         values = pixels.astype(np.float32)
         mode = int(self.get_option(option.holes_fill))
         if mode == 0:
-            _fill_rows(values, values.shape[1])
+            _sweep(values.T, 1.0, 0.0, values.shape[1] + 1)
             return depth.changed(values.astype(pixels.dtype))
         rows, columns = values.shape
         for y, x in np.argwhere(values[1 : rows - 1, 1:columns] == 0) + 1:  # filled values count
