@@ -82,12 +82,13 @@ class CameraData:
     figures: dict[str, dict[str, Figure]]
 
     def value(self, section: str, name: str, default: Any = None) -> Any:
+        """Returns a figure's value, several numbers as a tuple. Raises ValueError if it is missing without default."""
         figure = self.figures.get(section, {}).get(name)
         if figure is None:
             if default is None:
                 raise ValueError(f"camera {self.name}: {section}.{name} is missing")
             return default
-        return figure.value
+        return tuple(figure.value) if isinstance(figure.value, list) else figure.value
 
 
 def camera_names() -> list[str]:

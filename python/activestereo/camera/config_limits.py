@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from math import inf
 from os import PathLike
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,12 +93,14 @@ _LISTS = {
 _LENSES = ("ir_distortion", "ir_distortion_right", "rgb_distortion")
 _POSES = ("trans_pose_l", "trans_pose_r", "pose_rgb_irproj")
 _MATRICES = ("rgb_intrinsic", "ir_intrinsic", "ir_intrinsic_right", "pattern_intrinsic")
-_READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
+Emitter = Literal["on", "off", "alternating"]
+ExposureMode = Literal["fixed", "converging", "settled"]
+Readout = Literal["rows_down", "rows_up", "columns_right", "columns_left"]
 _CHOICES: dict[str, tuple[str, ...]] = {
-    "emitter": ("on", "off", "alternating"),
-    "ir_exposure_mode": ("fixed", "converging", "settled"),
-    "ir_readout": _READOUTS,
-    "rgb_readout": _READOUTS,
+    "emitter": get_args(Emitter),
+    "ir_exposure_mode": get_args(ExposureMode),
+    "ir_readout": get_args(Readout),
+    "rgb_readout": get_args(Readout),
 }
 _FLAGS = ("rectified", "ir_speckle_of_laser", "projector_always_on")
 # Maps that a sensor may give besides depth: the depth engine's outputs.

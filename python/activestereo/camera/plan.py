@@ -78,7 +78,7 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
         "left": (config.ir_resolution, *ir_intrinsics(config, is_right=False)),
         "right": (config.ir_resolution, *ir_intrinsics(config, is_right=True)),
     }
-    cameras = {
+    cameras: dict[str, dict[str, Any]] = {
         name: {"width": width, "height": height, "k": np.array(k, np.float64), **lens_fields(lens)}
         for name, ((width, height), k, lens) in seen.items()
     }

@@ -18,7 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.camera.camera_file import FIELDS, CameraData, camera_titles, read_camera
-from activestereo.camera.config_limits import Calibrated, check_field, check_matrix, check_together
+from activestereo.camera.config_limits import (
+    Calibrated,
+    Emitter,
+    ExposureMode,
+    Readout,
+    check_field,
+    check_matrix,
+    check_together,
+)
 from activestereo.common.limits import SIDE, Limits
 from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
@@ -113,10 +121,10 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
         # Cameras. Resolutions are (width, height); poses are those of the IR cameras and the projector in the RGB
         # camera's body frame (x forward, y left, z up).
-        self.rgb_resolution = tuple(camera.value("rig", "rgb_resolution"))
-        self.ir_resolution = tuple(camera.value("rig", "ir_resolution"))
-        self.rgb_intrinsic = _k(*camera.value("rig", "rgb_intrinsic"))
-        self.ir_intrinsic = _k(*camera.value("rig", "ir_intrinsic"))
+        self.rgb_resolution: tuple[int, int] = camera.value("rig", "rgb_resolution")
+        self.ir_resolution: tuple[int, int] = camera.value("rig", "ir_resolution")
+        self.rgb_intrinsic: NDArray[np.float64] = _k(*camera.value("rig", "rgb_intrinsic"))
+        self.ir_intrinsic: NDArray[np.float64] = _k(*camera.value("rig", "ir_intrinsic"))
         self.trans_pose_l = _pose(camera, "left_position_m")
         self.trans_pose_r = _pose(camera, "right_position_m")
         # Lenses as in OpenCV: Brown and Conrady's k1, k2, p1, p2, k3 and, for a rational lens, k4, k5, k6; or k1, k2,
@@ -145,7 +153,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.pattern_design = PatternDesign(
             width, height, seed=camera.value("projector", "pattern_seed"),
             focal_px=float(0.5 * width / np.tan(0.5 * self.active_light_fov)),
-            lattice_angles_deg=tuple(camera.value("projector", "lattice_angles_deg", ())), **figures,
+            lattice_angles_deg=camera.value("projector", "lattice_angles_deg", ()), **figures,
         )  # fmt: skip
         # Replaces light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
         # dot_sigma_px. A dot's power is the pattern's integral over it, in pixels squared. light_pattern_scale
@@ -153,17 +161,17 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.light_dots: NDArray[np.float32] | None = None
         self.light_dot_background = 0.0
         self.light_pattern_scale = 1.0
-        self.projector_intensity = camera.value("projector", "intensity_w_sr")  # W/sr at pattern value 1
+        self.projector_intensity: float = camera.value("projector", "intensity_w_sr")  # W/sr at pattern value 1
         # The laser's setting: light goes with laser_power_mw over laser_power_nominal_mw. emitter: 'on', 'off', or
         # 'alternating' (on in every even picture, as librealsense's emitter on-off).
-        self.laser_power_mw = camera.value("projector", "laser_power_mw")
-        self.laser_power_nominal_mw = self.laser_power_mw
-        self.laser_power_limits_mw = tuple(camera.value("projector", "laser_power_limits_mw"))
-        self.emitter = "on"
+        self.laser_power_mw: float = camera.value("projector", "laser_power_mw")
+        self.laser_power_nominal_mw: float = self.laser_power_mw
+        self.laser_power_limits_mw: tuple[float, float, float] = camera.value("projector", "laser_power_limits_mw")
+        self.emitter: Emitter = "on"
         # A dot's beam has this width at the projector; 0 = only its angle widens it. Dots fall off with this power of
         # the cosine from the projector's axis.
-        self.projector_beam_radius_m = camera.value("projector", "beam_radius_m", 0.0)
-        self.projector_falloff = camera.value("projector", "falloff", 0.0)
+        self.projector_beam_radius_m: float = camera.value("projector", "beam_radius_m", 0.0)
+        self.projector_falloff: float = camera.value("projector", "falloff", 0.0)
         # True: the scene's other sensors see its dots, too, as real sensors do.
         self.projector_always_on = False
 
@@ -171,27 +179,29 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # ir_exposure_mode: 'fixed'; 'converging': after each picture exposure, then gain, take a step towards a mean
         # count of ir_exposure_target_dn in ir_exposure_region (left, top, right, bottom; None = the whole left image);
         # 'settled': each picture has the end of such steps, as if the camera had looked at this view for a while.
-        self.ir_camera_exposure = camera.value("exposure", "exposure_s")
-        self.ir_camera_gain = camera.value("exposure", "gain")
-        self.ir_exposure_mode = camera.value("exposure", "mode")
-        self.ir_exposure_target_dn = camera.value("exposure", "target_dn")
+        self.ir_camera_exposure: float = camera.value("exposure", "exposure_s")
+        self.ir_camera_gain: float = camera.value("exposure", "gain")
+        self.ir_exposure_mode: ExposureMode = camera.value("exposure", "mode")
+        self.ir_exposure_target_dn: float = camera.value("exposure", "target_dn")
         self.ir_exposure_region: tuple[int, int, int, int] | None = None
-        self.ir_exposure_limits_s = tuple(camera.value("exposure", "exposure_limits_s"))
-        self.ir_gain_limits = tuple(camera.value("exposure", "gain_limits"))
-        self.ir_responsivity_dn = camera.value("imager", "responsivity_dn")
-        self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
+        self.ir_exposure_limits_s: tuple[float, float] = camera.value("exposure", "exposure_limits_s")
+        self.ir_gain_limits: tuple[float, float] = camera.value("exposure", "gain_limits")
+        self.ir_responsivity_dn: float = camera.value("imager", "responsivity_dn")
+        self.rgb_exposure: float | None = (
+            None  # colour value per radiance; None = the median lit pixel at a quarter of white
+        )
 
         # Shutters, which blur motion (the sensor's by set_velocity(), instances' and lights' by kuafu.Scene). The IR
         # cameras open for ir_camera_exposure, the RGB camera for rgb_exposure_s, seconds, centred on the same instant.
         # A line time is the delay in seconds from one line to the next; 0 = a global shutter. A readout is the order of
         # lines: 'rows_down', 'rows_up', 'columns_right' or 'columns_left'.
         self.rgb_exposure_s = 0.0
-        self.ir_line_time_s = camera.value("rig", "line_time_s")
+        self.ir_line_time_s: float = camera.value("rig", "line_time_s")
         self.rgb_line_time_s = 0.0
-        self.ir_readout = "rows_down"
-        self.rgb_readout = "rows_down"
+        self.ir_readout: Readout = "rows_down"
+        self.rgb_readout: Readout = "rows_down"
 
-        self.ir_black_level_dn = camera.value("imager", "black_level_dn")  # counts in the dark
+        self.ir_black_level_dn: float = camera.value("imager", "black_level_dn")  # counts in the dark
 
         # Noise: 1 is SAPIEN's level (a gamma factor of 2.7 % and 0.25 counts), 0 for ir_speckle_noise switches both
         # off.
