@@ -1,37 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates a lamp in the room, or the sun through a window."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.lamp import Lamp, lamp_starts
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.lamp import lamp_pose, lamp_starts
+from activestereo.effects.core.moved import engine_effect
 
 
-@moves("lights")
-def _engine(
-    inputs: EngineInputs, strength: float, azimuth_rad: float, elevation_rad: float, nearness_per_m: float
-) -> None:  # fmt: skip
-    if strength == 0.0:
-        return
-    lamp = Lamp.toward(azimuth_rad, elevation_rad, nearness_per_m)
-    irradiance = np.pi * strength * inputs.ambient_radiance
-    if nearness_per_m == 0.0:
-        inputs.add_light(
-            on_rig=False, kind="directional", name="sun", light_to_world=lamp.light_to_world(), ir_intensity=irradiance
-        )
-    else:
-        place = lamp.light_to_world()
-        intensity = irradiance / nearness_per_m**2
-        inputs.add_light(on_rig=False, kind="point", name="lamp", light_to_world=place, ir_intensity=intensity)
-
-
-@effect(
+@engine_effect(
     "external_light",
+    moves=("lights",),
     stage=Stage.SURFACE,
     family="ambient light",
     finding="A lamp shines on the scene that the scene file lacks",
@@ -55,14 +35,20 @@ def _engine(
         ),
     ],
     starts=lamp_starts,
-    engine=_engine,
 )  # fmt: skip
 def external_light(
-    light: Light, view: View, strength: float, azimuth_rad: float, elevation_rad: float, nearness_per_m: float
-) -> Light:
+    inputs: EngineInputs, strength: float, azimuth_rad: float, elevation_rad: float, nearness_per_m: float
+) -> None:
     """One more light shines from one side, with shadows: a lamp at a place in the room, or the sun; it stays when the
     rig moves."""
     if strength == 0.0:
-        return light
-    lamp = Lamp.toward(azimuth_rad, elevation_rad, nearness_per_m)
-    return replace(light, ambient=light.ambient + strength * lamp.white_radiance(light, view))
+        return
+    place = lamp_pose(azimuth_rad, elevation_rad, nearness_per_m)
+    intensity = np.pi * strength * inputs.ambient_radiance
+    if nearness_per_m == 0.0:
+        inputs.add_light(
+            on_rig=False, kind="directional", name="sun", light_to_world=place, ir_intensity=intensity
+        )
+    else:
+        intensity /= nearness_per_m**2
+        inputs.add_light(on_rig=False, kind="point", name="lamp", light_to_world=place, ir_intensity=intensity)

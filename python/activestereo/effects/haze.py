@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates a participating medium between rig and scene."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from activestereo.effects.core.beam import glow
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.moved import engine_effect
 
 # Henyey and Greenstein's phase function always scatters some light back, so g is limited.
 _MOST_FORWARD = 0.98
@@ -24,22 +20,9 @@ def _phase_g(backscatter: float) -> float:
     return float(np.clip((root - 2.0 * backscatter - 1.0) / (2.0 * backscatter), -_MOST_FORWARD, _MOST_FORWARD))
 
 
-@moves("medium")
-def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, housing_m: float) -> None:
-    if extinction_per_m > 0.0:
-        lower, upper = inputs.bounds_m
-        inputs.fill_with(
-            extinction_per_m=(extinction_per_m,) * 3,
-            albedo=(1.0,) * 3,
-            phase_g=_phase_g(backscatter),
-            bounds_min_m=lower,
-            bounds_max_m=upper,
-            housing_m=housing_m,
-        )
-
-
-@effect(
+@engine_effect(
     "haze",
+    moves=("medium",),
     stage=Stage.MEDIUM,
     family="medium",
     finding="The air in front of the camera is hazy",
@@ -55,24 +38,17 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
             source="window and housing of the camera keep the air out so far, where the beam is brightest",
         ),
     ],
-    engine=_engine,
 )  # fmt: skip
-def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, housing_m: float) -> Light:
+def haze(inputs: EngineInputs, extinction_per_m: float, backscatter: float, housing_m: float) -> None:
     """Light is attenuated by exp(-extinction x distance). The air scatters ambient light and the projector's beam into
     the camera."""
-    if extinction_per_m == 0.0:
-        return light
-    from_camera, to_projector = view.once(
-        "ways through air", lambda: tuple(np.linalg.norm(p, axis=-1) for p in (view.points(), view.projector_points()))
-    )
-    to_camera = np.maximum(from_camera - housing_m, 0.0)
-    hit = view.depth_m > 0
-    seen = np.where(hit, np.exp(-extinction_per_m * to_camera), 0.0)
-    dots = np.where(hit, np.exp(-extinction_per_m * (to_camera + to_projector)), 1.0)
-    ambient = np.where(hit, light.ambient * seen + (1.0 - seen), light.ambient)
-    faded = replace(light.scale_projector(dots), ambient=ambient)
-    if backscatter == 0.0:
-        return faded
-    return replace(
-        faded, indirect=faded.indirect + backscatter * extinction_per_m * glow(view, extinction_per_m, housing_m)
-    )
+    if extinction_per_m > 0.0:
+        lower, upper = inputs.bounds_m
+        inputs.fill_with(
+            extinction_per_m=(extinction_per_m,) * 3,
+            albedo=(1.0,) * 3,
+            phase_g=_phase_g(backscatter),
+            bounds_min_m=lower,
+            bounds_max_m=upper,
+            housing_m=housing_m,
+        )

@@ -1,37 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates another unit that stands in the room, with a pattern projector of the same kind."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.light import Light
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.moved import engine_effect
 from activestereo.effects.core.room_unit import room_unit_starts
-from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.unit_match import axes
-from activestereo.effects.core.view import View
 
 
-@moves("lights")
-def _engine(
-    inputs: EngineInputs,
-    intensity_m2: float,
-    x_m: float,
-    y_m: float,
-    z_m: float,
-    azimuth_rad: float,
-    elevation_rad: float,
-    roll_rad: float,
-) -> None:
-    place = np.eye(4)
-    place[:3, :3], place[:3, 3] = axes(azimuth_rad, elevation_rad, roll_rad), (x_m, y_m, z_m)
-    inputs.add_unit(on_rig=False, name="room projector", light_to_world=place, intensity_m2=intensity_m2)
-
-
-@effect(
+@engine_effect(
     "room_projector",
+    moves=("lights",),
     stage=Stage.SURFACE,
     family="second projector",
     finding="A second projector stands in the room",
@@ -56,11 +37,9 @@ def _engine(
         Parameter("roll_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=0.1, slope_step=0.002,
                   source="about its beam, right-handed"),
     ],
-    engine=_engine,
 )  # fmt: skip
 def room_projector(
-    light: Light,
-    view: View,
+    inputs: EngineInputs,
     intensity_m2: float,
     x_m: float,
     y_m: float,
@@ -68,14 +47,9 @@ def room_projector(
     azimuth_rad: float,
     elevation_rad: float,
     roll_rad: float,
-) -> Light:
+) -> None:
     """A unit that stands in the room projects the same pattern, also while the rig's projector is off; it stays when
     the rig moves."""
-    if intensity_m2 == 0.0:
-        return light
-    shading = Shading.of(light, view)
-    world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
-    position = world_to_camera[:3, :3] @ np.array([x_m, y_m, z_m]) + world_to_camera[:3, 3]
-    to_camera = world_to_camera[:3, :3] @ axes(azimuth_rad, elevation_rad, roll_rad)
-    added = shading.light_of_unit(intensity_m2, (shading.points - position) @ to_camera, position)
-    return replace(light, ambient=light.ambient + added)
+    place = np.eye(4)
+    place[:3, :3], place[:3, 3] = axes(azimuth_rad, elevation_rad, roll_rad), (x_m, y_m, z_m)
+    inputs.add_unit(on_rig=False, name="room projector", light_to_world=place, intensity_m2=intensity_m2)

@@ -1,34 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates another pattern projector on the rig."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, moves, rotation
-from activestereo.effects.core.light import Light
+from activestereo.effects.core.descriptor import Parameter, Stage
+from activestereo.effects.core.engine import EngineInputs, rotation
+from activestereo.effects.core.moved import engine_effect
 from activestereo.effects.core.second_unit import unit_starts
-from activestereo.effects.core.shading import Shading
-from activestereo.effects.core.view import View
 
 
-@moves("rig_lights")
-def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float) -> None:
-    own = inputs.projector
-    if own is None:
-        return
-    place = np.eye(4)
-    place[:2, 3] = offset_x_m, offset_y_m
-    place[:3, :3] = rotation((0.0, 1.0, 0.0), yaw_rad)
-    inputs.add_unit(
-        on_rig=True, name="second projector", light_to_world=own.light_to_world @ place, intensity_m2=intensity_m2,
-        linear_velocity=own.linear_velocity, angular_velocity=own.angular_velocity,
-    )  # fmt: skip
-
-
-@effect(
+@engine_effect(
     "second_projector",
+    moves=("rig_lights",),
     stage=Stage.SURFACE,
     family="second projector",
     finding="A second projector on the rig is on",
@@ -45,20 +28,19 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
         Parameter("yaw_rad", "rad", neutral=0.0, low=-0.6, high=0.6, typical=0.1, source="positive turns its axis to "
                                                                                          "the right"),
     ],
-    engine=_engine,
 )  # fmt: skip
 def second_projector(
-    light: Light, view: View, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float
-) -> Light:
+    inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float
+) -> None:
     """A second unit on the same rig projects the same pattern from another position, also while the rig's projector is
     off."""
-    if intensity_m2 == 0.0:
-        return light
-    shading = Shading.of(light, view)
-    offset = np.array([offset_x_m, offset_y_m, 0.0])
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    to_second = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-    projector_to_camera = np.linalg.inv(view.camera_to_projector)
-    position = projector_to_camera[:3, :3] @ offset + projector_to_camera[:3, 3]
-    added = shading.light_of_unit(intensity_m2, (shading.projector_points() - offset) @ to_second.T, position)
-    return replace(light, ambient=light.ambient + added)
+    own = inputs.projector
+    if own is None:
+        return
+    place = np.eye(4)
+    place[:2, 3] = offset_x_m, offset_y_m
+    place[:3, :3] = rotation((0.0, 1.0, 0.0), yaw_rad)
+    inputs.add_unit(
+        on_rig=True, name="second projector", light_to_world=own.light_to_world @ place, intensity_m2=intensity_m2,
+        linear_velocity=own.linear_velocity, angular_velocity=own.angular_velocity,
+    )  # fmt: skip

@@ -10,7 +10,8 @@ import pytest
 import simsense
 from activestereo.capture.capture import Frame
 from activestereo.effects import Model, Parameter, Stage, builtin, effect
-from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine, moves
+from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine
+from activestereo.effects.core.moved import engine_effect
 from activestereo.effects.engines.world import record_key
 
 EFFECTS = builtin()
@@ -48,7 +49,7 @@ def engine_inputs() -> EngineInputs:
 
 
 def fields_of(inputs: EngineInputs) -> dict[str, object]:
-    """Every engine field by the name that moves() has for it. Fields of one camera have that camera's name before
+    """Every engine field by the name that effects have for it. Fields of one camera have that camera's name before
     them."""
     out: dict[str, object] = {
         "pattern": inputs.pattern.tobytes(),
@@ -103,22 +104,22 @@ def test_neutral_parameters_move_nothing(e):
     assert fields_of(inputs) == fields_of(untouched)
 
 
+def test_an_effect_is_written_once():
+    twice = [e.id for e in MAPPED if e.apply.__module__ != engine_effect.__module__]
+    assert not twice, "images of an effect with engine fields follow from these fields"
+
+
 def test_a_users_effect_may_have_engine_fields_as_well():
-    @moves("optics.veiling_glare_fraction")
-    def in_engine(inputs, fraction):
+    parameters = [Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.3, typical=0.05)]
+    descriptor = {"stage": Stage.OPTICS, "family": "glare", "source": "a bench", "parameters": parameters}
+
+    @engine_effect("filter_haze", moves=("optics.veiling_glare_fraction",), **descriptor)
+    def filter_haze(inputs, fraction):
+        """Stray light."""
         for side in inputs.sides:
             side.optics.veiling_glare_fraction = fraction
 
-    parameters = [Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.3, typical=0.05)]
-
-    @effect(
-        "filter_haze", stage=Stage.OPTICS, family="glare", source="a bench", parameters=parameters, engine=in_engine
-    )
-    def filter_haze(image, view, fraction):
-        """Stray light."""
-        return image
-
-    @effect("stray", stage=Stage.OPTICS, family="glare", source="a bench", parameters=parameters)
+    @effect("stray", **descriptor)
     def stray(image, view, fraction):
         """Stray light without an engine."""
         return image
@@ -131,16 +132,14 @@ def test_a_users_effect_may_have_engine_fields_as_well():
 
 
 def test_a_wrong_engine_function_is_refused():
-    with pytest.raises(ValueError, match="its engine function takes"):
+    with pytest.raises(ValueError, match="the function takes"):
 
-        @effect("wrong", stage=Stage.OPTICS, family="x", source="x", parameters=[], engine=lambda inputs, other: None)
-        def wrong(image, view):
+        @engine_effect("wrong", moves=("pattern",), stage=Stage.OPTICS, family="x", source="x", parameters=[])
+        def wrong(inputs, other):
             """Wrong."""
-            return image
 
 
 def test_a_field_that_kuafu_lacks_is_an_error():
-    @moves("optics.sparkle")
     def in_engine(inputs):
         inputs.left.optics.sparkle = 1.0
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from activestereo.effects.core import lamp as module
 from activestereo.effects.core.judging import StartImage
-from activestereo.effects.core.lamp import Lamp, lamp_starts
+from activestereo.effects.core.lamp import lamp_pose, lamp_starts, radiance_under
 
 SHAPE = (48, 80)
 
@@ -29,14 +29,21 @@ def test_a_lamp_in_the_room_is_sought_where_it_may_stand(monkeypatch):
     points, normal = room()
     shading = SimpleNamespace(points=points, normal=normal, reflectance=np.full(SHAPE, 0.2), hit=np.ones(SHAPE, bool))
     monkeypatch.setattr(module.Shading, "of", lambda *_: shading)
-    monkeypatch.setattr(Lamp, "_visibility", lambda *_: np.ones(SHAPE))
+    monkeypatch.setattr(module, "_visibility", lambda *_: np.ones(SHAPE))
     view = SimpleNamespace(left_to_camera=np.eye(4), frame=SimpleNamespace(camera_to_world=np.eye(4)))
-    truth = {"azimuth_rad": 2.0, "elevation_rad": 0.7, "nearness_per_m": 0.9}
     light = SimpleNamespace(ambient=np.full(SHAPE, 0.1))
-    residual = 40.0 * 1.5 * Lamp.toward(*truth.values()).white_radiance(light, view)
+
+    def shown(azimuth_rad, elevation_rad, nearness_per_m):
+        pose = lamp_pose(azimuth_rad, elevation_rad, nearness_per_m)
+        kind = "point" if nearness_per_m else "directional"
+        lamp = SimpleNamespace(kind=kind, ir_intensity=np.pi)
+        return radiance_under(lamp, pose, light, view)
+
+    truth = {"azimuth_rad": 2.0, "elevation_rad": 0.7, "nearness_per_m": 0.9}
+    residual = 40.0 * 1.5 * shown(*truth.values())
 
     def left_by(start):
-        place = Lamp.toward(*(start.get(name, 0.0) for name in truth)).white_radiance(light, view)
+        place = shown(*(start.get(name, 0.0) for name in truth))
         columns = np.stack([place.ravel(), np.ones(place.size)])
         found = np.linalg.lstsq(columns.T, residual.ravel(), rcond=None)[0]
         return np.mean((residual.ravel() - found @ columns) ** 2) / np.var(residual)

@@ -1,11 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the projector's light that a medium between rig and scene scatters once towards the camera."""
+"""Computes the light that a medium between rig and scene takes away, and that it scatters once towards the camera."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, smooth_pattern
 from activestereo.effects.core.view import View, transform
+
+if TYPE_CHECKING:
+    import kuafu
 
 # The beam's glow is smooth, so rays through every fourth pixel are enough, with this many samples along each.
 _STEP_PX, _PLACES = 4, 24
@@ -13,6 +22,24 @@ _STEP_PX, _PLACES = 4, 24
 _DOTS_PX = 8.0
 # A ray that hits nothing ends at the first distance; the second is the least distance of the projector from a ray.
 _FAR_M, _LEAST_ASIDE_M = 10.0, 1e-3
+
+
+def through_medium(light: Light, view: View, medium: kuafu.Medium) -> Light:
+    """Returns the light behind a medium that scatters all light and fills the space from the housing on."""
+    extinction_per_m, g, housing_m = medium.extinction_per_m[0], medium.phase_g, medium.housing_m
+    from_camera, to_projector = view.once(
+        "ways through air", lambda: tuple(np.linalg.norm(p, axis=-1) for p in (view.points(), view.projector_points()))
+    )
+    to_camera = np.maximum(from_camera - housing_m, 0.0)
+    hit = view.depth_m > 0
+    seen = np.where(hit, np.exp(-extinction_per_m * to_camera), 0.0)
+    dots = np.where(hit, np.exp(-extinction_per_m * (to_camera + to_projector)), 1.0)
+    ambient = np.where(hit, light.ambient * seen + (1.0 - seen), light.ambient)
+    faded = replace(light.scale_projector(dots), ambient=ambient)
+    # Henyey and Greenstein's phase function straight back, over isotropic scattering.
+    backscatter = (1.0 - g) / (1.0 + g) ** 2
+    beam = backscatter * extinction_per_m * glow(view, extinction_per_m, housing_m)
+    return replace(faded, indirect=faded.indirect + beam)
 
 
 def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:

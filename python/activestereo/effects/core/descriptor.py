@@ -15,8 +15,8 @@ By stage, in the order of the pipeline, `apply(value, view, **parameters)` gets 
 It must not change its input, and must return the input itself or an equal one where every parameter is neutral. Random
 effects draw from view.rng(id) alone. judging.py defines how the lab judges an effect.
 
-`engine` applies the effect inside of the engines, see engine.py. An effect without it is `image_only`, which says why.
-Where engine fields alone express the effect, moved.py derives `apply` from them.
+An effect is written once. moved.py makes one of a function of engine fields (engine.py), and derives `apply` from it.
+Otherwise `effect` makes one of an image function, and `image_only` says why no engine field expresses it.
 """
 
 import inspect
@@ -198,8 +198,7 @@ class Effect:
 
 def effect(
     id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str,
-    randomness: Randomness = Randomness.NONE,
-    engine: Callable[..., None] | None = None, image_only: str = "",
+    randomness: Randomness = Randomness.NONE, image_only: str = "",
     judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "", remembers: bool = False,
     is_pointwise: bool = False,
 ) -> Callable[[Callable], Effect]:  # fmt: skip
@@ -215,9 +214,6 @@ def effect(
             raise ValueError(
                 f"effect {id}: the function takes {wanted}, the parameters are {[p.name for p in parameters]}"
             )
-        moved = wanted if engine is None else list(inspect.signature(engine).parameters)[1:]
-        if moved != wanted:
-            raise ValueError(f"effect {id}: its engine function takes {moved}, the parameters are {wanted}")
         return Effect(
             id,
             family,
@@ -227,11 +223,10 @@ def effect(
             summary,
             source,
             randomness,
-            engine,
-            image_only,
-            tuple(judged),
-            starts,
-            finding,
+            image_only=image_only,
+            judged=tuple(judged),
+            starts=starts,
+            finding=finding,
             remembers=remembers,
             is_pointwise=is_pointwise,
         )

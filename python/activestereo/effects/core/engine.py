@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines the inputs of both engines for one exposure. An effect declares the fields that it changes:
-
-    @moves("optics.vignetting_exponent")
-    def _engine(inputs: EngineInputs, exponent: float) -> None:
-        for side in inputs.sides:
-            side.optics.vignetting_exponent += exponent
+"""Defines the inputs of both engines for one exposure.
 
 An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. moved.py
-computes images of the changed fields without a render. Records are kuafu's own (kuafu.Camera, kuafu.Optics,
-kuafu.Light, kuafu.Material, kuafu.Medium). A signal is a dict of simsense_signal's fields, so a wrong field name is an
-error. Nothing here imports an engine.
+makes effects of such functions, and computes images of the changed fields without a render. Records are kuafu's own
+(kuafu.Camera, kuafu.Optics, kuafu.Light, kuafu.Material, kuafu.Medium). A signal is a dict of simsense_signal's fields,
+so a wrong field name is an error. Nothing here imports an engine.
 """
 
 from __future__ import annotations
@@ -32,17 +27,6 @@ if TYPE_CHECKING:
 
 # The share of the projector's light that is left at tangents (x, y) of angles from its axis.
 PatternGain = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
-
-
-def moves(*fields: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Returns a decorator that stores in `function.fields` which engine fields an effect's engine function changes. A
-    test compares them with the actual changes."""
-
-    def mark(function: Callable[..., None]) -> Callable[..., None]:
-        function.fields = fields  # type: ignore[attr-defined]
-        return function
-
-    return mark
 
 
 @dataclass
@@ -105,7 +89,9 @@ class EngineInputs:
     new_light makes both. medium: made by new_medium. ambient_radiance: infrared, in the unit of the lights' intensities
     per steradian. scene_materials: returns a fresh kuafu.Material of the scene by id. materials: {id: changed
     material}. matcher: simsense's parameters. bounds_m: a box around scene and rig, world. speckle_of_laser: only
-    projectors' light has speckle. frame: exposure, gain, time, temperature.
+    projectors' light has speckle. frame: exposure, gain, time, temperature. unrendered: what a render finds out by
+    itself, and images without one are told: `behind`, the radiance behind a clear surface over the ambient radiance;
+    `core`, the share of light from below a surface that leaves close to where it entered.
     """
 
     left: EngineCamera
@@ -127,6 +113,7 @@ class EngineInputs:
     materials: dict[int, kuafu.Material] = field(default_factory=dict)
     speckle_of_laser: bool = False
     matcher: dict[str, float] = field(default_factory=dict)
+    unrendered: dict[str, float] = field(default_factory=dict)
 
     @property
     def sides(self) -> tuple[EngineCamera, EngineCamera]:

@@ -4,8 +4,8 @@ for its fit."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
@@ -14,6 +14,9 @@ from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import View
+
+if TYPE_CHECKING:
+    import kuafu
 
 # Shadow rays start at every second pixel and end after _REACH_M. A surface more than _THICK_M before a ray casts
 # no shadow: the ray may pass behind it.
@@ -28,61 +31,43 @@ _AZIMUTHS_RAD = tuple((np.arange(-8, 8) * np.pi / 8).tolist())
 _ELEVATIONS_RAD, _NEARNESSES_PER_M, _GRID_EVERY_PX = (0.2, 0.6, 1.0, 1.3), (0.3, 0.6, 1.0, 1.5), 4
 
 
-@dataclass(frozen=True)
-class Lamp:
-    """A point light, or one that is infinitely far. direction: unit vector from the world's origin to the light, world
-    axes. nearness_per_m: 1 / distance from the origin, 0 = infinitely far."""
+def towards(azimuth_rad: float, elevation_rad: float) -> np.ndarray:
+    """Returns a unit vector, world axes. azimuth: about the world's y axis from z towards x; elevation: above the xz
+    plane."""
+    level = np.cos(elevation_rad)
+    return np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
 
-    direction: np.ndarray
-    nearness_per_m: float
 
-    @classmethod
-    def toward(cls, azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -> Lamp:
-        """Returns the Lamp in a direction. azimuth: about the world's y axis from z towards x; elevation: above the xz
-        plane."""
-        level = np.cos(elevation_rad)
-        direction = np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
-        return cls(direction, nearness_per_m)
+def lamp_pose(azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -> np.ndarray:
+    """Returns the pose [4][4] of a light in a direction from the world's origin; its +z axis points back to the origin.
+    nearness_per_m: 1 / distance; 0 = infinitely far, and the pose stands at the origin."""
+    direction = towards(azimuth_rad, elevation_rad)
+    right = np.cross([0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0], -direction)
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([right, np.cross(-direction, right), -direction], axis=1)
+    if nearness_per_m > 0:
+        pose[:3, 3] = direction / nearness_per_m
+    return pose
 
-    def light_to_world(self) -> np.ndarray:
-        """Returns the light's pose [4][4], whose +z axis points to the world's origin. A light that is infinitely far
-        stands at the origin."""
-        forward = -self.direction
-        right = np.cross([0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0], forward)
-        right /= np.linalg.norm(right)
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-        if self.nearness_per_m > 0:
-            pose[:3, 3] = self.direction / self.nearness_per_m
-        return pose
 
-    def white_radiance(self, light: Light, view: View) -> np.ndarray:
-        """Returns the radiance [height][width] of the diffuse surfaces under this light. It is 1 for a white surface at
-        the world's origin that faces the light."""
-        shading = Shading.of(light, view)
-        way, square = self._way(view, shading.points)
-        cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)
-        return np.pi * shading.reflectance * cosine / square * self._visibility(view, way)
-
-    def _way(self, view: View, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns unit vectors from camera points [..., 3] to the light, and squared distances relative to that of the
-        world's origin."""
-        world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
-        rotation, origin = world_to_camera[:3, :3], world_to_camera[:3, 3]
-        # (origin + direction / nearness - point) x nearness: the same for a light that is infinitely far.
-        way = rotation @ self.direction + self.nearness_per_m * (origin - points)
+def radiance_under(lamp: kuafu.Light, to_camera: np.ndarray, light: Light, view: View) -> np.ndarray:
+    """Returns the radiance [height][width] of the diffuse surfaces under a point light or a directional one, at a pose
+    [4][4] in camera coordinates."""
+    shading = Shading.of(light, view)
+    way, square = -to_camera[:3, 2], np.float64(1.0)
+    if lamp.kind == "point":
+        way = to_camera[:3, 3] - shading.points
         square = np.maximum((way**2).sum(-1), 1e-6)
-        return way / np.sqrt(square)[..., None], square
+        way = way / np.sqrt(square)[..., None]
+    cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)
+    return lamp.ir_intensity * shading.reflectance * cosine / square * _visibility(view, to_camera, way)
 
-    def _visibility(self, view: View, way: np.ndarray) -> np.ndarray:
-        """Returns the share of the light that arrives at each pixel, [height][width]. Shadow rays go through the depth
-        image, so only surfaces that the camera sees cast shadows."""
-        memory: dict[object, np.ndarray] = view.once("lamp's shadow", dict)
-        key = tuple(self.direction), self.nearness_per_m
-        if key not in memory:
-            memory.clear()  # fits ask again for the latest place only
-            memory[key] = _lit(view, way)
-        return memory[key]
+
+def _visibility(view: View, to_camera: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Returns the share of the light that arrives at each pixel, [height][width]. Shadow rays go through the depth
+    image, so only surfaces that the camera sees cast shadows. Fits ask again for the latest place only."""
+    return view.latest("lamp's shadow", None, lambda: _lit(view, way), choice=to_camera.tobytes())
 
 
 def _lit(view: View, way: np.ndarray) -> np.ndarray:
@@ -125,12 +110,12 @@ def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
     """Returns the lamp of a grid of places that explains most of the residual beside ambient light, shadows left out. A
     near lamp shows by its distance to the surfaces, of which normals alone tell nothing."""
     ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
-    directions = np.stack([Lamp.toward(azimuth, elevation, 0.0).direction for azimuth, elevation in ways], axis=1)
+    directions = np.stack([towards(*way) for way in ways], axis=1)
     gram, moment = np.zeros((len(_NEARNESSES_PER_M), len(ways), 2, 2)), np.zeros((len(_NEARNESSES_PER_M), len(ways), 2))
     for world_to_camera, (points, normal, white, ambient, weight, residual) in map(_some_pixels, images):
-        towards, origin = world_to_camera[:3, :3] @ directions, world_to_camera[:3, 3] - points
-        # As in _way(), for all directions at once: a way is a sum, so cosines and squares are sums of products.
-        facing, along = normal @ towards, origin @ towards
+        aims, origin = world_to_camera[:3, :3] @ directions, world_to_camera[:3, 3] - points
+        # As in radiance_under(), for all directions at once: ways are sums, so cosines and squares are, too.
+        facing, along = normal @ aims, origin @ aims
         aside, far = (normal * origin).sum(-1)[:, None], (origin**2).sum(-1)[:, None]
         for k, nearness in enumerate(_NEARNESSES_PER_M):
             square = np.maximum(1.0 + nearness * (2.0 * along + nearness * far), 1e-6)

@@ -7,15 +7,15 @@
             side.optics.vignetting_exponent += exponent
 
 The function is the effect inside of the engines. Its images follow from the changed fields, whichever effect changed
-them. Cameras look up other places, a projector's dots lie elsewhere, optics blur and dim, and simsense's signal counts.
-Nothing is rendered.
+them. Cameras look up other places, a projector's dots lie elsewhere, added lights shine, air and materials change the
+light, optics blur and dim, and simsense's signal counts. Nothing is rendered.
 """
 
 from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,19 +25,16 @@ import kuafu
 import simsense
 from activestereo.capture.capture import Frame
 from activestereo.common.lens import distort, lens_fields
+from activestereo.effects.core.beam import through_medium
 from activestereo.effects.core.descriptor import Effect, effect
 from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.engine import (
-    REFERENCE_TEMPERATURE_C,
-    EngineCamera,
-    EngineInputs,
-    PatternGain,
-)
-from activestereo.effects.core.engine import (
-    moves as marks,
-)
+from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineCamera, EngineInputs, PatternGain
+from activestereo.effects.core.lamp import radiance_under
 from activestereo.effects.core.light import Light
+from activestereo.effects.core.materials import reflected
 from activestereo.effects.core.motion import displaced, posed
+from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.surfaces import on_surfaces
 from activestereo.effects.core.view import PickedView, View
 
 # An exposure is the mean of this many instants; discs of confusion are limited to this diameter.
@@ -50,11 +47,12 @@ def engine_effect(
     id: str, *, moves: tuple[str, ...], **descriptor: Any
 ) -> Callable[[Callable[..., None]], Effect]:
     """Returns a decorator that makes an Effect of a function of EngineInputs and the parameters. moves: names of the
-    engine fields that the function changes. Its docstring becomes the summary. descriptor: further fields of Effect."""
+    engine fields that the function changes; a test compares them with the actual changes. Its docstring becomes the
+    summary. descriptor: further fields of Effect."""
 
     def make(move: Callable[..., None]) -> Effect:
-        marked = marks(*moves)(move)
-        return effect(id, engine=marked, **descriptor)(_Image(marked).function())
+        move.fields = moves  # type: ignore[attr-defined]
+        return replace(effect(id, **descriptor)(_Image(move).function()), engine=move)
 
     return make
 
@@ -77,6 +75,10 @@ class _Image:
             "optics.": self._through_optics,
             "projector.": self._projected,
             "pattern": self._projected,
+            "lights": self._under_lights,
+            "rig_lights": self._under_lights,
+            "medium": self._through_medium,
+            "materials.": self._reflected,
             "": self._in_motion if only_times else self._redrawn,
         }
         acts = next(act for kind, act in kinds.items() if any(name.startswith(kind) for name in names))
@@ -189,12 +191,41 @@ class _Image:
             light = dots.change(light, dots.nominal(), dots.mean_of_discs(view.pattern, disc_px))
         return light
 
+    # ---- the scene ----
+
+    def _under_lights(self, light: Light, view: View, values: dict[str, float]) -> Light:
+        """Returns the light with that of further projectors and lamps, which shine whatever the own projector does.
+        Projectors cast no shadows."""
+        inputs = self._inputs(view, values)
+        world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
+        poses = [(added, added.light_to_world) for added in inputs.rig_lights]
+        poses += [(added, world_to_camera @ added.light_to_world) for added in inputs.lights]
+        for added, to_camera in poses:
+            if added.kind == "projector":
+                shine = Shading.of(light, view).light_of_unit(added.ir_intensity, to_camera)
+            else:
+                shine = radiance_under(added, to_camera, light, view)
+            light = replace(light, ambient=light.ambient + shine)
+        return light
+
+    def _through_medium(self, light: Light, view: View, values: dict[str, float]) -> Light:
+        medium = self._inputs(view, values).medium
+        return light if medium is None else through_medium(light, view, medium)
+
+    def _reflected(self, light: Light, view: View, values: dict[str, float]) -> Light:
+        """Returns the light with changed materials on the chosen surfaces."""
+        inputs = self._inputs(view, values)
+        changed = reflected(light, view, inputs.material(0), inputs.unrendered)
+        return light if changed is light else on_surfaces(light, changed, view, inputs.chosen)
+
 
 @dataclass
 class _ViewInputs(EngineInputs):
-    """EngineInputs for the images of one view, with both cameras at the view's own place. Gains and a blur of the whole
-    pattern are stored apart, because the view's pixels need no dots for them."""
+    """EngineInputs for the images of one view, with both cameras at the view's own place, the rig's lights in its
+    coordinates, and one matt material for all `chosen` surfaces. Gains and a blur of the whole pattern are stored
+    apart, because the view's pixels need no dots for them."""
 
+    chosen: float = 0.0
     gains: list[PatternGain] = field(default_factory=list)
     blur_px: float = 0.0
 
@@ -207,11 +238,17 @@ class _ViewInputs(EngineInputs):
             EngineCamera(kuafu.Camera(width, height, view.K, np.eye(4), **lens), kuafu.Optics(), dict(signal), is_right)
             for is_right in (False, True)
         )
+        place = np.linalg.inv(view.camera_to_projector)
+        projector = kuafu.Light(kind="projector", k=view.projector_K, ir_intensity=1.0, light_to_world=place)
         return cls(
-            left, right, kuafu.Light(kind="projector", k=view.projector_K, ir_intensity=1.0), view.pattern, view.frame,
-            new_light=kuafu.Light, new_medium=kuafu.Medium, scene_materials=lambda number: kuafu.Material(),
-            material_count=0, bounds_m=((-1.0,) * 3, (1.0,) * 3), max_dn=view.max_dn, seed=view.seed,
+            left, right, projector, view.pattern, view.frame,
+            new_light=kuafu.Light, new_medium=kuafu.Medium, scene_materials=lambda number: kuafu.Material(specular=0.0),
+            material_count=1, bounds_m=((-1.0,) * 3, (1.0,) * 3), max_dn=view.max_dn, seed=view.seed,
         )  # fmt: skip
+
+    def surfaces(self, chosen: float) -> Iterator[kuafu.Material]:
+        self.chosen = chosen
+        yield self.material(0)
 
     def dim_pattern(self, gain: PatternGain) -> None:
         self.gains.append(gain)

@@ -169,17 +169,14 @@ class Shading(Facing):
         mean = sampler(u, K[1, 1] * y + K[1, 2], *(np.full(u.shape, side) for side in box))
         return np.where(np.isfinite(z) & self.hit, mean, 0.0)
 
-    def light_of_unit(self, intensity_m2: float, unit_points: np.ndarray, position: np.ndarray) -> np.ndarray:
+    def light_of_unit(self, intensity_m2: float, to_camera: np.ndarray) -> np.ndarray:
         """Returns the radiance, relative to the ambient radiance, that another projector with this pattern adds,
         [height][width], without shadows. intensity_m2: its radiant intensity over the ambient radiance, m^2.
-        unit_points: surface points in that projector's frame. position: that projector in camera coordinates."""
-        view = self._view
-        sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
-        _, _, irradiance = self.from_source(position)
-        return intensity_m2 * self.pattern_from(unit_points, sharp) * irradiance * self.reflectance
-
-    def projector_points(self) -> np.ndarray:
-        return transform(self._view.camera_to_projector, self.points)
+        to_camera: its pose [4][4] in camera coordinates."""
+        sharp = self._view.once("sharp pattern", lambda: disc_sampler(Pattern(self._view.pattern), 0.0))
+        *_, irradiance = self.from_source(to_camera[:3, 3])
+        dots = self.pattern_from(transform(np.linalg.inv(to_camera), self.points), sharp)
+        return intensity_m2 * dots * irradiance * self.reflectance
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
