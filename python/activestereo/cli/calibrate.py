@@ -39,9 +39,9 @@ shot noise alone cannot tell black from read noise.
 
 Static speckle is the same in every repeat: it never shows in repeats.
 
-Frames of even light by EMVA 1288 give more: gain, dark noise, linearity, DSNU, PRNU
-and defects, in the standard's words and as imager and effects of the model. FRAMES
-is then the standard's descriptor file (lines v, n, b, d, i; EMVA1288_Data.txt of its
+Frames of even light by EMVA 1288 give more: gain, dark noise, DSNU, PRNU and defects,
+as imager and effects of the model (the package emva1288 prints the standard's own
+table). FRAMES is then the standard's descriptor file (lines v, n, b, d, i; EMVA1288_Data.txt of its
 reference sets), or a folder of folders, one for each step of light, of 2 frames
 each, of 3 or more one; --dark: frames with the lens covered.
 

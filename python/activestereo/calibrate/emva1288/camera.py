@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Combines a camera's EMVA 1288 figures, and states them in the standard's terms and in model.json's."""
+"""Combines a camera's EMVA 1288 figures, and states them as text and as a sensor model."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -15,6 +15,7 @@ from activestereo.calibrate.emva1288.recording import Recording, read_descriptor
 from activestereo.calibrate.emva1288.transfer import DEVIATIONS, PhotonTransfer, photon_transfer
 from activestereo.calibrate.frames import LEAST_REPEATS
 from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.common.text_table import columns
 from activestereo.effects import builtin
 from activestereo.model import Imager, Quantity, SensorModel
 from activestereo.model.words import quantity_text
@@ -52,13 +53,48 @@ class Emva1288:
         return model
 
     def summary(self) -> str:
-        """Describes the figures as text, which the command prints."""
-        lines = [*_transfer_lines(self), *_spatial_lines(self)]
+        """Describes the figures as text, which the command prints: name, value with its 90 % interval, and its place in
+        model.json."""
+        t = self.transfer
+        rows: list[tuple[str, Quantity | str, str]] = [
+            ("system gain K", replace(t.gain, unit="DN/e-"), "imager.shot"),
+            ("dark noise, unrounded", t.dark_noise, "imager.offset"),
+            ("dark noise", _ratio(t.dark_noise, t.gain, "e-"), ""),
+            ("dark signal", self.black, "nuisances.black_dn"),
+        ]
+        if self.responsivity is not None:
+            rows.append(("responsivity R", replace(self.responsivity, unit="DN/p"), ""))
+            rows.append(("quantum efficiency eta", _ratio(self.responsivity, t.gain, "%", 100.0), ""))
+        limit = "" if t.is_saturated else " or more: no step is saturated"
+        rows.append(("saturation", f"{t.saturation_dn:.4g} DN{limit}", ""))
+        if t.dark_current is not None:
+            rows.append(("dark current", t.dark_current, "dark_signal" if self.dark_current else ""))
+        if self.spatial is not None and self.prnu is not None:
+            dark, light = self.spatial.dark, self.spatial.light
+            for part in ("column", "row", "pixel"):
+                rows.append((f"DSNU {part}s", getattr(dark, part), f"fixed_pattern_noise.{part}_dn"))
+            for part, share in (("columns", light.column), ("rows", light.row), ("pixels", self.prnu)):
+                rows.append((f"PRNU {part}", _map(share, partial(mul, 100.0), "%"), "prnu" if part == "pixels" else ""))
+            lowest, highest = self.spatial.field
+            rows.append(("light across the image", f"{100 * lowest:.4g} to {100 * highest:.4g} %", ""))
+            for where, found, scale, unit in (("dark", dark, 1.0, "DN"), ("light", light, 100.0, "%")):
+                for wave in found.waves:
+                    amplitude = quantity_text(_map(wave.amplitude, partial(mul, scale), unit))
+                    place = f"at {wave.u:.4f}, {wave.v:.4f} cycles/px"
+                    rows.append((f"wave in the {where}", f"{amplitude} {place}", ""))
+                if len(found.excess):
+                    mean = f"{scale * float(found.excess.mean()):+.3g} {unit} in the mean"
+                    place = "hot_pixels" if where == "dark" and self.hot_pixels else ""
+                    rows.append((f"defect pixels in the {where}", f"{len(found.excess)} beyond 5 sigma, {mean}", place))
+        # Then the figures that model.json cannot hold, with the reason.
+        lines = [
+            f"EMVA 1288: {t.steps} steps of light, {t.used_steps} of them below 70 % of saturation",
+            columns([(name, q if isinstance(q, str) else quantity_text(q), place) for name, q, place in rows]),
+        ]
         for name, parameters in self._effects():
             if beyond := _beyond(name, parameters):
                 lines.append(f"not in model.json: {name}, for {beyond}")
-        response = self.transfer.response
-        if response is not None and len(response.coefficients) > 1:
+        if t.response is not None and len(t.response.coefficients) > 1:
             why = "no power law (response_gamma) follows it from its origin on"
             lines.append(f"not in model.json: the bent response, for {why}")
         if self.spatial is None:
@@ -182,72 +218,3 @@ def _ratio(q: Quantity, divisor: Quantity, unit: str, factor: float = 1.0) -> Qu
     )
     return Quantity(value, low, high, unit, q.source)
 
-
-def _line(name: str, standard: str, ours: str = "", place: str = "") -> str:
-    return f"{name:31}{standard:26}{ours:38}{place}".rstrip()
-
-
-def _transfer_lines(camera: Emva1288) -> Iterator[str]:
-    t = camera.transfer
-    k, eta = t.gain_1288, None if t.responsivity_1288 is None else t.responsivity_1288 / t.gain_1288
-    yield f"EMVA 1288 Release 4.0 Linear: {t.steps} steps of light, {t.used_steps} of them below 70 % of saturation"
-    yield _line("", "the standard's", "at the response's origin (90 %)", "in model.json")
-    yield _line("system gain K", f"{k:.5g} DN/e-", quantity_text(replace(t.gain, unit="DN/e-")), "imager.shot")
-    yield _line(
-        "dark noise sigma_y.dark",
-        f"{t.dark_noise_1288_dn:.4g} DN",
-        f"{quantity_text(t.dark_noise)} unrounded",
-        "imager.offset",
-    )
-    sigma_e = float(np.sqrt(t.dark_noise_1288_dn**2 - ROUNDING_VARIANCE)) / k
-    yield _line("dark noise sigma_d", f"{sigma_e:.4g} e-", quantity_text(_ratio(t.dark_noise, t.gain, "e-")))
-    yield _line("dark signal mu_y.dark", f"{t.black.value:.4g} DN", quantity_text(camera.black), "nuisances.black_dn")
-    r = camera.responsivity
-    if r is not None and eta is not None and t.linearity_1288 is not None and t.saturation_photons is not None:
-        yield _line("responsivity R", f"{t.responsivity_1288:.5g} DN/p", quantity_text(replace(r, unit="DN/p")))
-        yield _line("quantum efficiency eta", f"{100 * eta:.4g} %", quantity_text(_ratio(r, t.gain, "%", 100.0)))
-        low, high = t.linearity_1288
-        yield _line("linearity error LE", f"{100 * low:.3g} to {100 * high:.3g} %")
-        full = eta * t.saturation_photons
-        threshold = (t.dark_noise_1288_dn / k + 0.5) / eta
-        limit = "" if t.is_saturated else " or more: no step is saturated"
-        yield _line("saturation capacity mu_e.sat", f"{full:.5g} e-{limit}")
-        yield _line("sensitivity threshold mu_p.min", f"{threshold:.4g} p")
-        yield _line(
-            "SNR_max, dynamic range DR",
-            f"{10 * np.log10(full):.4g}, {20 * np.log10(t.saturation_photons / threshold):.4g} dB",
-        )
-    if t.dark_current is not None:
-        yield _line(
-            "dark current mu_I.mean",
-            f"{t.dark_current.value / k:.4g} e-/s",
-            quantity_text(t.dark_current),
-            "dark_signal" if camera.dark_current else "",
-        )
-
-
-def _spatial_lines(camera: Emva1288) -> Iterator[str]:
-    spatial, prnu = camera.spatial, camera.prnu
-    if spatial is None or prnu is None:
-        return
-    names = ("", " columns", " rows", " pixels")
-    dark, light = spatial.dark, spatial.light
-    split = (None, dark.column, dark.row, dark.pixel)
-    for name, value, ours in zip(names, spatial.dsnu_1288_dn, split, strict=True):
-        electrons = f"{value / camera.transfer.gain_1288:.4g} e-" if np.isfinite(value) else "below noise"
-        place = f"fixed_pattern_noise.{name.strip()[:-1]}_dn" if ours else ""
-        yield _line(f"DSNU{name}", electrons, quantity_text(ours) if ours else "", place)
-    percent = [None if q is None else _map(q, lambda v: 100.0 * v, "%") for q in (None, light.column, light.row, prnu)]
-    for name, value, part in zip(names, spatial.prnu_1288, percent, strict=True):
-        share = f"{100 * value:.4g} %" if np.isfinite(value) else "below noise"
-        yield _line(f"PRNU{name}", share, quantity_text(part) if part else "", "prnu" if name == " pixels" else "")
-    lowest, highest = spatial.field
-    yield _line("light across the image", f"{100 * lowest:.4g} to {100 * highest:.4g} %")
-    for where, found, scale, unit in (("dark", dark, 1.0, "DN"), ("light", light, 100.0, "%")):
-        for wave in found.waves:
-            amplitude = quantity_text(_map(wave.amplitude, partial(mul, scale), unit))
-            yield _line(f"wave in the {where}", f"{wave.u:.4f}, {wave.v:.4f} cycles/px", amplitude)
-        if len(found.excess):
-            mean = f"{scale * float(found.excess.mean()):+.3g} {unit} in the mean"
-            place = "hot_pixels" if where == "dark" and camera.hot_pixels else ""
-            yield _line(f"defect pixels in the {where}", f"{len(found.excess)} beyond 5 sigma", mean, place)

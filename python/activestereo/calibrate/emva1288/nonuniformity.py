@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures DSNU and PRNU, the fixed pattern of all frames: the standard's figures, and a split into a model's terms.
+"""Measures DSNU and PRNU, the fixed pattern of all frames, as a model's terms.
 
-The standard's figures are variances of averaged frames, whole and split into columns, rows and pixels (EMVA 1288
-Release 4.0 Linear, sections 4 and 8; whole in Release 3.1, sections 4.1 and 8). They include the lamp's unevenness,
-waves and defect pixels; the standard shows waves as spectrograms and defects as histograms. The split removes, in turn,
+EMVA 1288 (Release 4.0 Linear, sections 4 and 8) states variances of averaged frames, which include the lamp's
+unevenness, waves and defect pixels. The split here removes these in turn,
 
     field     a polynomial of the fourth degree: lamp, lens and glow
     waves     sinusoids that stand out from the spectrum around them
@@ -60,13 +59,9 @@ class Split:
 
 @dataclass(frozen=True)
 class Nonuniformity:
-    """The fixed pattern's figures. dsnu_1288_dn, prnu_1288: the standard's for [whole, columns, rows, pixels], in DN
-    and as shares of the signal; NaN if the variance is below the temporal noise's. dark: split of the dark frames, DN.
-    light: split of the light, as shares. field: lowest and highest light over the mean. pixels: number in a frame.
-    photons, exposure_s: of the lit frames."""
+    """The fixed pattern's figures. dark: split of the dark frames, DN. light: split of the light, as shares. field:
+    lowest and highest light over the mean. pixels: number in a frame. photons, exposure_s: of the lit frames."""
 
-    dsnu_1288_dn: Array
-    prnu_1288: Array
     dark: Split
     light: Split
     field: tuple[float, float]
@@ -104,9 +99,6 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
             f"{_LEAST_SIDE}x{_LEAST_SIDE} or more, and light"
         )
     noise = [step.variance_dn2 / step.frames for step in (bright, dark)]
-    spread = _spread(of_dark, noise[1])
-    with np.errstate(invalid="ignore"):
-        dsnu, prnu = np.sqrt(spread), np.sqrt(_spread(of_light, noise[0]) - spread) / signal
     difference = of_light - of_dark
     field = _field(difference, np.ones(difference.shape, bool))
     light = split(difference / field, sum(noise) / signal**2, "1")
@@ -120,27 +112,8 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
         error = light.pixel.value * float(np.sqrt(terms.sum() / field.size))
         end = float(relative.flat[place]) + sign * DEVIATIONS * error
         ends.append(end / (1.0 + light.excess.sum() / bright.pixels))
-    return Nonuniformity(
-        dsnu, prnu, split(of_dark, noise[1], "DN"), light, (ends[0], ends[1]), bright.pixels, bright.photons,
-        bright.exposure_s,
-    )  # fmt: skip
-
-
-def _spread(image: Array, noise: float) -> Array:
-    """Computes spatial variances [whole, columns, rows, pixels] of an averaged image. noise: variance that temporal
-    noise leaves in a pixel."""
-    m, n = image.shape
-    degrees = m * n - m - n
-    whole = image.var(ddof=1) - noise
-    columns, rows = image.mean(axis=0).var() - noise / m, image.mean(axis=1).var() - noise / n
-    return np.array(
-        [
-            whole,
-            ((m * n - m) * columns - n * (whole - rows)) / degrees,
-            ((m * n - n) * rows - m * (whole - columns)) / degrees,
-            m * n * (whole - columns - rows) / degrees,
-        ]
-    )
+    dark_split = split(of_dark, noise[1], "DN")
+    return Nonuniformity(dark_split, light, (ends[0], ends[1]), bright.pixels, bright.photons, bright.exposure_s)
 
 
 def split(image: Array, noise: float, unit: str) -> Split:

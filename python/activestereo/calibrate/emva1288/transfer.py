@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures photon transfer: gain, temporal noise and linearity of a camera from pairs of evenly lit and of dark frames.
 
-The standard's figures follow Release 4.0 Linear (Release 3.1 has them in sections 6.6, 6.7 and 7.1). Its gain K is the
-slope of variance over mean, which a nonlinear response biases. If photons are known, the response is fitted as well,
-and K is also stated at the response's origin:
+Release 4.0 Linear (Release 3.1, sections 6.6 and 6.7) takes the gain K as the slope of variance over mean, which a
+nonlinear response biases. Here the response is fitted as well if photons are known, and K is stated at its origin:
 
     mean = black + f(s)                          s = R photons, f(0) = 0, f'(0) = 1
     variance = (sigma^2 + K s) f'(s)^2 + 1/12    DN^2
@@ -75,7 +74,7 @@ def fit_weighted(columns: np.ndarray, values: np.ndarray, errors: np.ndarray, sc
     return WeightedFit(found / size, covariance / np.outer(size, size), quantile, bic)
 
 
-# Shares of saturation: of the fits of gain and responsivity (6.6), and of linearity (6.7).
+# Shares of saturation within which the gain (6.6) and the response (6.7) are fitted.
 _GAIN_RANGE, _LINEAR_RANGE = 0.7, (0.05, 0.95)
 # Below this variance rounding hides the noise of the dark (6.6); above the other its share is 1/12 to 1 % of sigma^2.
 _LEAST_DARK_VARIANCE, _ROUNDED_WELL = 0.24, 0.25 + ROUNDING_VARIANCE
@@ -110,26 +109,19 @@ class Response:
 
 @dataclass(frozen=True)
 class PhotonTransfer:
-    """The photon transfer's figures: the standard's (names with 1288) as numbers, those at the response's origin as
-    quantities with 90 % intervals. gain_1288, gain: K, DN per electron. responsivity_1288: R in DN per photon; it and
-    all that follow from photons are None if these are unknown. dark_noise_1288_dn includes rounding; dark_noise does
-    not. linearity_1288: least and largest relative deviation from the straight line. saturation_dn: mean above black.
-    dark_current: DN/s; None with fewer than three exposures."""
+    """The photon transfer's figures at the response's origin, with 90 % intervals. gain: K, DN per electron.
+    dark_noise: without rounding. saturation_dn: mean above black. responsivity: R, DN per photon; it and the response
+    are None if photons are unknown. dark_current: DN/s; None with fewer than three exposures."""
 
-    gain_1288: float
     gain: Quantity
-    dark_noise_1288_dn: float
     dark_noise: Quantity
     black: Quantity
     saturation_dn: float
     is_saturated: bool
     steps: int
     used_steps: int
-    responsivity_1288: float | None = None
     responsivity: Quantity | None = None
     response: Response | None = None
-    linearity_1288: tuple[float, float] | None = None
-    saturation_photons: float | None = None
     dark_current: Quantity | None = None
 
 
@@ -211,31 +203,17 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     # 5. The gain.
     at_used = np.stack([np.ones(used.sum()), levels.exposure_s[used]][: 1 + several], axis=1)
     dark_at_used = at_used @ dark_variance.values
-    excess, signal = levels.variance[used] - dark_at_used, levels.signal[used]
     gain, dark_noise = _gain(levels, used, dark_variance, dark_at_used, response)
-    known, linearity = response is not None, None
-    if known:  # deviations from the straight line of least relative squares, as shares of it (6.7)
-        low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
-        inside = (levels.signal >= low) & (levels.signal <= high)
-        x, y = levels.photons[inside], levels.signal[inside]
-        deviation = y / np.polyval(np.polyfit(x, y, 1, w=1.0 / y), x) - 1.0
-        linearity = float(deviation.min()), float(deviation.max())
-    photons = levels.photons[used]
     return PhotonTransfer(
-        gain_1288=float(signal @ excess / (signal @ signal)),
         gain=gain,
-        dark_noise_1288_dn=float(np.sqrt(max(dark_variance.values[0], _LEAST_DARK_VARIANCE))),
         dark_noise=dark_noise,
         black=black.quantity(0, "DN", _SOURCE),
         saturation_dn=float(levels.signal[top]),
         is_saturated=top < len(levels.signal) - 1,
         steps=len(lit),
         used_steps=int(used.sum()),
-        responsivity_1288=float(photons @ signal / (photons @ photons)) if known else None,
         responsivity=response[1].quantity(0, "DN", _SOURCE) if response else None,
         response=response[0] if response else None,
-        linearity_1288=linearity,
-        saturation_photons=float(levels.photons[top]) if known else None,
         dark_current=black.quantity(1, "DN/s", _SOURCE) if several else None,
     )
 
