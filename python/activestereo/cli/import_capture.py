@@ -140,9 +140,8 @@ def _report(args: argparse.Namespace, capture: Capture, told: Sequence[str], has
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
     """Reads the recording if its layout (bag, BOP, TUM, Open3D) has colour and depth alone, else returns None.
     temporary: folder for extracted files."""
-    from activestereo.capture.importers.bag import is_bag
+    from activestereo.capture.importers.bag import has_color_depth_alone, is_bag, read_color_depth_bag
     from activestereo.capture.importers.bop import read_bop
-    from activestereo.capture.importers.color_depth_bag import has_color_depth_alone, read_color_depth_bag
     from activestereo.capture.importers.open3d import INTRINSICS, read_open3d
     from activestereo.capture.importers.tum import read_tum
     from activestereo.common.progress_bar import ProgressBar
@@ -175,7 +174,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     missing."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
-    from activestereo.capture.importers.bag import extract_bag, has_color, is_bag
+    from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
     from activestereo.capture.importers.live import record_live
     from activestereo.capture.importers.realsense_folder import frame_files, import_realsense, swapped
     from activestereo.capture.importers.trajectory import read_trajectory, refuse_foreign
@@ -215,7 +214,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         told = [sides_text(checked_sides(files, args.swap, offset_px))]
     else:
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
-    if bag and has_color(args.recording):
+    if bag and "Color" in image_streams(args.recording):
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
     told += unused_text(folder, files)
     with ProgressBar(f"importing {args.recording.name}") as bar:

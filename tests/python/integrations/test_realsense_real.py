@@ -160,7 +160,7 @@ def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
 
 def test_what_the_real_recorder_writes_of_depth_and_colour_is_imported_with_its_place(tmp_path):
     pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
-    from activestereo.capture.importers.color_depth_bag import has_color_depth_alone, read_color_depth_bag
+    from activestereo.capture.importers.bag import has_color_depth_alone, read_color_depth_bag
 
     lens, place = frameset(1)[0].profile.get_intrinsics(), np.eye(4)
     place[:3, :3] = Rotation.from_euler("xyz", (0.1, -0.2, 0.3)).as_matrix()

@@ -217,4 +217,3 @@ def _ratio(q: Quantity, divisor: Quantity, unit: str, factor: float = 1.0) -> Qu
         if end is not None and other is not None
     )
     return Quantity(value, low, high, unit, q.source)
-

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Extracts bags of ROS 1 and ROS 2, and librealsense's .bag files, into a folder of PNG files and a DeviceText. Needs
-the package rosbags (pip install rosbags).
+"""Extracts bags of ROS 1 and ROS 2, and librealsense's .bag files, into a folder of PNG files. Returns the calibration
+as a DeviceText, or a ColorDepthRecording of a bag without infrared streams. Needs rosbags (pip install rosbags).
 
 Topics are recognised by name: librealsense's /device_0/sensor_0/Infrared_1/image/data, realsense-ros's
 /camera/infra1/image_rect_raw, and others with the same words. The baseline comes from the right camera's camera_info
 (-P[3] / P[0]), else from librealsense's transform of the stream. Infrared 1 is the left camera on every D4xx. A bag may
-also be one .db3 file without metadata.yaml, as librealsense records since 2.58."""
+also be one .db3 file without metadata.yaml, as librealsense records since 2.58. Depth is in the depth camera's image,
+or is realsense-ros' depth aligned to colour."""
 
 from __future__ import annotations
 
@@ -20,17 +21,19 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from activestereo.capture.capture import Camera
+from activestereo.capture.capture import Camera, ColorCamera
 from activestereo.capture.images import write_gray
+from activestereo.capture.importers.color_depth import ColorDepthFrame, ColorDepthRecording, nearest
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
 from activestereo.capture.importers.realsense_text import INFRARED, DeviceText
 from activestereo.common.baseline import chosen_baseline_m
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import write_png, write_text
 from activestereo.common.pose import printed_motion
 
 _STREAMS = {
@@ -42,7 +45,13 @@ _STREAMS = {
 }
 _TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.uint16}
 _OF_A_PAIR = (*INFRARED, "Depth")
-IMAGES = ("Image", "CompressedImage")
+_IMAGES = ("Image", "CompressedImage")
+_CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4}
+# Two bytes a pixel: librealsense's names and ROS' (sensor_msgs/image_encodings.hpp).
+_YUV = {
+    "yuyv": cv2.COLOR_YUV2RGB_YUYV, "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUYV, "uyvy": cv2.COLOR_YUV2RGB_UYVY,
+    "yuv422": cv2.COLOR_YUV2RGB_UYVY,
+}  # fmt: skip
 _STEREO_BASELINE = "stereo_baseline"
 _MENDED_BY = {".bag": "'rosbag reindex'", ".mcap": "'mcap recover'", ".db3": "sqlite3's '.recover'"}
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?"
@@ -50,23 +59,79 @@ _PLACE = re.compile(
     rf"rotation=(?P<rotation>{_NUMBER}(?:,{_NUMBER}){{8}});\s*translation=(?P<translation>{_NUMBER}(?:,{_NUMBER}){{2}})"
 )
 _PNG = b"\x89PNG\r\n"
-ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
+_COLOR_WITHIN_S = 0.02
+_ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
 
 
 @dataclass
-class _Found:
-    """The calibration found in a bag, by stream, and the number of images of each stream."""
+class _Content:
+    """The content of a bag, by stream: image files by time in milliseconds, cameras, places (4x4 from the device's
+    first stream), and baselines by camera_info."""
 
-    intrinsics: dict[str, Camera] = field(default_factory=dict)
+    path: Path
+    images: dict[str, dict[float, Path]] = field(default_factory=dict)
+    lenses: dict[str, Camera] = field(default_factory=dict)
+    places: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     baselines_m: dict[str, float] = field(default_factory=dict)
     nominal_baseline_m: float | None = None  # librealsense's option, used if nothing else states the units
     depth_units_m: float | None = None
-    counts: dict[str, int] = field(default_factory=dict)
+
+    def note(self, topic: str, message: Any) -> None:
+        """Stores the camera, the place, the baseline or the depth's unit that a message states."""
+        stream, kind, name = stream_of(topic), type(message).__name__, topic.lower()
+        if "depth_units" in name and hasattr(message, "data"):
+            self.depth_units_m = float(message.data)
+        elif kind.endswith("CameraInfo") and stream is not None:
+            if stream not in self.lenses:
+                self.lenses[stream] = intrinsic_of(self.path, topic, message)
+                projection = np.asarray(_either(message, "p"), float)
+                if projection[0] > 0 and projection[3] != 0:
+                    self.baselines_m[stream] = float(-projection[3] / projection[0])
+        elif _STEREO_BASELINE in name:
+            self.nominal_baseline_m = 1e-3 * float(message.data)
+        elif stream is not None and (place := _place(self.path, topic, message)) is not None:
+            self.places.setdefault(stream, place)
+
+    def device(self, streams: set[str], given_m: float | None) -> DeviceText:
+        """Returns the calibration of both infrared cameras. streams: those with images. given_m: the user's baseline.
+        Raises ValueError with the missing part, or if both baselines exist and differ."""
+        for stream in INFRARED:
+            if stream not in streams:
+                raise ValueError(f"{self.path}: {stream}: no topic has its images: record both infrared streams")
+            if stream not in self.lenses:
+                raise ValueError(f"{self.path}: {stream}: no camera_info topic: give --calibration, or record it")
+        told_m = self.nominal_baseline_m or 0.0
+        if "Infrared 2" in self.baselines_m:
+            told_m = self.baselines_m["Infrared 2"]
+        elif "Infrared 2" in self.places:
+            told_m = abs(float(self.places["Infrared 2"][0, 3]))
+        if told_m < 0:
+            raise ValueError(
+                f"{self.path}: Infrared 2: the baseline is {told_m:g} m, expected above 0: left and right are swapped"
+            )
+        baseline_m = chosen_baseline_m(f"{self.path}: Infrared 2", told_m, given_m)
+        modes = {(name, lens.width, lens.height): lens for name, lens in self.lenses.items()}
+        pair = DeviceText.of_pair(self.path, [self.lenses[stream] for stream in INFRARED], baseline_m)
+        return replace(pair, intrinsics=modes)
 
 
 def is_bag(path: Path) -> bool:
     """Returns whether the path is a ROS 1 bag, or the folder or a file of a ROS 2 bag."""
     return path.suffix in (".bag", ".db3", ".mcap") or (path / "metadata.yaml").is_file()
+
+
+def image_streams(path: Path) -> set[str]:
+    """Returns the streams of which a bag has images: Infrared 1, Infrared 2, Depth, Aligned, Color. Raises as
+    extract_bag() does."""
+    with _opened(path) as reader:
+        found = {stream_of(c.topic) for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES}
+    return {stream for stream in found if stream is not None}
+
+
+def has_color_depth_alone(path: Path) -> bool:
+    """Returns whether a bag has depth but no infrared stream. Raises ValueError if it cannot be read."""
+    streams = image_streams(path)
+    return not streams & set(INFRARED) and bool(streams & {"Depth", "Aligned"})
 
 
 def extract_bag(
@@ -75,47 +140,68 @@ def extract_bag(
     """Writes a bag's infrared and depth images into `folder`, named by stream and time as realsense_folder reads them.
     Returns (calibration, metres per unit of depth or None). baseline_m: the user's baseline, for a bag that states
     none. Raises ValueError, one line, with the bag and the missing part, also without rosbags."""
-    found = _Found()
-    start_ms: float | None = None
-    for topic, message, time_ms, share in messages(path):
+    content = _extract(path, folder, _OF_A_PAIR, progress)
+    return content.device(set(content.images), baseline_m), content.depth_units_m
+
+
+def read_color_depth_bag(
+    path: Path, folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ColorDepthRecording:  # fmt: skip
+    """Writes a bag's images into `folder` and returns them as a recording. K and depth_scale override the bag's. Raises
+    ValueError, one line, with the bag and the missing part, also without rosbags."""
+    depth_stream = "Depth" if "Depth" in image_streams(path) else "Aligned"
+    content = _extract(path, folder, (depth_stream, "Color"), progress)
+    depths, colors = (content.images.get(stream, {}) for stream in (depth_stream, "Color"))
+    if not depths:
+        raise ValueError(f"{path}: Depth: its topic has no images: record depth")
+    if K is None and depth_stream not in content.lenses:
+        raise ValueError(f"{path}: Depth: no camera_info topic: give --k FX,FY,CX,CY, or record it")
+    scale = depth_scale or content.depth_units_m
+    if scale is None:
+        raise ValueError(f"{path}: depth scale: is not in it: give --depth-scale, often 0.001")
+    colors_s, frames = {1e-3 * time_ms: file for time_ms, file in colors.items()}, []
+    for time_ms, depth in depths.items():
+        at = nearest(colors_s, 1e-3 * time_ms, _COLOR_WITHIN_S)
+        frames.append(ColorDepthFrame(1e-3 * time_ms, depth, None if at is None else colors_s[at], scale))
+    own = content.lenses[depth_stream].K if K is None else K
+    color, lens, assumed = None, content.lenses.get("Color"), []
+    if depth_stream != "Aligned" and lens is not None:
+        # Without a transform colour stands in the depth camera's place.
+        to_depth = content.places.get(depth_stream, np.eye(4))
+        depth_to_color = content.places.get("Color", to_depth) @ np.linalg.inv(to_depth)
+        color = ColorCamera(lens.width, lens.height, lens.K, lens.distortion, depth_to_color)
+    if colors and depth_stream != "Aligned" and "Color" not in content.places:
+        assumed.append("colour is seen from depth's place: the bag has no transform of it")
+    if colors and depth_stream != "Aligned" and color is None:
+        assumed.append("colour lies on depth's pixels: the bag has no camera_info of it")
+    return ColorDepthRecording(path, "a bag", own, tuple(frames), color=color, assumed=tuple(assumed))
+
+
+def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Callable[[float], None] | None) -> _Content:
+    """Writes the images of these streams into `folder` and returns all that the bag holds of them."""
+    content, start_ms = _Content(path), None
+    for topic, message, time_ms, share in _messages(path, streams=streams):
         stream = stream_of(topic)
-        kind = type(message).__name__
-        if kind.endswith(("sensor_msgs__msg__Image", "CompressedImage")) and stream is not None:
+        if type(message).__name__.endswith(("sensor_msgs__msg__Image", "CompressedImage")) and stream is not None:
             if start_ms is None:  # names of files hold times, also of a recording whose time begins at 0
                 start_ms = 0.0 if time_ms > LEAST_TIME_MS else LEAST_TIME_MS + 1.0
-            write_gray(folder / f"{stream} {start_ms + time_ms:.3f}.png", pixels_of(path, topic, message))
-            found.counts[stream] = found.counts.get(stream, 0) + 1
-            if stream == "Depth" and found.depth_units_m is None and not topic.startswith("/device_"):
-                found.depth_units_m = ROS2_DEPTH_SCALE_M
-        elif (units_m := depth_units_of(topic, message)) is not None:
-            found.depth_units_m = units_m
+            file = folder / f"{stream} {start_ms + time_ms:.3f}.png"
+            if stream == "Color":
+                write_png(file, _color_pixels(path, topic, message))
+            else:
+                write_gray(file, _gray_pixels(path, topic, message))
+            content.images.setdefault(stream, {})[time_ms] = file
+            if stream in ("Depth", "Aligned") and not content.depth_units_m and not topic.startswith("/device_"):
+                content.depth_units_m = _ROS2_DEPTH_SCALE_M
         else:
-            _note_calibration(path, found, topic, message)
+            content.note(topic, message)
         if progress is not None:
             progress(share)
-    return _device(path, found, baseline_m), found.depth_units_m
+    return content
 
 
-def depth_units_of(topic: str, message: Any) -> float | None:
-    """Returns metres per unit of depth if a message is librealsense's option for it, else None."""
-    return float(message.data) if "depth_units" in topic.lower() and hasattr(message, "data") else None
-
-
-def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> None:
-    """Stores a stream's intrinsics or the baseline in `found` if the message states it."""
-    stream, kind = stream_of(topic), type(message).__name__
-    if kind.endswith("CameraInfo") and stream is not None and stream not in found.intrinsics:
-        found.intrinsics[stream] = intrinsic_of(path, topic, message)
-        projection = np.asarray(_either(message, "p"), float)
-        if projection[0] > 0 and projection[3] != 0:
-            found.baselines_m[stream] = float(-projection[3] / projection[0])
-    elif _STEREO_BASELINE in topic.lower():
-        found.nominal_baseline_m = 1e-3 * float(message.data)
-    elif stream == "Infrared 2" and (place := place_of(path, topic, message)) is not None:
-        found.baselines_m.setdefault(stream, abs(float(place[0, 3])))
-
-
-def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
+def _place(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
     """Returns a stream's pose, 4x4 from the device's first stream, if the message states it, else None. Reads
     librealsense's Transform, or its text since 2.58, whose rotation is column by column."""
     name = f"{path}: {topic}"
@@ -133,14 +219,11 @@ def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None
 def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
     """Reads a bag's calibration, no images. baseline_m: for a bag that states none. Raises ValueError with the bag and
     the missing part, or if both baselines exist and differ."""
-    found = _Found()
-    for topic, kind in topics(path):
-        if kind in IMAGES and (stream := stream_of(topic)) is not None:
-            found.counts[stream] = 1
+    streams, content = image_streams(path), _Content(path)
     kinds = ("CameraInfo", "Transform", "String", "Float32")
-    for topic, message, _, _ in messages(path, kinds, is_first_enough=True):
-        _note_calibration(path, found, topic, message)
-    return _device(path, found, baseline_m)
+    for topic, message, _, _ in _messages(path, kinds, is_first_enough=True):
+        content.note(topic, message)
+    return content.device(streams, baseline_m)
 
 
 def read_pairs(
@@ -149,14 +232,14 @@ def read_pairs(
     """Yields (name, left, right) of each infrared pair in order of time, one pair in memory. The name is the left
     image's time in milliseconds. is_wanted(name): decides whether to decode a pair. Raises as extract_bag() does."""
     waiting: dict[str, tuple[float, str, Any]] = {}
-    for topic, message, time_ms, _ in messages(path, IMAGES, INFRARED):
+    for topic, message, time_ms, _ in _messages(path, _IMAGES, INFRARED):
         stream = stream_of(topic) or ""
         waiting[stream] = time_ms, topic, message
         if len(waiting) < 2 or abs(waiting[INFRARED[0]][0] - waiting[INFRARED[1]][0]) > SAME_FRAME_MS:
             continue
         name = f"{waiting[INFRARED[0]][0]:.3f}"
         if is_wanted(name):
-            left, right = (pixels_of(path, *waiting[side][1:]) for side in INFRARED)
+            left, right = (_gray_pixels(path, *waiting[side][1:]) for side in INFRARED)
             yield name, left, right
         waiting.clear()
 
@@ -164,19 +247,8 @@ def read_pairs(
 def count_pairs(path: Path) -> int:
     """Returns an upper limit of the number of infrared pairs. Raises as extract_bag() does."""
     with _opened(path) as reader:
-        counts = {stream_of(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in IMAGES}
+        counts = {stream_of(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES}
     return min(counts.get(side, 0) for side in INFRARED)
-
-
-def has_color(path: Path) -> bool:
-    """Returns whether a bag has colour images. Raises as extract_bag() does."""
-    return any(stream_of(topic) == "Color" and kind in IMAGES for topic, kind in topics(path))
-
-
-def topics(path: Path) -> list[tuple[str, str]]:
-    """Lists (topic, message type) of the topics that this importer reads."""
-    with _opened(path) as reader:
-        return [(c.topic, c.msgtype.split("/")[-1]) for c in _wanted(reader)]
 
 
 def stream_of(topic: str) -> str | None:
@@ -239,7 +311,7 @@ def _opened(path: Path) -> Iterator[Any]:
         raise ValueError(f"{path}: cannot be read as a bag: {reason}{hint}") from error
 
 
-def messages(
+def _messages(
     path: Path, kinds: Sequence[str] = (), streams: Sequence[str] = _OF_A_PAIR, is_first_enough: bool = False
 ) -> Iterator[tuple[str, Any, float, float]]:
     """Yields (topic, message, time in ms, share of the bag that is read) of a bag's messages. kinds: message types to
@@ -281,7 +353,7 @@ def _wanted(reader: Any) -> list[Any]:
         is_place = kind == "String" and "/tf/" in topic and is_of_stream
         is_option = kind == "Float32" or (kind == "String" and "/tf/" not in topic)
         is_known = is_option and any(f"{option}/value" in topic for option in ("depth_units", _STEREO_BASELINE))
-        if is_place or is_known or (kind in (*IMAGES, "CameraInfo", "Transform") and is_of_stream):
+        if is_place or is_known or (kind in (*_IMAGES, "CameraInfo", "Transform") and is_of_stream):
             found.append(c)
     plain = {stream_of(c.topic) for c in found if c.msgtype.endswith("/Image")}
     return [c for c in found if not (c.msgtype.endswith("/CompressedImage") and stream_of(c.topic) in plain)]
@@ -292,7 +364,7 @@ def _either(message: Any, name: str) -> Any:
     return getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
 
 
-def pixels_of(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
+def _gray_pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
     """Decodes an image message's pixels, uint8 or uint16 [height, width]. A compressed image is a PNG file; a depth
     image has a header before it."""
     content = np.asarray(message.data, np.uint8).tobytes()
@@ -339,18 +411,24 @@ def intrinsic_of(path: Path, topic: str, message: Any) -> Camera:
     return Camera(int(message.width), int(message.height), K, distortion)
 
 
-def _device(path: Path, found: _Found, given_m: float | None) -> DeviceText:
-    for stream in INFRARED:
-        if stream not in found.counts:
-            raise ValueError(f"{path}: {stream}: no topic has its images: record both infrared streams")
-        if stream not in found.intrinsics:
-            raise ValueError(f"{path}: {stream}: no camera_info topic: give --calibration, or record it")
-    told_m = found.baselines_m.get("Infrared 2", found.nominal_baseline_m or 0.0)
-    if told_m < 0:
-        raise ValueError(
-            f"{path}: Infrared 2: the baseline is {told_m:g} m, expected above 0: left and right are swapped"
-        )
-    baseline_m = chosen_baseline_m(f"{path}: Infrared 2", told_m, given_m)
-    modes = {(name, i.width, i.height): i for name, i in found.intrinsics.items()}
-    pair = DeviceText.of_pair(path, [found.intrinsics[stream] for stream in INFRARED], baseline_m)
-    return replace(pair, intrinsics=modes)
+def _color_pixels(path: Path, topic: str, message: Any) -> NDArray[np.uint8]:
+    """Decodes a colour image message as RGB, uint8 [height, width, 3]."""
+    content = np.asarray(message.data, np.uint8)
+    if hasattr(message, "format"):
+        try:
+            return np.asarray(Image.open(io.BytesIO(content.tobytes())).convert("RGB"))
+        except (OSError, SyntaxError) as error:
+            raise ValueError(f"{path}: {topic}: a compressed image is damaged: {error}") from error
+    name, size = message.encoding.lower(), (message.height, message.width)
+    depth = 2 if name in _YUV else _CHANNELS.get(name, 1)
+    if depth == 1 and name not in ("mono8", "8uc1", "y8"):
+        known = ", ".join([*_CHANNELS, *_YUV, "mono8"])
+        raise ValueError(f"{path}: {topic}: encoding is '{message.encoding}', expected one of {known}")
+    if message.step < depth * message.width or content.size != message.step * message.height:
+        raise ValueError(f"{path}: {topic}: {content.size} bytes do not fill {message.width}x{message.height}")
+    pixels = content.reshape(message.height, message.step)[:, : depth * message.width].reshape(*size, depth)
+    if name in _YUV:
+        return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), _YUV[name]), np.uint8)
+    if depth == 1:
+        return np.repeat(pixels, 3, axis=2)
+    return np.ascontiguousarray(pixels[..., 2::-1] if name.startswith("bgr") else pixels[..., :3])
