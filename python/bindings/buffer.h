@@ -5,8 +5,8 @@
 #include <unistd.h>
 
 #include "bindings/array_pool.h"
+#include "bindings/convert.h"
 #include "bindings/device.h"
-#include "bindings/dlpack.h"
 
 namespace ks_python {
 
@@ -118,8 +118,6 @@ struct Image {
     const std::vector<py::ssize_t> shape(c.shape, c.shape + c.dim_count), strides(c.byte_stride, c.byte_stride + c.dim_count);
     return py::array(dtype_of(c.format), shape, strides, first(), py::cast(buffer));
   }
-  /// The same for consumers of DLPack.
-  [[nodiscard]] py::object dlpack(const py::object& max_version) const { return dlpack::give(c, first(), py::cast(buffer), max_version); }
 
  private:
   [[nodiscard]] uint8_t* first() const {
@@ -128,17 +126,39 @@ struct Image {
   }
 };
 
-/// Another library's array in host memory as an image of the device: nothing is copied.
+/// Another library's array in host memory, which NumPy takes by DLPack, as an image of the device: nothing is copied.
 template <class Api>
 Image<Api> image_of_array(std::shared_ptr<Device<Api>> device, const py::object& array) {
-  dlpack::Taken taken = dlpack::take<Api>(array);
-  // A device's buffers begin at multiples of this at most (Vulkan, minStorageBufferOffsetAlignment). What lies before the array there is on
-  // a page of the array's, so it can be mapped; the image does not reach it.
+  const py::object from_dlpack = py::module_::import("numpy").attr("from_dlpack");
+  py::array view;
+  try {
+    view = from_dlpack(array);
+  } catch (py::error_already_set& error) {
+    raise_argument<Api>("NumPy cannot take the array by DLPack: " + std::string(py::str(error.value())) +
+                        "; it must be in host memory and writable");
+  }
+  // NumPy before 2.1 refuses read-only arrays itself, and shows all others as read-only.
+  if (!view.writeable() && py::array(from_dlpack(py::array_t<float>(1))).writeable())
+    raise_argument<Api>("the array is read-only, and an image may be written: copy it");
+  const uint32_t format = format_of<Api>(view.dtype());
+  if (view.ndim() < 1 || view.ndim() > KS_MAX_DIMS)
+    raise_argument<Api>("the array has " + std::to_string(view.ndim()) + " dimensions, an image has 1 to " + std::to_string(KS_MAX_DIMS));
+  if (view.size() == 0) raise_argument<Api>("the array is empty");
+  const std::vector<uint64_t> shape(view.shape(), view.shape() + view.ndim());
+  ks_image_desc image = ks_image_desc_packed(format, static_cast<uint32_t>(shape.size()), shape.data());
+  int64_t low = 0, high = view.itemsize();  // of the first element's address, the ends of all
+  for (py::ssize_t k = 0; k < view.ndim(); ++k) {
+    image.byte_stride[k] = view.strides(k);
+    const int64_t reach = (view.shape(k) - 1) * view.strides(k);
+    (reach < 0 ? low : high) += reach;
+  }
+  // A device's buffers begin at multiples of this at most (Vulkan, minStorageBufferOffsetAlignment). The bytes before the array there are
+  // on a page of the array's, so they can be mapped; the image does not reach them.
   constexpr uint64_t alignment = 256;
-  const uint64_t before = taken.begin % alignment;
-  taken.image.offset_bytes += before;
-  return {std::make_shared<Buffer<Api>>(std::move(device), taken.begin - before, taken.size_bytes + before, std::move(taken.owner)),
-          taken.image};
+  const uint64_t first = reinterpret_cast<uintptr_t>(view.data());
+  const uint64_t begin = (first + static_cast<uint64_t>(low)) / alignment * alignment;
+  image.offset_bytes = first - begin;
+  return {std::make_shared<Buffer<Api>>(std::move(device), begin, first + static_cast<uint64_t>(high) - begin, std::move(view)), image};
 }
 
 /// The whole buffer as bytes.
@@ -148,7 +168,7 @@ Image<Api> bytes_of(std::shared_ptr<Buffer<Api>> buffer) {
   return {std::move(buffer), ks_image_desc_packed(KS_FORMAT_U8, 1, &size)};
 }
 
-/// NumPy's array interface and DLPack, of whatever has an image: Type -> Image.
+/// NumPy's array interface and DLPack, by NumPy's view of whatever has an image: Type -> Image.
 template <class Api, class Class, class ToImage>
 void bind_array_protocols(Class& bound, const ToImage& to_image) {
   bound
@@ -158,18 +178,12 @@ void bind_array_protocols(Class& bound, const ToImage& to_image) {
           "NumPy's array interface, version 3.")
       .def(
           "__dlpack__",
-          [to_image](const py::object& self, const py::object& stream, const py::object& max_version, const py::object& dl_device,
-                     const py::object& copy) {
-            if (!stream.is_none()) raise_argument<Api>("host memory has no stream: stream must be None");
-            if (!dl_device.is_none() && !dl_device.equal(py::make_tuple(dlpack::device_cpu, 0)))
-              raise<Api>(KS_ERROR_UNSUPPORTED, PyExc_BufferError, "the memory is on the host, DLPack device (1, 0)");
-            if (copy.equal(py::bool_(true))) raise<Api>(KS_ERROR_UNSUPPORTED, PyExc_BufferError, "this shares memory and copies none");
-            return to_image(self).dlpack(max_version);
+          [to_image](const py::object& self, const py::kwargs& asked) -> py::object {
+            return to_image(self).array().attr("__dlpack__")(**asked);
           },
-          py::kw_only(), py::arg("stream") = py::none(), py::arg("max_version") = py::none(), py::arg("dl_device") = py::none(),
-          py::arg("copy") = py::none(), "A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more.")
+          "A DLPack capsule of the same memory, as NumPy's arrays give it.")
       .def(
-          "__dlpack_device__", [](const py::object&) { return py::make_tuple(dlpack::device_cpu, 0); }, "(1, 0): memory of the host.");
+          "__dlpack_device__", [](const py::object&) { return py::make_tuple(1, 0); }, "(1, 0): memory of the host.");
 }
 
 /// A packed view of `buffer`; throws when it reaches past the end.

@@ -153,15 +153,8 @@ class Buffer:
     @property
     def __array_interface__(self) -> dict[str, Any]:
         """NumPy's array interface, version 3."""
-    def __dlpack__(
-        self,
-        *,
-        stream: None = None,
-        max_version: tuple[int, int] | None = None,
-        dl_device: tuple[int, int] | None = None,
-        copy: bool | None = None,
-    ) -> Any:
-        """A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more."""
+    def __dlpack__(self, **asked: Any) -> Any:
+        """A DLPack capsule of the same memory, as NumPy's arrays give it."""
     def __dlpack_device__(self) -> tuple[int, int]:
         """(1, 0): memory of the host."""
 
@@ -171,20 +164,13 @@ class Image:
     @staticmethod
     def from_dlpack(device: Device, array: Any) -> Image:
         """An array of another library (NumPy, PyTorch on the CPU, ...), in host memory, as an image: the same memory,
-        no copy. The device must import host pointers. ArgumentError where the array is on a GPU, read-only, empty or
-        of other elements."""
+        no copy, taken by numpy.from_dlpack(). The device must import host pointers. ArgumentError where the array is on
+        a GPU, read-only, empty or of other elements."""
     @property
     def __array_interface__(self) -> dict[str, Any]:
         """NumPy's array interface, version 3."""
-    def __dlpack__(
-        self,
-        *,
-        stream: None = None,
-        max_version: tuple[int, int] | None = None,
-        dl_device: tuple[int, int] | None = None,
-        copy: bool | None = None,
-    ) -> Any:
-        """A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more."""
+    def __dlpack__(self, **asked: Any) -> Any:
+        """A DLPack capsule of the same memory, as NumPy's arrays give it."""
     def __dlpack_device__(self) -> tuple[int, int]:
         """(1, 0): memory of the host."""
 
