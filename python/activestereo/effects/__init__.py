@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines physical effects, one file each: a descriptor (id, stage, parameters with units, ranges, priors and sources)
-and a function.
+"""Defines physical effects: a descriptor (id, stage, parameters with units, ranges, priors, sources) over a function.
 
     from activestereo.effects import Parameter, Stage, effect
 
@@ -10,8 +9,8 @@ and a function.
         '''Stray light from the whole picture.'''
         return (1 - fraction) * image + fraction * image.mean()
 
-core/descriptor.py says what a function takes and returns at each stage. Every module of this folder is one built-in
-effect.
+core/descriptor.py says what a function takes and returns at each stage. The modules of this folder hold the built-in
+effects, by what they act on.
 """
 
 import importlib

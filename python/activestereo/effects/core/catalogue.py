@@ -132,8 +132,8 @@ exists in the engines only."""
 _INTRODUCTION = """\
 An *effect* is one physical reason why a real sensor differs from the base model. This page lists all {count} of them
 in the order of the pipeline, from the projector to the depth map; {engine} of them can be simulated inside the two
-engines. Each effect is one file in `python/activestereo/effects`: a descriptor with its parameters, and a function of
-engine fields or of images. At its *neutral* parameters an effect changes nothing. A *typical* value is about as far
+engines. Each effect is one function in `python/activestereo/effects`, of engine fields or of images, below a descriptor
+with its parameters. At its *neutral* parameters an effect changes nothing. A *typical* value is about as far
 from neutral as real sensors are: a fit starts from the assumption that parameters deviate by about this much (the
 standard deviation of its prior). This page is made by `activestereo effect list --markdown`.
 

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects of the projector: its power, its pattern, its dots and its laser's speckle."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy, StartImage
+from activestereo.effects.core.moved import engine_effect, tangents
+
+
+@engine_effect(
+    "laser_power_drift",
+    moves=("projector.ir_intensity",),
+    stage=Stage.PROJECTOR,
+    family="projector power",
+    finding="The projector's power drifts",
+    source="laser diodes lose 0.2-1 % of power per kelvin at constant current; firmware derates when hot (librealsense "
+    "issue 10476)",
+    parameters=[
+        Parameter("per_k", "1/K", neutral=0.0, low=-0.03, high=0.03, typical=0.004),
+        Parameter("per_s", "1/s", neutral=0.0, low=-0.02, high=0.02, typical=0.002),
+    ],
+)
+def laser_power_drift(inputs: EngineInputs, per_k: float, per_s: float) -> None:
+    """Projected light changes by the same factor, exp(per_k), with every kelvin above 25 C, and with the time since the
+    capture began."""
+    if inputs.projector is not None and inputs.projector.ir_intensity is not None:
+        aged = max(0.0, 1.0 + per_s * inputs.frame.timestamp_s)
+        inputs.projector.ir_intensity *= float(np.exp(per_k * inputs.warming_k)) * aged
+
+
+@engine_effect(
+    "chromatic_drift",
+    moves=("projector.ir_intensity", "pattern"),
+    stage=Stage.SURFACE,
+    family="projector power",
+    finding="The laser's colour drifts out of the filter's band with temperature",
+    source="850 nm lasers drift 0.06-0.3 nm/K against a fixed band-pass filter and lens",
+    parameters=[
+        Parameter("transmission_per_k", "1/K", neutral=0.0, low=-0.03, high=0.01, typical=0.003),
+        Parameter("sigma_px_per_k", "px/K", neutral=0.0, low=0.0, high=0.1, typical=0.01),
+    ],
+)
+def chromatic_drift(inputs: EngineInputs, transmission_per_k: float, sigma_px_per_k: float) -> None:
+    """Per kelvin away from 25 C the filter passes less of the projected light, and it is less in focus; ambient light
+    stays."""
+    warming_k = abs(inputs.warming_k)
+    if inputs.projector is not None and inputs.projector.ir_intensity is not None:
+        inputs.projector.ir_intensity *= max(0.0, 1.0 + transmission_per_k * warming_k)
+        inputs.blur_pattern(sigma_px_per_k * warming_k)
+
+
+@engine_effect(
+    "pattern_scale_drift",
+    moves=("projector.pattern_scale", "projector.distortion"),
+    stage=Stage.PROJECTOR,
+    family="pattern geometry",
+    finding="The projector's pattern has changed its size",
+    source="grating equation: sine of the angle in proportion to wavelength; 0.06-0.3 nm/K at 850 nm",
+    parameters=[
+        Parameter("scale", "1", neutral=0.0, low=-0.02, high=0.02, typical=0.002),
+        Parameter("per_k", "1/K", neutral=0.0, low=-1e-3, high=1e-3, typical=1e-4),
+    ],
+    is_pointwise=True,
+)
+def pattern_scale_drift(inputs: EngineInputs, scale: float, per_k: float) -> None:
+    """The sines of the pattern's angles from the projector's axis grow by 1 + scale + per_k x (kelvins above 25 C)."""
+    growth = 1.0 + scale + per_k * inputs.warming_k
+    if inputs.projector is not None and growth != 1.0:
+        # Light at a tangent t came from t (1 + e (1 + t^2))^-0.5, e = growth^2 - 1: Brown's k1, k2 to e^2.
+        e, (k1, k2, p1, p2, k3, k4, k5, k6) = growth**2 - 1.0, inputs.projector.distortion
+        k1, k2 = k1 - growth * e * (0.5 - 0.75 * e), k2 + 0.375 * growth * e**2
+        inputs.projector.distortion = (k1, k2, p1, p2, k3, k4, k5, k6)
+        inputs.projector.pattern_scale *= growth
+
+
+@engine_effect(
+    "projector_defocus",
+    moves=("projector.radius_m", "projector.focus_m"),
+    stage=Stage.PROJECTOR,
+    family="projector blur",
+    finding="The projector is out of focus",
+    source="thin lens: the blur circle's angular radius = aperture radius x |1/z - 1/z_focus|",
+    parameters=[
+        Parameter(
+            "aperture_px_m", "px m", neutral=0.0, low=0.0, high=6.0, typical=1.0,
+            source="radius of the aperture times focal length in pattern pixels",
+        ),
+        Parameter("focus_m", "m", neutral=1.0, low=0.2, high=5.0, typical=0.5),
+    ],
+    is_pointwise=True,
+)  # fmt: skip
+def projector_defocus(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
+    """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp.
+    """
+    if inputs.projector is not None and aperture_px_m > 0.0:
+        inputs.projector.radius_m = aperture_px_m / np.mean(np.diag(inputs.projector.k)[:2])
+        inputs.projector.focus_m = focus_m
+
+
+@engine_effect(
+    "projector_vignetting",
+    moves=("pattern",),
+    stage=Stage.PROJECTOR,
+    family="projector shading",
+    finding="The projector is darker towards its edges",
+    source="radiant intensity of a collimated diffractive projector falls with a power of cos",
+    parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=12.0, typical=1.5)],
+)
+def projector_vignetting(inputs: EngineInputs, exponent: float) -> None:
+    """Projected light falls by cos^exponent of the angle to the projector's axis; ambient light does not."""
+    if inputs.pattern is None and inputs.projector is not None:
+        inputs.projector.falloff += exponent
+    elif exponent != 0.0:  # kuafu's own falloff needs its slower shading of shaped lights
+        inputs.dim_pattern(lambda x, y: (1.0 + x * x + y * y) ** (-0.5 * exponent))
+
+
+# The grid and the radius of the first trials, in tangents of angles from the projector's axis.
+_GRID, _RADIUS = (-0.4, -0.2, 0.0, 0.2, 0.4), 0.15
+_BEST = 3
+
+
+def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: float, radius: float) -> np.ndarray:
+    """Returns the share of the light that is left at tangents (x, y) of angles from the projector's axis."""
+    return np.clip(1.0 - lost * np.exp(-0.5 * ((x - place_x) ** 2 + (y - place_y) ** 2) / radius**2), 0.0, None)
+
+
+def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
+    """Returns starting values at the places of the pattern whose dots fall short most, by the residual's regression on
+    the dots there."""
+    scores = {}
+    for place_x in _GRID:
+        for place_y in _GRID:
+            moment = power = 0.0
+            for image in images:
+                x, y = tangents(image.view)
+                lost = (_left(x, y, 1.0, place_x, place_y, _RADIUS) - 1.0) * image.light.projector
+                moment += float((lost * image.residual * image.weight).sum())
+                power += float((lost * lost * image.weight).sum())
+            scores[place_x, place_y] = moment / np.sqrt(power) if power > 0 else 0.0
+    best = sorted(scores, key=lambda place: -scores[place])[:_BEST]
+    amounts = ({"depth": 0.3}, {"per_k": 0.015})
+    return [{"place_x": x, "place_y": y, "radius": _RADIUS, **amount} for x, y in best for amount in amounts]
+
+
+@engine_effect(
+    "dim_dots",
+    moves=("pattern",),
+    stage=Stage.PROJECTOR,
+    family="pattern strength",
+    finding="Dots are dim or missing in a part of the pattern",
+    source="emitters of an array age one by one, and more so where it is warm; dirt on the projector's window",
+    parameters=[
+        Parameter("depth", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),
+        Parameter("per_k", "1/K", neutral=0.0, low=0.0, high=0.1, typical=0.01, source="more with each kelvin"),
+        Parameter("place_x", "1", neutral=0.1, low=-1.0, high=1.0, typical=0.3, source="tangent from the axis"),
+        Parameter("place_y", "1", neutral=0.1, low=-1.0, high=1.0, typical=0.3),
+        Parameter("radius", "1", neutral=0.15, low=0.02, high=1.0, typical=0.1, source="a Gaussian's deviation"),
+    ],
+    starts=_starts,
+)
+def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, place_y: float, radius: float) -> None:
+    """Around a place of the pattern the projector's light is weaker, and more so as it warms up."""
+    lost = depth + per_k * inputs.warming_k
+    if lost != 0.0:
+        inputs.dim_pattern(lambda x, y: _left(x, y, lost, place_x, place_y, radius))
+
+
+@engine_effect(
+    "dot_gain_spread",
+    moves=("pattern",),
+    stage=Stage.PROJECTOR,
+    family="pattern strength",
+    finding="The projector's dots differ in brightness",
+    source="coefficient of variation 0.4-0.5 over visible dots of D4xx, falloff included",
+    randomness=Randomness.STATIC,
+    judged=(RandomTerm("spread", Lever.PROJECTOR, SharedBy.DOT),),
+    parameters=[
+        Parameter("spread", "1", neutral=0.0, low=0.0, high=0.8, typical=0.15),
+        Parameter(
+            "dot_px", "px", neutral=3.0, low=1.0, high=20.0, typical=2.0, source="size of a dot in pattern pixels"
+        ),
+    ],
+)
+def dot_gain_spread(inputs: EngineInputs, spread: float, dot_px: float) -> None:
+    """Each dot has its own gain (log-normal, mean 1) that stays with it in every frame and both cameras."""
+    if spread > 0.0 and inputs.pattern is not None:
+        draws = inputs.rng("dot_gain_spread").standard_normal(inputs.pattern.shape)
+        smooth, width = gaussian_filter(draws, dot_px, mode="wrap"), np.sqrt(np.log1p(spread**2))
+        inputs.pattern = inputs.pattern * np.exp(width * smooth / smooth.std() - 0.5 * width**2)
+
+
+@engine_effect(
+    "speckle_static",
+    moves=("signal.speckle_shape", "signal.speckle_scale", "signal.speckle_correlation", "speckle_of_laser"),
+    stage=Stage.SURFACE,
+    family="speckle",
+    finding="The laser's light is grainy, with grains that stay (speckle)",
+    source="Goodman, Speckle Phenomena in Optics, 3.4; does not average out over frames (librealsense issue 1375)",
+    randomness=Randomness.STATIC,
+    judged=(RandomTerm("contrast", Lever.PROJECTOR, SharedBy.VIEW),),
+    parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
+)
+def speckle_static(inputs: EngineInputs, contrast: float) -> None:
+    """Projected light is grainy; the grains are the same in repeats, and new when rig or scene moves."""
+    inputs.add_speckle(contrast, 1.0)
+
+
+@engine_effect(
+    "speckle_temporal",
+    moves=("signal.speckle_shape", "signal.speckle_scale", "speckle_of_laser"),
+    stage=Stage.SURFACE,
+    family="speckle",
+    finding="The laser's light is grainy, with other grains in every frame (speckle)",
+    source="Goodman, Speckle Phenomena in Optics, 3.4; gamma noise of Landau 2015 (Kinect)",
+    randomness=Randomness.TEMPORAL,
+    judged=(RandomTerm("contrast", Lever.SIGNAL),),
+    parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
+)
+def speckle_temporal(inputs: EngineInputs, contrast: float) -> None:
+    """Projected light is grainy, with new grains in every frame: temporal variance grows with intensity squared."""
+    inputs.add_speckle(contrast, 0.0)
