@@ -17,6 +17,7 @@ import`, whose help says what VIEWS may be.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import cv2
@@ -129,10 +130,11 @@ def main() -> None:
     parser.add_argument("--test", default="3", help="frame that is held out (default: 3)")
     parser.add_argument("--spp", default="16", help="samples per pixel of compare and diagnose (default: 16)")
     parser.add_argument("--own", help="pattern of the camera's own depth, an image for each view, millimetres")
-    parser.add_argument("how", nargs="*", help="of activestereo import, after --")
-    args = parser.parse_args()
+    given = sys.argv[1:]
+    end = given.index("--") if "--" in given else len(given)  # argparse gives a list of its own no options
+    args, how = parser.parse_args(given[:end]), given[end + 1 :]
     args.out.mkdir(parents=True)
-    views, how = args.views, args.how
+    views = args.views
     if views is None:
         views = args.out / "views"
         record(views, 64)
