@@ -14,7 +14,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TextIO, cast
 
-import activestereo
+# Commands multiply small matrices in several processes, whose BLAS threads would wait for one another.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import activestereo  # before numpy
 from activestereo.cli import doctor
 from activestereo.cli.arguments import CommandError, Finding
 from activestereo.cli.exit_codes import FAILURE, FINDING, FINE, READER_GONE, STOPPED, USAGE

@@ -132,16 +132,15 @@ def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: fl
 def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
     """Returns starting values at the places of the pattern whose dots fall short most, by the residual's regression on
     the dots there."""
-    scores = {}
-    for place_x in _GRID:
-        for place_y in _GRID:
-            moment = power = 0.0
-            for image in images:
-                x, y = tangents(image.view)
-                lost = (_left(x, y, 1.0, place_x, place_y, _RADIUS) - 1.0) * image.light.projector
-                moment += float((lost * image.residual * image.weight).sum())
-                power += float((lost * lost * image.weight).sum())
-            scores[place_x, place_y] = moment / np.sqrt(power) if power > 0 else 0.0
+    moment, power = np.zeros((2, len(_GRID), len(_GRID)))
+    for image in images:
+        x, y = (t.ravel() for t in tangents(image.view))
+        dots, weight = image.light.projector.ravel(), image.weight.ravel()
+        across, along = (np.exp(-0.5 * (t - np.array(_GRID)[:, None]) ** 2 / _RADIUS**2) for t in (x, y))
+        moment -= (across * (dots * image.residual.ravel() * weight)) @ along.T
+        power += (across**2 * (dots * dots * weight)) @ (along**2).T
+    score = np.where(power > 0.0, moment / np.sqrt(np.maximum(power, 1e-300)), 0.0)
+    scores = {(x, y): score[i, j] for i, x in enumerate(_GRID) for j, y in enumerate(_GRID)}
     best = sorted(scores, key=lambda place: -scores[place])[:_BEST]
     amounts = ({"depth": 0.3}, {"per_k": 0.015})
     return [{"place_x": x, "place_y": y, "radius": _RADIUS, **amount} for x, y in best for amount in amounts]

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One camera's image of one frame beside the rendered light of the same view."""
 
+import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,12 +45,12 @@ def derivatives_in_dn(
     of_light(image): returns the derivatives of the projector's light and of the ambient light, [2][...][height][width].
     All images of one pose and camera share them.
     """
-    known: dict[tuple[str, bytes], NDArray[np.float32]] = {}
+    views = [(image.side, image.frame.camera_to_world.tobytes()) for image in images]
+    first = dict(reversed(list(zip(views, images, strict=True))))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        known = dict(zip(first, pool.map(of_light, first.values()), strict=True))
     out = {}
-    for image in images:
-        light = image.side, image.frame.camera_to_world.tobytes()
-        if light not in known:
-            known[light] = of_light(image)
+    for light, image in zip(views, images, strict=True):
         projector, ambient = scales(image.frame)
         levels = np.array([nuisances.projector_scale * projector, nuisances.ambient_scale * ambient], np.float32)
         expected = predict(image.frame, image.layers, nuisances, image.view.max_dn)

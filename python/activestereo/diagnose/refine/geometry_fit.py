@@ -248,12 +248,16 @@ def _some(o: Observation, seed: int) -> Observation:
 def _fit_at_rest(
     evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
 ) -> tuple[NuisancePrior, Fitter, Solution]:
-    """Fits the frames at rest with the likelihood weighed by 1 / misfit."""
+    """Fits the frames at rest with the likelihood weighed by 1 / misfit. Sharp images that ask for a correction are
+    fitted again with a lens, which may be what they lack."""
     prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
     fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px)
     start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
-    space, theta = (start, start.start) if blur_px else _with_lens(evidence, model, fitter, phi0)
-    return prior, fitter, fitter.refine(space, theta, phi0, _ITERATIONS)
+    solution = fitter.refine(start, start.start, phi0, _ITERATIONS)
+    moves = np.split(_without_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
+    if not blur_px and _change(evidence, *moves) >= _LINEAR_SHARE:
+        solution = fitter.refine(*_with_lens(evidence, model, fitter, phi0), phi0, _ITERATIONS)
+    return prior, fitter, solution
 
 
 def _misfit(fitter: Fitter, solution: Solution) -> float:
