@@ -10,7 +10,7 @@ from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.materials import paths_per_length
 from activestereo.effects.core.moved import engine_effect
-from activestereo.effects.core.shading import IOR, fresnel, ior_of
+from activestereo.effects.core.shading import IOR, fresnel
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.core.view import View
 
@@ -51,7 +51,7 @@ def haze(inputs: EngineInputs, extinction_per_m: float, backscatter: float, hous
     the camera."""
     if extinction_per_m > 0.0:
         lower, upper = inputs.bounds_m
-        inputs.fill_with(
+        inputs.medium = inputs.new_medium(
             extinction_per_m=(extinction_per_m,) * 3,
             albedo=(1.0,) * 3,
             phase_g=_phase_g(backscatter),
@@ -104,8 +104,10 @@ def interreflection(light: Light, view: View, gain: float) -> Light:
 def specular(inputs: EngineInputs, factor: float, roughness: float, surfaces: float) -> None:
     """Surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse
     light."""
-    # Up to 1 the factor is glTF's; beyond, a higher index of refraction, as of varnish over metal paint or of a metal.
-    share, ior = (factor, IOR) if factor <= 1.0 else (1.0, ior_of(factor * float(fresnel(1.0))))
+    # Up to 1 the factor is glTF's; beyond, a higher index of refraction reflects as much at normal incidence, as of
+    # varnish over metal paint or of a metal.
+    root = np.sqrt(factor * fresnel(1.0))
+    share, ior = (factor, IOR) if factor <= 1.0 else (1.0, float((1.0 + root) / (1.0 - root)))
     for material in inputs.surfaces(surfaces):
         material.specular = min(1.0, material.specular + share)
         material.ir_roughness = roughness

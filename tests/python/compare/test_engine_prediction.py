@@ -132,6 +132,11 @@ def test_the_scene_is_as_before_and_what_changes_no_ray_traces_none(nominal, ren
     np.testing.assert_allclose(dim[key].direct, seen[key].direct * np.exp(-0.2), rtol=1e-6)
 
 
+def test_expected_images_leave_no_effect_out(renderer):
+    with pytest.raises(ValueError, match="ambient_ir, double_image: no engine field"):
+        renderer.expected(model_of(ambient_ir={"level": 0.2}, double_image={"fraction": 0.1}), NUISANCES)
+
+
 def test_a_second_projector_is_the_rooms_light(renderer):
     plain, more = renderer.lights(Model()), renderer.lights(model_of(second_projector={"intensity_m2": 8.0}))
     key = (0, "left")

@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.common.computed_once import computed_once
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
-from activestereo.effects.core.view import PickedView, View, transform
+from activestereo.effects.core.view import PickedView, View
 
 _SMALLEST_BOX = 1e-3
 _LARGEST_BOX = 64.0
@@ -48,9 +48,6 @@ class DotView:
         K, z = self._view.projector_K, np.where(projector_points[..., 2] > 0, projector_points[..., 2], 1.0)
         x, y = projector_points[..., 0] / z, projector_points[..., 1] / z
         return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
-
-    def project_camera(self, camera_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return self.project(transform(self._view.camera_to_projector, camera_points))
 
     @computed_once
     def nominal(self) -> np.ndarray:

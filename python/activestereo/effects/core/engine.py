@@ -162,10 +162,6 @@ class EngineInputs:
             dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background, **fields,
         )  # fmt: skip
 
-    def fill_with(self, **fields: Any) -> None:
-        """Fills the scene with a medium; `fields` are kuafu.Medium's."""
-        self.medium = self.new_medium(**fields)
-
     def dim_pattern(self, gain: PatternGain) -> None:
         """Multiplies the projector's pattern image by a gain of the tangents (x, y) from its axis. Does nothing without
         a pattern."""

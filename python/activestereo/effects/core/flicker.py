@@ -27,7 +27,11 @@ _RowSums = tuple[Frame, np.ndarray, np.ndarray]
 def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
     """Returns the best few fits of flicker as {depth, frequency_hz, phase_rad, line_time_s}, best first. Each has
     another frequency, because a few frames hardly tell frequencies apart."""
-    rows = [_row_sums(image) for image in images]
+    rows = []
+    for image in images:
+        weighted = image.weight * image.ambient
+        sums = (weighted * image.ambient).sum(axis=1), (weighted * image.residual).sum(axis=1)
+        rows.append((image.view.frame, *sums))
     gains, depths, phases = (np.stack(x) for x in zip(*(_gains(rows, t) for t in _LINE_TIMES_S), strict=True))
     line, best = gains.argmax(axis=0), gains.max(axis=0)
     beside = np.pad(best, 1, constant_values=-np.inf)
@@ -41,11 +45,6 @@ def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
         }
         for i in peaks[np.argsort(-best[peaks])][:_STARTS]
     ]
-
-
-def _row_sums(image: StartImage) -> _RowSums:
-    weighted = image.weight * image.ambient
-    return image.view.frame, (weighted * image.ambient).sum(axis=1), (weighted * image.residual).sum(axis=1)
 
 
 def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -265,11 +265,7 @@ class _Later:
         if not changed:
             return after
         before = self._source.rendered(names)
-        gain = _local_gain(before, now)
+        # The smooth local gain that explains most of the change.
+        both, own = (blur(image, _GAIN_SIGMA_PX) for image in (before * now, before * before))
+        gain = both / np.maximum(own, 1e-12 * own.max() + 1e-300)
         return np.maximum(after * self._of_gain(gain) + self._of_images((now - gain * before)[None])[0], 0.0)
-
-
-def _local_gain(before: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """Returns the smooth gain [height][width] that explains most of the change from `before` to `now`."""
-    both, own = (blur(image, _GAIN_SIGMA_PX) for image in (before * now, before * before))
-    return both / np.maximum(own, 1e-12 * own.max() + 1e-300)

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
-from activestereo.effects.core.view import View
+from activestereo.effects.core.view import View, transform
 
 _ITERATIONS = 3
 
@@ -46,7 +46,7 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     flat = moved.flat * _falloff_ratio(view, then_to_mid, u, v, then, mid)
     dots = DotView.of(view)
     nominal = dots.nominal()
-    now = dots.mean(view.pattern, *dots.project_camera(then))
+    now = dots.mean(view.pattern, *dots.project(transform(view.camera_to_projector, then)))
     lit = dots.lit & (light.flat > 0)
     seen = np.where(lit, light.direct / np.where(lit, light.flat, 1.0), nominal)
     direct = np.maximum(flat * (seen + now - nominal), 0.0)

@@ -43,9 +43,7 @@ _INSTANTS, _LARGEST_DISC_PX = 5, 40.0
 _TIMES = ("delay_s", "exposure_s", "shutter", "line_time_s", "readout")
 
 
-def engine_effect(
-    id: str, *, moves: tuple[str, ...], **descriptor: Any
-) -> Callable[[Callable[..., None]], Effect]:
+def engine_effect(id: str, *, moves: tuple[str, ...], **descriptor: Any) -> Callable[[Callable[..., None]], Effect]:
     """Returns a decorator that makes an Effect of a function of EngineInputs and the parameters. moves: names of the
     engine fields that the function changes; a test compares them with the actual changes. Its docstring becomes the
     summary. descriptor: further fields of Effect."""

@@ -38,7 +38,10 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     own projector. Returns the neutral values alone, [{}], where the residual has no dots."""
     least = min((image.view.frame.projector_power for image in images), default=0.0)
     chosen = [image for image in images if image.view.frame.projector_power == least][:_IMAGES]
-    if not chosen or np.mean([_fine_chi2(image) for image in chosen]) < _LEAST_CHI2:
+    # The mean square of each residual's fine part in units of its noise: about 1 where it is noise alone.
+    fine = [image.residual - gaussian_filter(image.residual, _FINE_PX) for image in chosen]
+    chi2 = [float(np.mean(image.weight * rest**2)) for image, rest in zip(chosen, fine, strict=True)]
+    if not chosen or np.mean(chi2) < _LEAST_CHI2:
         return [{}]
     seen, view = SeenPoints.of(chosen, _FINE_PIXELS), chosen[0].view
     few = seen.some(_COARSE_PIXELS)
@@ -61,12 +64,6 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
 
 def _first(scored: list[tuple[float, np.ndarray]], most: int) -> list[tuple[float, np.ndarray]]:
     return sorted(scored, key=lambda one: -one[0])[:most]
-
-
-def _fine_chi2(image: StartImage) -> float:
-    """Returns the mean square of the residual's fine part in units of its noise: about 1 where it is noise alone."""
-    fine = image.residual - gaussian_filter(image.residual, _FINE_PX)
-    return float(np.mean(image.weight * fine**2))
 
 
 def _likely_places(seen: SeenPoints) -> np.ndarray:

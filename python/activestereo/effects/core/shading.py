@@ -21,12 +21,6 @@ _COSINES = 33
 _RINGS, _SPOKES = 96, 64
 
 
-def ior_of(reflectance: float) -> float:
-    """Returns the index of refraction of a surface that reflects this share of the light at normal incidence."""
-    root = np.sqrt(reflectance)
-    return float((1.0 + root) / (1.0 - root))
-
-
 class Cosines(NamedTuple):
     """Cosines between the normal (n), light (l), camera (v) and the half vector of light and camera (h); arrays or
     numbers."""
@@ -150,13 +144,10 @@ class Shading(Facing):
 
     def __init__(self, light: Light, view: View) -> None:
         vars(self).update(vars(view.once("facing", lambda: Facing(view))))
-        self.reflectance = self._reflectance(light, self.irradiance)
-
-    def _reflectance(self, light: Light, irradiance: np.ndarray) -> np.ndarray:
         lit = self.hit & (light.flat > 0) & (self.projector_cosine > _LEAST_COSINE)
-        own = light.flat / np.where(lit, irradiance, 1.0)
+        own = light.flat / np.where(lit, self.irradiance, 1.0)
         share = np.median((own / np.maximum(light.ambient, 1e-12))[lit]) if lit.any() else 0.0
-        return np.where(self.hit, np.where(lit, own, light.ambient * share), 0.0)
+        self.reflectance = np.where(self.hit, np.where(lit, own, light.ambient * share), 0.0)
 
     def pattern_from(self, projector_points: np.ndarray, sampler: BoxSampler) -> np.ndarray:
         """Returns the means of a sampler's pattern at points [..., 3] in a projector's frame, 0 behind it. Each mean's

@@ -88,7 +88,11 @@ class View:
 
     @classmethod
     def of(cls, capture: Capture, frame: Frame, side: str, layers: RenderedSurfaces, seed: int = 0) -> View:
-        rig = capture.rig
+        rig, bounced = capture.rig, None
+        direct = getattr(layers, "ambient_direct", None)
+        if direct is not None:
+            whole = np.asarray(layers.ambient, dtype=np.float64)
+            bounced = np.clip(1.0 - direct / np.where(whole > 0, whole, np.inf), 0.0, 1.0) * (whole > 0)
         left_to_camera = np.eye(4) if side == "left" else rig.left_to_right
         camera_to_world = frame.camera_to_world @ np.linalg.inv(left_to_camera)
         return cls(
@@ -107,7 +111,7 @@ class View:
             distortion=tuple(rig.camera(side).distortion),
             baseline_m=rig.baseline_m,
             material=np.asarray(layers.material),
-            ambient_bounced=_bounced_share(layers.ambient, getattr(layers, "ambient_direct", None)),
+            ambient_bounced=bounced,
             known=capture.known(frame, side),
             binning=capture.binning,
         )
@@ -276,13 +280,6 @@ def _drawn_by(
     u, v = _to_pixels(*_rays(*_pixels(shape), np.reshape(other_k, (3, 3)), lens), np.reshape(k, (3, 3)), own)
     _read_only(u, v)
     return u, v
-
-
-def _bounced_share(ambient: np.ndarray, direct: np.ndarray | None) -> np.ndarray | None:
-    if direct is None:
-        return None
-    whole = np.asarray(ambient, dtype=np.float64)
-    return np.clip(1.0 - direct / np.where(whole > 0, whole, np.inf), 0.0, 1.0) * (whole > 0)
 
 
 def _read_only(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -150,8 +150,10 @@ class CaptureRenderer:
     def expected(
         self, model: Model, nuisances: Scales, scene_measurement: SceneMeasurement | None = None
     ) -> dict[ImageKey, NDArray[np.float32]]:
-        """Returns {(frame id, side): expected DN [height][width]} of all frames. Effects on light without an engine
-        function are left out."""
+        """Returns {(frame id, side): expected DN [height][width]} of all frames. Raises ValueError for an effect on
+        light that no engine field expresses: compare() applies these."""
+        if outside := [effect.id for effect, _ in model.outside_engines().on_light()]:
+            raise ValueError(f"{', '.join(outside)}: no engine field expresses it; compare() applies image functions")
         frames, out = {frame.id: frame for frame in self.capture.frames}, {}
         for (number, side), light in self.lights(model, None, scene_measurement).items():
             view = View.of(self.capture, frames[number], side, light, self.seed)
@@ -199,7 +201,8 @@ class CaptureRenderer:
         lights: list[tuple[kuafu.Light, NDArray | None]] = []
         has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
         group = (f"light_group_{_ADDED_GROUP}",) if has_lamps else ()
-        moments = _moments(jobs)
+        # Each environment is the lights of one moment: (job, seconds after its time), shared by cameras.
+        moments = list(dict.fromkeys((job, side.delay_s) for job in jobs for side in job.inputs.sides))
         for environment, (job, delay_s) in enumerate(moments):
             for light in _lights(job.inputs, own, delay_s):
                 light.environment, light.light_group = environment, _ADDED_GROUP
@@ -222,12 +225,6 @@ class CaptureRenderer:
         if "ambient" in images:
             images["ambient"] = images["ambient"] - images["added"]
         return images
-
-
-def _moments(jobs: list[_Job]) -> list[tuple[_Job, float]]:
-    """Returns (job, seconds after the job's time) for every environment, which is the set of lights of one moment.
-    Cameras of a job that open together share one."""
-    return [(job, delay_s) for job in jobs for delay_s in dict.fromkeys(side.delay_s for side in job.inputs.sides)]
 
 
 def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:

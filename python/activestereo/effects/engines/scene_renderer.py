@@ -22,11 +22,12 @@ import kuafu
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room, spread
 from activestereo.effects.core.scene_surfaces import split_surfaces
-from activestereo.effects.engines.smooth import seen_surfaces, smooth_view
+from activestereo.effects.engines.smooth import smooth_view
 from activestereo.scene_io.scene_files import load_scene_file
 
 LIGHT = ("projector_direct", "projector_indirect", "ambient")
 GEOMETRY = ("depth", "normal", "position", "material_id")
+_NOTHING_HIT = 0xFFFFFFFF
 
 
 class SceneRenderer:
@@ -130,7 +131,9 @@ class SceneRenderer:
         views = [{name: image[k] for name, image in images.items()} for k in range(len(cameras))]
         if not self._smooth:
             return views
-        surfaces = seen_surfaces(self.scene, images["material_id"])
+        # Only one thread may read a scene, so its materials are read before several threads filter images.
+        seen = [int(m) for m in np.unique(images["material_id"]) if m != _NOTHING_HIT]
+        surfaces = {m: self.scene.get_material(m) for m in seen}
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             return list(pool.map(lambda view, camera: smooth_view(view, camera, surfaces), views, cameras))
 

@@ -102,16 +102,9 @@ def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
 
 # Rougher surfaces have no highlight that would move through bounced light.
 _MATT_ROUGHNESS = 0.5
-_NOTHING_HIT = 0xFFFFFFFF
 _EVEN = ("ambient", "ambient_direct")
 # Under subsurface scattering these images hold the dots.
 _BOUNCED = ("projector_indirect", "added_indirect")
-
-
-def seen_surfaces(scene: kuafu.Scene, material: NDArray[np.uint32]) -> dict[int, kuafu.Material]:
-    """Returns {id: material} of the scene's materials whose ids are in an image of any shape. Only one thread may read
-    a scene, so call this before several threads filter images."""
-    return {int(m): scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
 
 
 def smooth_view(
