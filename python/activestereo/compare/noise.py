@@ -16,12 +16,14 @@ Without repeats the noise follows from the difference of each frame's two camera
 and right show the same light at the scene's depth. Half of the variance of their difference is then one camera's noise.
 Speckle, which differs between the cameras, is in it; errors of the scene's depth add to it, so it is an upper bound.
 
-Static random errors (fixed pattern, static speckle) are not in the floor: effects have to explain them."""
+Static random errors (fixed pattern, static speckle) are not in the floor: effects have to explain them. Rounding is
+noise of the floor, whether repeats show it or not: they round alike where steps are wider than the noise."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from types import SimpleNamespace
 from typing import Any, TypeAlias, TypeVar
 
@@ -29,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, uniform_filter1d
 from scipy.optimize import nnls
+from scipy.special import ndtr
 
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
@@ -37,12 +40,20 @@ from activestereo.compare.nuisances import regressors
 from activestereo.effects.core.view import View
 
 _BINS = 40
-_LEAST_WIDTH_DN = 2.0
+_LEAST_WIDTH_STEPS = 2.0
 # Number of neighbouring bins that are averaged for a bin's standard error.
 _NEIGHBOURS = 5
 _BLACK_LEVELS = 33
 _CHI2_MARGIN = 4.0
 
+
+# Steps of digital numbers to try, and their phases.
+_STEPS_DN, _PHASES = np.arange(1.5, 32.01, 0.02), np.arange(8) / 8
+# Digital numbers are a comb if more than this share of the pixels lies on it. Fewer used levels than this, or more than
+# this share of all, are no comb. Steps wider than this share of the widest are the same step.
+_COMB_SHARE, _LEAST_LEVELS, _MOST_USED, _SAME_STEP = 0.995, 6, 0.7, 0.97
+# Noise in steps, and terms of the Fourier series of rounding.
+_NOISE_STEPS, _TERMS = np.linspace(0.0, 1.0, 201), np.arange(1, 200)
 
 # The frames of a repeat group, the camera, and the mean and variance over the repeats, [height][width].
 Repeats: TypeAlias = tuple[list[Frame], str, np.ndarray, np.ndarray]
@@ -82,6 +93,66 @@ class NoiseModel:
         return raw / (1.0 + self.relative)
 
 
+@dataclass(frozen=True)
+class Comb:
+    """Coarse steps of digital numbers. steps_dn: the steps that fit. levels: the values that occur, ascending. pixels:
+    the number of pixels that are not clipped."""
+
+    steps_dn: np.ndarray
+    levels: np.ndarray
+    pixels: int
+
+    @property
+    def step_dn(self) -> float:
+        """The step, DN."""
+        return float(self.steps_dn.mean())
+
+    def mean_error(self, image: np.ndarray, variance: np.ndarray) -> np.ndarray:
+        """Returns by how much rounded values exceed an expected image on average, DN. variance: of noise and
+        rounding."""
+        sigma = np.sqrt(np.maximum(variance - ROUNDING_VARIANCE * self.step_dn**2, ROUNDING_VARIANCE))
+        mean = np.full(image.shape, float(self.levels[0]))
+        for low, high in zip(self.levels, self.levels[1:], strict=False):
+            mean += (high - low) * ndtr((image - 0.5 * (low + high)) / sigma)
+        return mean - image
+
+
+def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
+    """Finds the widest comb of values that holds nearly all pixels; None if the values are whole numbers."""
+    size = int(max_dn) + 1
+    counts = np.sum([np.bincount(np.rint(i).astype(int).ravel(), minlength=size) for i in images], axis=0)
+    counts[0] = counts[-1] = 0  # clipped
+    used, total = np.nonzero(counts)[0], int(counts.sum())
+    if len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
+        return None
+    found: dict[float, np.ndarray] = {}
+    for step, phase in product(_STEPS_DN, _PHASES):
+        places = np.rint(step * (np.arange(size / step) + phase)).astype(int)
+        places = places[places < size]
+        if counts[places].sum() > _COMB_SHARE * total:
+            found[float(step)] = places
+    if not found:
+        return None
+    places = found[max(found)]
+    steps = np.array([step for step in found if step > _SAME_STEP * max(found)])
+    return Comb(steps, places[counts[places] > 0], total)
+
+
+def _step_dn(capture: Capture) -> float:
+    """Returns the step of a capture's digital numbers, 1 where they are whole numbers."""
+    comb = comb_of((capture.ir(f, side) for f in capture.split("train") for side in SIDES), capture.rig.max_dn)
+    return comb.step_dn if comb else 1.0
+
+
+def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
+    """Returns the variance of noise and rounding, DN^2, from the mean variance of repeats. Repeats of a value whose
+    place between two steps is unknown miss a part of the rounding's (Widrow and Kollar 2008, Quantization Noise)."""
+    waves = np.exp(-((2.0 * np.pi * np.outer(_NOISE_STEPS, _TERMS)) ** 2))
+    missed = (waves / _TERMS**2).sum(axis=1) / (2.0 * np.pi**2)
+    seen, square = _NOISE_STEPS**2 + ROUNDING_VARIANCE - missed, step_dn**2
+    return np.asarray(variance + square * np.interp(np.asarray(variance) / square, seen, missed, right=0.0))
+
+
 def repeat_statistics(
     capture: Capture, split: str | None = None, drift: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> list[Repeats]:
@@ -102,14 +173,17 @@ def repeat_statistics(
     return statistics
 
 
-def fit_noise_model(statistics: Sequence[Repeats], black_dn: float, max_dn: float) -> NoiseModel | None:
-    """Fits the photon-transfer noise model to repeats; None without repeats. Clipped pixels are left out.
+def fit_noise_model(
+    statistics: Sequence[Repeats], black_dn: float, max_dn: float, step_dn: float = 1.0
+) -> NoiseModel | None:
+    """Fits the photon-transfer noise model to repeats; None without repeats. Clipped pixels are left out. step_dn: of
+    the digital numbers.
 
     black_dn is an upper bound: a quadratic cannot distinguish shot noise above a high black level from speckle above a
     low one. A fitted black level is biased while an effect is missing. The lowest level that fits is taken: it needs
     the least shot noise, so the least is extrapolated to gains without repeats.
     """
-    bins = [row for entry in statistics for row in transfer_rows(entry, max_dn)]
+    bins = [row for entry in statistics for row in transfer_rows(entry, max_dn, step_dn)]
     if not bins:
         return None
     gain, mean, square, variance, weight = np.array(bins).T
@@ -137,9 +211,9 @@ def transfer_points(capture: Capture) -> list[dict[str, float]]:
     return [{"gain": float(gain), "mean_dn": float(mean), "variance_dn2": float(v)} for gain, mean, _, v, _ in bins]
 
 
-def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
+def transfer_rows(entry: Repeats, max_dn: float, step_dn: float = 1.0) -> list[tuple[float, ...]]:
     """Returns rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel
-    count in one repeat group."""
+    count in one repeat group. step_dn: of the digital numbers."""
     frames, _, mean, variance = entry
     count = len(frames)
     inside = (mean > 0) & (mean < max_dn - 1)
@@ -150,7 +224,7 @@ def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
     quantiles = np.quantile(mean, np.linspace(0, 1, _BINS + 1))
     edges = [quantiles[0]]
     for edge in quantiles[1:]:
-        if edge >= edges[-1] + _LEAST_WIDTH_DN:
+        if edge >= edges[-1] + _LEAST_WIDTH_STEPS * step_dn:
             edges.append(edge)
     index = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, max(len(edges) - 2, 0))
     rows = []
@@ -161,6 +235,7 @@ def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
     # A bin's error follows from the variance of the bins around it, since a bin's own variance depends on how whole
     # numbers fall into it.
     gain, means, square, variances, pixels = np.array(rows).T
+    variances = _all_noise(variances, step_dn)
     around, size = (uniform_filter1d(x, _NEIGHBOURS, mode="nearest") for x in (variances * pixels, pixels))
     # Pixels that vary less than rounding does are clipped somewhere in the sensor: they must not count as exact.
     error = np.maximum(around / size, ROUNDING_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
@@ -176,16 +251,16 @@ def frame_noise_variances(
     The noise model is fitted on the train repeats if there are any, else on all. no_noise: {(frame id, side): DN
     [height][width]} that are subtracted from images: known differences between repeats, or DN that are not light.
     """
-    known = no_noise or {}
+    known, step_dn = no_noise or {}, _step_dn(capture)
     statistics = repeat_statistics(capture, drift=known)
     train = [entry for entry in statistics if entry[0][0].split == "train"]
-    noise_model = fit_noise_model(train or statistics, black_dn, capture.rig.max_dn)
+    noise_model = fit_noise_model(train or statistics, black_dn, capture.rig.max_dn, step_dn)
     if noise_model is None:
         return {}, None
     noise_variances: dict[tuple[int, str], tuple[float, str]] = {}
     for frames, side, _, variance in statistics:
         for frame in frames:
-            noise_variances[frame.id, side] = (float(np.nanmean(variance)), "repeats")
+            noise_variances[frame.id, side] = (float(_all_noise(np.nanmean(variance), step_dn)), "repeats")
     for frame in capture.frames:
         for side in SIDES:
             if (frame.id, side) not in noise_variances:
