@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import by_repeats, fit_terms, repeat_statistics, transfer_rows
+from activestereo.compare.noise import Comb, by_repeats, comb_of, fit_terms, repeat_statistics, transfer_rows
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.score.intervals import Z90, Interval, Limits, within_ranges
@@ -20,15 +20,6 @@ from activestereo.effects.core.judging import Channel, CodeSteps, Lever, RandomT
 
 # Half of the 90 % quantile of chi-square with one degree of freedom.
 _LIKELIHOOD_DROP = 1.353
-# Steps of digital numbers to try, and their phases.
-_STEPS_DN = np.arange(1.5, 32.01, 0.02)
-_PHASES = np.arange(8) / 8
-# Fitting steps wider than this share of the widest are the same step.
-_SAME_STEP = 0.97
-# Digital numbers are a comb if more than this share of the pixels lies on it.
-_COMB_SHARE = 0.995
-# Fewer used levels than this, or more than this share of all, are no comb.
-_LEAST_LEVELS, _MOST_USED = 6, 0.7
 # Deviations of a row's offset to try, in DN.
 _ROW_SIGMAS_DN = np.geomspace(1e-3, 20.0, 400)
 # How the variance of independent pixels grows: EMVA 1288's photon transfer, and a quadratic term for speckle.
@@ -42,26 +33,23 @@ _NO_REPEATS = "the capture has no repeated frames of a static view"
 
 @dataclass(frozen=True)
 class NoiseTerm:
-    """An effect of temporal noise as fitted. nats: gain of log-likelihood. share: of the noise floor that it explains.
-    repeats_reduced_chi2: its part that all frames of a view share (rounding to coarse steps), noise variances; no other
-    effect is charged with it."""
+    """An effect of temporal noise as fitted. nats: gain of log-likelihood. share: of the noise floor that it
+    explains."""
 
     effect: Effect
     parameters: dict[str, Interval]
     nats: float
     share: float
-    repeats_reduced_chi2: float
 
 
 @dataclass(frozen=True)
 class _NoiseFit:
     """A fitted noise term. nats: gain of log-likelihood. variance: explained per pixel, DN^2. values: {parameter:
-    (value, low, high)}. repeats: whether all frames of a view share it, so that their noise floor lacks it."""
+    (value, low, high)}."""
 
     nats: float
     variance: float
     values: dict[str, Limits]
-    repeats: bool = False
 
 
 def noise_terms(
@@ -70,15 +58,14 @@ def noise_terms(
     """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
     judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may state its
     noise."""
-    floor, weight = evidence.floor_variance(evidence.train), float(np.mean([o.weight.mean() for o in evidence.train]))
-    terms, unjudged = {}, {}
+    floor, terms, unjudged = evidence.floor_variance(evidence.train), {}, {}
     for effect in effects:
         fit = _fit(effect, evidence, given, numbers)
         if isinstance(fit, str):
             unjudged[effect.id] = fit
             continue
-        share, repeats = fit.variance / max(floor, fit.variance), fit.variance * weight if fit.repeats else 0.0
-        terms[effect.id] = NoiseTerm(effect, within_ranges(effect, fit.values), fit.nats, share, repeats)
+        share = fit.variance / max(floor, fit.variance)
+        terms[effect.id] = NoiseTerm(effect, within_ranges(effect, fit.values), fit.nats, share)
     return terms, unjudged
 
 
@@ -100,29 +87,18 @@ def _fit(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> 
 
 
 def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
-    """Fits digital numbers that come in steps: the widest comb of values that holds nearly all pixels."""
-    none = _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
-    levels = int(evidence.capture.rig.max_dn) + 1
-    seen = [np.bincount(np.rint(o.measured).astype(int).ravel(), minlength=levels) for o in evidence.train]
-    counts = np.sum(seen, axis=0)
-    counts[0] = counts[-1] = 0  # clipped
-    used, total = np.nonzero(counts)[0], counts.sum()
-    if len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
-        return none
-    fitting = []
-    for step in _STEPS_DN:
-        k = np.arange(len(counts) / step + 1)
-        for phase in _PHASES:
-            places = np.rint(step * (k + phase)).astype(int)
-            places = places[places < len(counts)]
-            if counts[places].sum() > _COMB_SHARE * total:
-                fitting.append(step)
-    if not fitting:
-        return none
-    same = [s for s in fitting if s > _SAME_STEP * max(fitting)]
-    step = float(np.mean(same))
-    limits = step, min(same) - 0.02, max(same) + 0.02
-    return _NoiseFit(float(total * np.log(step)), step**2 / 12.0, {parameter: limits}, repeats=True)
+    """Fits digital numbers that come in steps."""
+    comb = comb_in(evidence)
+    if comb is None:
+        return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
+    step = comb.step_dn
+    limits = step, float(comb.steps_dn.min()) - 0.02, float(comb.steps_dn.max()) + 0.02
+    return _NoiseFit(comb.pixels * float(np.log(step)), step**2 * ROUNDING_VARIANCE, {parameter: limits})
+
+
+def comb_in(evidence: Evidence) -> Comb | None:
+    """Returns the steps of the train images' digital numbers; None if they are whole numbers."""
+    return comb_of((o.measured for o in evidence.train), evidence.capture.rig.max_dn)
 
 
 def _rows(observations: Sequence[Observation], parameter: str, largest_correlation: float) -> _NoiseFit | str:

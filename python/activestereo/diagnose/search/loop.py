@@ -12,33 +12,37 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws
-from activestereo.diagnose.channels.noise_model import NoiseTerm, noise_terms
+from activestereo.diagnose.channels.noise_model import NoiseTerm, comb_in, noise_terms
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.refine import Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.score.likelihood import design_effect, occam_nats
 from activestereo.diagnose.score.structure import local_structure
-from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of
+from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of, start_images
 from activestereo.diagnose.search.fields import fields_of
 from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
 from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
 from activestereo.diagnose.search.refit import Refit, formula_error, refits
 from activestereo.diagnose.search.scores import scores
-from activestereo.diagnose.search.selection import Candidate, by_chance, candidates, credible
+from activestereo.diagnose.search.selection import Candidate, by_chance, calibrated, candidates, credible
 from activestereo.diagnose.search.tone import is_response, with_any_curve
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
 from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model, Stage, builtin
-from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.judging import Channel, CodeSteps
 
 # The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
 # its score. Beyond so many times the needed gain, chance and random fields need no check.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
 # A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
 _SETTLING, _SETTLED = 8, 1e-4
+# Steps of a fit from each narrow peak of a named effect. Rivals with this part of a name's gain may take its place.
+_PEAK, _NEAR_SWAP = 3, 0.6
 # The penalty of a random field's parameters, nats, in place of occam_nats().
 _OF_A_FIELD = -3.0
+# Albedos may be off by so many stated deviations where a named effect changes their meaning.
+_AS_STATED = 0.01
 # A noise term is named only if it is this share of the noise.
 _NOISE_SHARE = 0.1
 
@@ -116,6 +120,10 @@ class Search:
         self._look_at(evidence)
         self._first = self._solution = fitted_model(self._fitter, given, self._fitter.phi0(evidence.nuisances))
         self._rows = self._whole.residuals(self._solution)
+        self._noise, self._unjudged = self._name_noise()
+        has_steps = any(isinstance(j, CodeSteps) for n in self._names for j in n.effect.judged)
+        self._comb, self._rounded = comb_in(evidence) if has_steps else None, {}
+        self._less_rounding()
         self._structure = self._structure_before = local_structure(self._rows)
 
     def run(self) -> Outcome:
@@ -134,15 +142,14 @@ class Search:
             self._structure = local_structure(self._rows)
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
         drawn = sum(n.gain for n in self._names if n.field is not None)
-        noise, unjudged = self._name_noise()
-        left = self._excess - max((noise[n.id].repeats_reduced_chi2 for n in self._names if n.id in noise), default=0.0)
-        left -= sum(n.field.unforeseen for n in self._names if n.field is not None)
-        is_full = sum(n.id not in noise for n in self._names) >= self._numbers.most_names
+        noise = self._noise
+        left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
+        is_full = sum(n.seen is not None for n in self._names) >= self._numbers.most_names
         parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
         rest = Remainder(*parts, is_full=is_full)
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names), noise,
-            unjudged, rest, tuple(self._rounds),
+            self._unjudged, rest, tuple(self._rounds),
         )  # fmt: skip
 
     @property
@@ -204,7 +211,7 @@ class Search:
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
-        if len(self._names) == numbers.most_names or max(by_line, by_draws) < floor:
+        if sum(n.seen is not None for n in self._names) == numbers.most_names or max(by_line, by_draws) < floor:
             return False
         fits = self._fits(found)
         now = self._rounds[-1] = replace(now, fits=fits)
@@ -230,10 +237,10 @@ class Search:
         field = fields[name][1] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, field, now)
         self._names.append(named)
-        if named.field is None:
-            self._take(fits[name].solution)
-        else:
+        if named.field is not None:
             self._take_draws(named.field)
+        elif self._take(fits[name].solution):
+            self._swap_last()
         return True
 
     def _widen_last_set(self, linear: Linear) -> None:
@@ -317,11 +324,12 @@ class Search:
         measured = max(formula_error(e, share) for e in self._effects if e.id in question)
         sharp = credible(logs(question, min(measured, share)), 1.0)
         both = {name: float(np.log(p + sharp.get(name, 0.0))) for name, p in question.items()}
-        return credible(both, self._numbers.credible)
+        return calibrated(credible(both, self._numbers.credible))
 
-    def _take(self, fit: Solution) -> None:
-        """Continues from a fit with one more named effect: estimates weights and the rig's geometry again."""
-        evidence = self._evidence
+    def _take(self, fit: Solution) -> bool:
+        """Continues from a fit with one more named effect: estimates weights and the rig's geometry again. Returns
+        whether the rig moved."""
+        evidence = before = self._evidence
         if self._settings.located is not None and not evidence.geometry.is_as_stated():
             there, self._rendering = self._settings.located(with_own_functions(fit.model, self._effects), evidence)
             if there is not evidence:  # its images still hold the draws taken off before
@@ -332,15 +340,67 @@ class Search:
         self._look_at(evidence)
         rows = self._whole.residuals(fit)
         self._look_at(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
-        self._fit_again(fit)
+        self._fit_again(self._at_best_peaks(fit))
+        self._less_rounding()
+        return evidence is not before
+
+    def _less_rounding(self) -> None:
+        """Takes the mean error of rounding to coarse steps off the images, as far as the fit so far predicts it:
+        frames of one view share it, and so it looks like an effect of light."""
+        if self._comb is None:
+            return
+        noise, rounded = self._evidence.noise_model, {}
+        for o, expected, *_ in self._rows:
+            rounded[o.key] = self._comb.mean_error(expected, noise.variance(expected, o.frame.gain))
+        more = {key: image - self._rounded.get(key, 0.0) for key, image in rounded.items()}
+        self._rounded = rounded
+        self._take_off(more)
+        self._fit_again(self._solution)
+
+    def _swap_last(self) -> None:
+        """Names a rival in place of the effect named last if it explains clearly more now that the rig moved: where the
+        rig was measured without the effect, it had taken a part of it."""
+        name = self._names[-1]
+        assert name.seen is not None
+        model, fits = self._solution.model.without_effect(name.id), []
+        for rival in (f.solution for id, f in name.seen.fits.items() if id != name.id):
+            if name.seen.chi2 - rival.sums.total > _NEAR_SWAP * name.gain * self._pixels:
+                effect, values = next((e, v) for e, v in rival.model.effects if e.id == rival.effects[-1].id)
+                space = ParameterSpace.of(model.with_effect(effect, **values))
+                fits.append(self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED))
+        best = min(fits, key=lambda f: f.sums.total, default=self._solution)
+        gain = name.gain + (self._chi2 - best.sums.total) / self._pixels
+        if gain > (1.0 + self._numbers.formula_error) * name.gain:
+            effect = self._effect(best.effects[-1].id)
+            self._names[-1] = replace(name, effect=effect, members={effect.id: 1.0}, gain=gain)
+            self._take(best)
+
+    def _at_best_peaks(self, fit: Solution) -> Solution:
+        """Returns the fit with effects of narrow peaks (Effect.starts) at the best ones beside the effect named
+        last."""
+        for effect in [e for e in fit.effects[:-1] if e.starts is not None]:
+            without = fitted_model(self._fitter, fit.model.without_effect(effect.id), fit.phi)
+            own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
+            fits = [self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)]
+            assert effect.starts is not None
+            for start in effect.starts(start_images(linearised(self._fitter, without))):
+                theta = fit.theta.copy()
+                values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, theta, strict=True)]
+                theta[own] = np.array(values)[own]
+                fits.append(self._fitter.refine(fit.space, theta, fit.phi, _PEAK))
+            fit = min(fits, key=lambda f: f.sums.total)
+        return fit
 
     def _take_draws(self, fit: FieldFit) -> None:
         """Continues with the images less the draws of a random field."""
         pairs = zip(self._rows, fit.residuals, strict=True)
-        drawn = {row.observation.key: row.residual - left for row, left in pairs}
+        self._take_off({row.observation.key: row.residual - left for row, left in pairs})
+        self._fit_again(self._solution)
+
+    def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
+        """Takes what effects add to single images off them. drawn: {image key: DN [height][width]}."""
         self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
         self._look_at(self._less_draws(self._evidence, drawn))
-        self._fit_again(self._solution)
 
     @staticmethod
     def _less_draws(evidence: Evidence, drawn: Mapping[ImageKey, np.ndarray]) -> Evidence:
@@ -350,17 +410,23 @@ class Search:
     def _fit_again(self, fit: Solution) -> None:
         settled = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)
         self._solution = with_any_curve(self._fitter, settled)
-        start = ParameterSpace.of(self._given)
-        self._first = self._fitter.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED)
+        start, prior = ParameterSpace.of(self._given), self._evidence.nuisance_prior()
+        without = self._fitter
+        if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):  # albedos would take its place
+            albedos = slice(len(SIDES), len(SIDES) + prior.materials)
+            sigma = prior.sigma.copy()
+            sigma[albedos] *= _AS_STATED
+            without = Fitter(self._fitter.observations, replace(prior, sigma=sigma), self._evidence.tiles)
+        self._first = without.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED)
         self._rows = self._whole.residuals(self._solution)
         if not any(n.field is not None for n in self._names):
             self._structure_before = local_structure(self._whole.residuals(self._first))
 
     def _drop_needless(self) -> None:
         """Drops named effects, weakest first, if chi2 without them rises by too little to name them. Random fields
-        stay."""
+        and noise stay."""
         for name in sorted(self._names, key=lambda n: n.gain):
-            if name.field is not None:
+            if name.field is not None or name.seen is None:
                 continue
             space = ParameterSpace.of(self._solution.model.without_effect(name.id))
             without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED)

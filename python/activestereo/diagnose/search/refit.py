@@ -93,7 +93,7 @@ def _from_starts(
     fitter: Fitter, space: ParameterSpace, starts: Sequence[Mapping[str, float]], phi: np.ndarray, base_chi2: float
 ) -> Solution:
     """Returns the best fit from the starts and from neutral, which leaves base_chi2. One evaluation of each start
-    decides which of them are fitted."""
+    decides which of them are fitted: the best and a second one, or all good ones of an effect with narrow peaks."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for start in starts]
@@ -105,5 +105,6 @@ def _from_starts(
     left = fit.sums.total - sum(o.pixels for o in fitter.observations)
     if left < _NOTHING * (base_chi2 - fit.sums.total):
         return fit
-    rivals = [fitter.refine(space, thetas[k], phi, _STEPS) for k in others[:1] if gain[k] > _RIVAL * gain[best]]
+    rivals = [k for k in others if gain[k] > _RIVAL * gain[best]][: None if effect.starts else 1]
+    rivals = [fitter.refine(space, thetas[k], phi, _STEPS) for k in rivals]
     return min([fit, *rivals], key=lambda f: f.sums.total)

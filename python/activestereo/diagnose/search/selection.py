@@ -24,6 +24,9 @@ _DRAWS, _SEED = 400, 5
 # Fits start at so many atoms with fitted coefficients, and at so many points of the dictionary with this part of the
 # best gain.
 _LINES, _POINTS, _NEAR = 2, 2, 0.3
+# The power of calibrated(): it maximises the likelihood of the 31 sets with one true member in the training generations
+# 50525 and 81119, where 30 first members were right and 0.71 of them were expected to be.
+_SHARPER = 5.0
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ def _candidate(hits: list[Hit]) -> Candidate:
     hits = sorted(hits, key=lambda hit: -hit.log_factor)
     best = hits[0]
     evidence = best.log_factor + np.log(np.exp([h.log_factor - best.log_factor for h in hits]).sum() / len(hits))
+    if best.atom.effect.starts is not None:  # each of its points is a narrow peak of its own
+        return Candidate(best, float(evidence), tuple(h.values() for h in hits if h.gain > 0.0))
     points = sorted((h for h in hits if h.gain > _NEAR * best.gain and h.at_point > 0.0), key=lambda h: -h.at_point)
     starts = [h.values() for h in hits[:_LINES] if h.gain > 0.0] + [h.point() for h in points[:_POINTS]]
     return Candidate(best, float(evidence), tuple(starts))
@@ -153,3 +158,11 @@ def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
     p /= p.sum()
     count = int(np.searchsorted(np.cumsum(p), mass)) + 1
     return {name: float(x) for name, x in zip(names[:count], p, strict=False)}
+
+
+def calibrated(members: Mapping[str, float]) -> dict[str, float]:
+    """Returns the probabilities of a set's members as often as they are right: raised to a power and scaled to the same
+    sum (temperature scaling; Guo et al. 2017, ICML)."""
+    powers = {name: p**_SHARPER for name, p in members.items()}
+    scale = sum(members.values()) / sum(powers.values())
+    return {name: scale * p for name, p in powers.items()}
