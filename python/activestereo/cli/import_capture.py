@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, positive, size
+from activestereo.cli.arguments import CommandError, Commands, add_shared, positive
 from activestereo.cli.import_calibration import (
     checked_sides,
     folder_device,
@@ -44,7 +44,6 @@ Makes a capture of a recording. RECORDING is one of
     rectified images, and without either the preset's nominal figures
   a bag: librealsense's .bag or .db3, or one of ROS 1 or ROS 2 with the topics of
     realsense-ros (needs: pip install rosbags). It has its own calibration
-  live: a connected D4xx (needs: pip install pyrealsense2)
   colour and depth alone: a TUM folder (rgb.txt, depth.txt), Open3D's
     (camera_intrinsic.json, color/, depth/), a bag, or one scene of a BOP dataset
     (scene_camera.json), whose models become the scene. Without infrared images such
@@ -73,7 +72,7 @@ def add_parser(commands: Commands) -> None:
         "import", help="make a capture of a camera's or a data set's recording", description=_TEXT
     )
     add = parser.add_argument
-    add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, a bag, or live")
+    add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, or a bag")
     add_shared(parser, calibration="; not needed for a bag", rectified=True)
     add_shared(parser, k=" of both rectified cameras, or of colour and depth, where no file tells it", k_right=True)
     add_shared(parser, baseline=", where no file tells it (camera_info's P[3] is 0) or none in metres")
@@ -89,8 +88,6 @@ def add_parser(commands: Commands) -> None:
     add("--hand-eye", type=Path, metavar="FILE", help=text)
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
     add("--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)")
-    add("--frames", type=integer_from(1), default=30, metavar="N", help="of a live camera (default: 30)")
-    add("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera's images (default: 848x480)")
     add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
     add_shared(parser, verbose="all that was assumed and left out")
     parser.set_defaults(run=_run)
@@ -141,9 +138,7 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
     """Reads the recording if its layout (bag, BOP, TUM, Open3D) has colour and depth alone, else returns None.
     temporary: folder for extracted files."""
     from activestereo.capture.importers.bag import has_color_depth_alone, is_bag, read_color_depth_bag
-    from activestereo.capture.importers.bop import read_bop
-    from activestereo.capture.importers.open3d import INTRINSICS, read_open3d
-    from activestereo.capture.importers.tum import read_tum
+    from activestereo.capture.importers.color_depth_folders import INTRINSICS, read_bop, read_open3d, read_tum
     from activestereo.common.progress_bar import ProgressBar
 
     if is_bag(args.recording) and has_color_depth_alone(args.recording):
@@ -175,26 +170,20 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
-    from activestereo.capture.importers.live import record_live
     from activestereo.capture.importers.realsense_folder import frame_files, import_realsense, swapped
     from activestereo.capture.importers.trajectory import read_trajectory, refuse_foreign
     from activestereo.common.progress_bar import ProgressBar
 
-    units: float | None = None
-    is_live, bag = str(args.recording) == "live", is_bag(args.recording)
-    if not is_live and not bag and not args.recording.is_dir():
+    bag = is_bag(args.recording)
+    if not bag and not args.recording.is_dir():
         refuse_foreign(args.recording)
-        raise CommandError(f"{args.recording}: is neither a folder nor a bag, nor live")
+        raise CommandError(f"{args.recording}: is neither a folder nor a bag; record a connected camera with rs-record")
     trajectory = None if args.poses is None else read_trajectory(args.poses)
     robot = _robot(args)
-    folder, depth_scale, exposure_s = args.recording, args.depth_scale, args.exposure
-    if is_live:
-        with ProgressBar("recording") as bar:
-            recorded, units, exposure_s = record_live(temporary, args.frames, args.size, progress=bar)
-    elif bag:
+    folder, depth_scale = args.recording, args.depth_scale
+    if bag:
         with ProgressBar(f"reading {args.recording.name}") as bar:
             recorded, units = extract_bag(args.recording, temporary, bar, args.baseline)
-    if is_live or bag:
         folder, depth_scale = temporary, depth_scale or units
     try:
         files = frame_files(folder, args.depth)
@@ -205,7 +194,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         files = swapped(files)
     size = image_size(files[0].files["left"], "Infrared 1")
     assumed: list[str] = []
-    if is_live or bag:
+    if bag:
         device = own_device(args, args.recording, size) or recorded
     else:
         device, assumed = folder_device(args, size)
@@ -220,7 +209,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     with ProgressBar(f"importing {args.recording.name}") as bar:
         nominal = _nominal_projector(StereoDepthSensorConfig(args.sensor))
         capture = import_realsense(
-            files, device, args.out, *nominal, depth_scale, args.scene, trajectory, exposure_s, robot, bar
+            files, device, args.out, *nominal, depth_scale, args.scene, trajectory, args.exposure, robot, bar
         )
     missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
     return capture, [*told, *(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]

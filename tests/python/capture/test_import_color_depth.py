@@ -3,8 +3,6 @@
 do a robot's views and a connected camera's frames."""
 
 import json
-import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -290,82 +288,3 @@ def test_folders_inside_are_views_of_their_own(tmp_path):
     assert [frame.repeat_group for frame in capture.frames] == [0, 0, 1, 1, 2, 2]
     assert [frame.projector_power for frame in capture.frames] == [0, 0, 1, 1, 1, 1]
     assert [int(capture.ir(frame, "right")[0, 0]) for frame in capture.frames] == [100, 101, 110, 111, 120, 121]
-
-
-class _Stream:
-    def __init__(self, baseline_m=0.0):
-        self.baseline_m = baseline_m
-
-    def as_video_stream_profile(self):
-        return self
-
-    def get_intrinsics(self):
-        return SimpleNamespace(width=32, height=24, fx=30.0, fy=30.0, ppx=15.5, ppy=11.5, coeffs=[0.0] * 5)
-
-    def get_extrinsics_to(self, other):
-        return SimpleNamespace(rotation=np.eye(3).ravel().tolist(), translation=[other.baseline_m, 0.0, 0.0])
-
-
-class _Image:
-    def __init__(self, number, pixels):
-        self.number, self.pixels = number, pixels
-
-    def get_timestamp(self):
-        return 1.7e12 + 33.3 * self.number
-
-    def get_data(self):
-        return self.pixels
-
-    def supports_frame_metadata(self, key):
-        return True
-
-    def get_frame_metadata(self, key):
-        return 6500
-
-
-class _Pipeline:
-    """The part of pyrealsense2 that record_live() calls, with frames of its own."""
-
-    def __init__(self):
-        self.number = 0
-
-    def start(self, config):
-        streams = {("infrared", 1): _Stream(), ("infrared", 2): _Stream(-0.05), ("color",): _Stream(0.015)}
-        depth = SimpleNamespace(get_depth_scale=lambda: 0.0001)
-        device = SimpleNamespace(first_depth_sensor=lambda: depth)
-        return SimpleNamespace(get_device=lambda: device, get_stream=lambda *key: streams[key])
-
-    def wait_for_frames(self, timeout_ms):
-        self.number += 1
-        gray, depth, color = (
-            np.full((24, 32), self.number, np.uint8),
-            np.full((24, 32), 500, np.uint16),
-            np.zeros((24, 32, 3), np.uint8),
-        )
-        return SimpleNamespace(
-            get_infrared_frame=lambda side: _Image(self.number, gray),
-            get_depth_frame=lambda: _Image(self.number, depth),
-            get_color_frame=lambda: _Image(self.number, color),
-        )  # fmt: skip
-
-    def stop(self):
-        pass
-
-
-def test_a_connected_camera(tmp_path, monkeypatch):
-    names = SimpleNamespace(infrared="infrared", depth="depth", color="color")
-    fake = SimpleNamespace(
-        config=lambda: SimpleNamespace(enable_stream=lambda *a: None), pipeline=_Pipeline, stream=names,
-        format=SimpleNamespace(y8=0, z16=1, rgb8=2), frame_metadata_value=SimpleNamespace(actual_exposure=0),
-    )  # fmt: skip
-    monkeypatch.setitem(sys.modules, "pyrealsense2", fake)
-    assert main(["import", "live", "--frames", "3", "--size", "32x24", "--out", str(tmp_path / "c")]) == 0
-    capture = read_capture(tmp_path / "c")
-    assert len(capture.frames) == 3 and capture.frames[0].exposure_s == pytest.approx(0.0065)
-    assert capture.rig.color.left_to_color[0, 3] == 0.015 and capture.frames[0].depth_scale == 0.0001
-    assert capture.ir(capture.frames[0], "left")[0, 0] == 31  # the first thirty let the exposure settle
-
-
-def test_without_pyrealsense2_a_live_camera_isrefused(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
-    assert "pip install pyrealsense2" in refused(["import", "live", "--out", str(tmp_path / "c")], capsys)

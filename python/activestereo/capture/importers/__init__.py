@@ -6,6 +6,7 @@
     calibration_yaml   ROS' camera_info, Kalibr's camera chain, OpenCV's matrices (with PyYAML)
     realsense_folder   folders of PNG files of a librealsense recording
     bag                librealsense's .bag, bags of ROS 1 and ROS 2 (with rosbags)
+    color_depth_folders TUM's, Open3D's and BOP's folders of colour and depth
     trajectory         camera poses as a TUM text file
 
 Every failure of the input is a ValueError of one line: the file, the key and the value."""
