@@ -3,11 +3,9 @@
 
     PYTHONPATH=build/python python3 tests/bench/bench_sim_to_real.py run out/gap --views 320 --workers 2
     PYTHONPATH=build/python python3 tests/bench/bench_sim_to_real.py run out/mitsuba --foreign mitsuba --workers 2
-    PYTHONPATH=build/python python3 tests/bench/bench_sim_to_real.py ablate out/gap --only noise --views 160
 
 run: pictures, tuning, poses, scores -> DIR/gap.json, gap.md, gap.png, scores.csv. A run that was ended goes on when it
-is started again; with a larger --views it adds views. score: the scores of what a run has so far. ablate: the first
-views in worlds like 'full', with other rays, denoiser, noise, materials -> DIR/ablation.json, .md, .png."""
+is started again; with a larger --views it adds views. score: the scores of what a run has so far."""
 
 import argparse
 from collections.abc import Sequence
@@ -15,10 +13,7 @@ from pathlib import Path
 
 from activestereo.cli.arguments import make_folder
 from activestereo.common.progress_bar import ProgressBar
-from sim_to_real.ablate import KINDS, SAMPLES, ablate, table, variants, write_ablation
 from sim_to_real.files import RunFolder
-from sim_to_real.measured_materials import read_imager, read_measured
-from sim_to_real.objects import objects
 from sim_to_real.report import results, write_report
 from sim_to_real.run import run
 from sim_to_real.settings import BenchmarkSettings
@@ -31,8 +26,7 @@ def score_run(folder: Path) -> None:
 
 
 def run_all(args: argparse.Namespace) -> None:
-    imager = None if args.imager is None else read_imager(args.imager)
-    camera = CameraSettings(args.sensor, samples=args.samples_per_pixel, imager=imager)
+    camera = CameraSettings(args.sensor, samples=args.samples_per_pixel)
     settings = BenchmarkSettings(args.views, args.tuning_views, args.seed, camera, args.foreign, args.foreign_samples)
     make_folder(args.folder)
     with ProgressBar(f"{settings.rounds('test') * 8} views of 4 worlds") as bar:
@@ -40,39 +34,22 @@ def run_all(args: argparse.Namespace) -> None:
     score_run(args.folder)
 
 
-def ablate_run(args: argparse.Namespace) -> None:
-    measured = None if args.measured is None else read_measured(args.measured, objects())
-    worlds = variants(tuple(args.only or KINDS), tuple(args.rays or SAMPLES), measured is not None)
-    with ProgressBar(f"{args.views} views of {len(worlds)} worlds") as bar:
-        found = ablate(RunFolder(args.folder), args.views, worlds, args.device, args.workers, bar, measured)
-    write_ablation(found, args.folder)
-    print("\n".join(table(found)))
-
-
 def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parts = parser.add_subparsers(required=True)
-    for name, part in (("run", run_all), ("ablate", ablate_run), ("score", lambda args: score_run(args.folder))):
-        own = parts.add_parser(name)
-        own.add_argument("folder", type=Path, metavar="DIR", help="folder of the run")
-        own.set_defaults(part=part)
-        if name == "score":
-            continue
-        own.add_argument("--views", type=int, default=320 if name == "run" else 80, help="test views, by eights")
-        own.add_argument("--device", default="auto")
-        own.add_argument("--workers", type=int, default=1, help="processes that find poses, and render with Mitsuba")
-        if name == "run":
-            own.add_argument("--tuning-views", type=int, default=64)
-            own.add_argument("--sensor", default="d435")
-            own.add_argument("--seed", type=int, default=0)
-            own.add_argument("--samples-per-pixel", type=int, default=16, help="of raster and full")
-            own.add_argument("--foreign-samples", type=int, default=64)
-            own.add_argument("--foreign", choices=FOREIGN, default="sensor", help="a sensor of ours, or Mitsuba 3")
-            own.add_argument("--imager", type=Path, help="model.json of 'calibrate noise', for raster and full")
-        else:
-            own.add_argument("--rays", type=int, nargs="+", help="rays per pixel to try")
-            own.add_argument("--only", choices=KINDS, action="append")
-            own.add_argument("--measured", type=Path, help="model.json of 'calibrate materials'")
+    own, scored = parts.add_parser("run"), parts.add_parser("score")
+    for part, does in ((own, run_all), (scored, lambda args: score_run(args.folder))):
+        part.add_argument("folder", type=Path, metavar="DIR", help="folder of the run")
+        part.set_defaults(part=does)
+    own.add_argument("--views", type=int, default=320, help="test views, by eights")
+    own.add_argument("--device", default="auto")
+    own.add_argument("--workers", type=int, default=1, help="processes that find poses, and render with Mitsuba")
+    own.add_argument("--tuning-views", type=int, default=64)
+    own.add_argument("--sensor", default="d435")
+    own.add_argument("--seed", type=int, default=0)
+    own.add_argument("--samples-per-pixel", type=int, default=16, help="of raster and full")
+    own.add_argument("--foreign-samples", type=int, default=64)
+    own.add_argument("--foreign", choices=FOREIGN, default="sensor", help="a sensor of ours, or Mitsuba 3")
     args = parser.parse_args(words)
     args.part(args)
 

@@ -5,7 +5,7 @@
 |--|--|
 | objects.py | eight objects, from clay to glass, and their symmetries |
 | views.py | poses of an object and the camera in view n |
-| worlds.py | the worlds: modes of depth and their variants |
+| worlds.py | the worlds: modes of depth, and the foreign one |
 | stage.py | takes depth pictures of views in a world |
 | foreign.py | a world with undisclosed differences, by our renderer |
 | foreign_mitsuba.py, mitsuba_scene.py | another, by Mitsuba 3 with its materials; parts of its scenes |
@@ -17,6 +17,5 @@
 | workers.py | processes that share the work |
 | files.py | the folder of a run |
 | run.py | pictures, tuning, poses, in this order; resumable |
-| ablate.py, measured_materials.py | the same under more samples, noise, other materials; measured materials |
 | report.py | tables and pictures of the results |
 """

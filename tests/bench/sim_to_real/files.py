@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of a run. Each file is whole or not there, so a run that was ended goes on where it was.
 
-    DIR/settings.json                   what everything here depends on
-    DIR/measured.json                   the materials of the world of measured ones
-    DIR/depth/WORLD/test-0003.npz       depth [objects, height, width] metres and k, of a round of views
-    DIR/errors/WORLD/test-0003.npz      errors [candidates, objects, 2] mm and degrees, and which candidates
+DIR/settings.json                   what everything here depends on
+DIR/depth/WORLD/test-0003.npz       depth [objects, height, width] metres and k, of a round of views
+DIR/errors/WORLD/test-0003.npz      errors [candidates, objects, 2] mm and degrees, and which candidates
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.input_files import checked_file, read_json, read_text
+from activestereo.common.input_files import checked_file, read_json
 from activestereo.common.output_files import replace_file, write_text
 
 Candidate = tuple[str, int]  # a method and the number of its setting
@@ -80,16 +78,6 @@ class RunFolder:
             return
         self.path.mkdir(parents=True, exist_ok=True)
         write_text(self.path / "settings.json", json.dumps(settings, indent=2) + "\n")
-
-    def keep_measured(self, materials: Mapping[str, Mapping[str, float]]) -> None:
-        """Raises ValueError if the folder has pictures of other measured materials."""
-        path, text = self.path / "measured.json", json.dumps(materials, indent=2) + "\n"
-        if path.exists() and read_text(path) != text:
-            raise ValueError(
-                f"{path} has other measured materials: delete it, depth/full_measured_materials and "
-                "errors/full_measured_materials, and run the same again"
-            )
-        write_text(path, text)
 
     def settings(self) -> dict[str, Any]:
         """The settings of a run. Raises ValueError without a run."""

@@ -27,7 +27,6 @@ from sim_to_real.objects import BenchmarkObject
 from sim_to_real.sgbm import Sgbm
 from sim_to_real.stage import CameraSettings, Room, Stage
 from sim_to_real.views import rotation
-from sim_to_real.worlds import World
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.sensor.depth_modes import DepthCamera
 
@@ -42,7 +41,7 @@ class ForeignStage(Stage):
     def __init__(
         self,
         objects: tuple[BenchmarkObject, ...],
-        world: World,
+        world: str,
         settings: CameraSettings,
         device: str | int = "auto",
         samples: int = 64,

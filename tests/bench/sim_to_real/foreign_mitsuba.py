@@ -60,19 +60,11 @@ class MitsubaStage:
 
     def pair(self, view: View, random: np.random.Generator) -> list[NDArray[np.uint8]]:
         """Counts of the left and the right camera."""
-        return self._camera.counts(self._light(view, random), random)
-
-    def repeats(self, view: View, count: int, random: np.random.Generator) -> list[NDArray[np.uint8]]:
-        """Several pictures [count, height, width] of the left and the right camera, of an unchanged view."""
-        light = self._light(view, random)
-        pairs = [self._camera.counts(light, random) for _ in range(count)]
-        return [np.stack(side) for side in zip(*pairs, strict=True)]
-
-    def _light(self, view: View, random: np.random.Generator) -> list[NDArray[np.float64]]:
         thing = self._objects[view.object_index]
         at = view.object_to_world, view.camera_to_world[:3, 3]
         parts = foreign_things(thing.mesh, thing.material, view.object_index, *at)
-        return self._camera.light(parts, foreign_room(), body_pose(view.camera_to_world), random)
+        light = self._camera.light(parts, foreign_room(), body_pose(view.camera_to_world), random)
+        return self._camera.counts(light, random)
 
 
 def foreign_things(

@@ -34,17 +34,17 @@ def run(
     if settings.foreign == "mitsuba":
         mitsuba()  # told before hours of work
     folder.keep_settings(settings.described())
-    worlds_of = {"tuning": SIMULATED, "test": tuple(WORLDS)}
+    worlds_of = {"tuning": SIMULATED, "test": WORLDS}
     for (split, worlds), start, end in zip(worlds_of.items(), (0.0, _ENDS[0]), _ENDS[:2], strict=True):
         effort = {world: _EFFORT[world] for world in worlds}
         for world in worlds:
             own = part_of(part_of(progress, start, end), *_share(effort, world))
-            take_pictures(folder, settings, WORLDS[world], split, settings.rounds(split), device, workers, own)
+            take_pictures(folder, settings, world, split, settings.rounds(split), device, workers, own)
     every, seed = every_candidate(), settings.seed
     own = part_of(progress, _ENDS[1], _ENDS[2])
     tuning = find_poses(folder, seed, SIMULATED, "tuning", settings.rounds("tuning"), every, workers, own)
     models, own = tuned(tuning, every), part_of(progress, _ENDS[2], _ENDS[3])
-    find_poses(folder, seed, tuple(WORLDS), "test", settings.rounds("test"), candidates_of(models), workers, own)
+    find_poses(folder, seed, WORLDS, "test", settings.rounds("test"), candidates_of(models), workers, own)
     return models
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from sim_to_real.files import RunFolder
 from sim_to_real.objects import objects
-from sim_to_real.stage import CameraSettings, NoiseModel
+from sim_to_real.stage import CameraSettings
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,9 @@ class BenchmarkSettings:
         return -(-(self.views if split == "test" else self.tuning_views) // len(objects()))
 
     def described(self) -> dict[str, Any]:
-        """As a dict, without the number of test views, which may grow, and without an absent noise model."""
+        """As a dict, without the number of test views, which may grow."""
         out = asdict(self)
         del out["views"]
-        if self.camera.imager is None:
-            del out["camera"]["imager"]
         return out | {"tuning_views": self.rounds("tuning") * len(objects())}
 
     @staticmethod
@@ -40,8 +38,6 @@ class BenchmarkSettings:
         try:
             camera = dict(told["camera"])
             camera["size_px"] = tuple(camera["size_px"])
-            if "imager" in camera:
-                camera["imager"] = NoiseModel(**camera["imager"])
             own = {name: told[name] for name in ("tuning_views", "seed", "foreign", "foreign_samples")}
             return BenchmarkSettings(camera=CameraSettings(**camera), **own)
         except (KeyError, TypeError, ValueError) as error:

@@ -13,7 +13,6 @@ from sim_to_real.objects import objects
 from sim_to_real.settings import BenchmarkSettings
 from sim_to_real.stage import CameraSettings, Stage
 from sim_to_real.views import round_of_views
-from sim_to_real.worlds import WORLDS
 
 CAMERA = CameraSettings(samples=1)
 
@@ -50,7 +49,7 @@ def test_mitsuba_sees_what_the_simulation_sees() -> None:
     views = round_of_views(objects(), 0, "test", 0)[:1]  # the block of clay
     stage = MitsubaStage(objects(), CAMERA, samples=9)
     depth = stage.take_depth(views, 3)
-    truth = Stage(objects(), WORLDS["clean"], CAMERA).take_depth(round_of_views(objects(), 0, "test", 0), 3)[:1]
+    truth = Stage(objects(), "clean", CAMERA).take_depth(round_of_views(objects(), 0, "test", 0), 3)[:1]
     right = np.abs(depth - truth) < 0.01
     assert right[0, 50:70, 70:90].mean() > 0.9  # the camera looks at the object
     assert right.mean() > 0.5

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from activestereo import StereoDepthSensorConfig
-from activestereo.benchmarks.sim_to_real import Agreement, Figure, agreements, read_scores
+from activestereo.benchmarks.sim_to_real import agreements, read_scores
 from bench_sim_to_real import main
 from sim_to_real import methods
-from sim_to_real.ablate import chart, variants
 from sim_to_real.clouds import Cloud, cloud
 from sim_to_real.features import histograms
 from sim_to_real.files import RunFolder
@@ -21,7 +19,7 @@ from sim_to_real.objects import objects, surface
 from sim_to_real.pose_error import pose_error, successes
 from sim_to_real.ppf import Ppf, PpfSetting
 from sim_to_real.report import results
-from sim_to_real.stage import CameraSettings, Stage, scale_noise
+from sim_to_real.stage import CameraSettings, Stage
 from sim_to_real.template import Template, TemplateSetting
 from sim_to_real.tuning import every_candidate, tuned
 from sim_to_real.views import rotation, round_of_views
@@ -138,7 +136,7 @@ def test_tuning_takes_the_setting_with_the_most_successes() -> None:
 def test_points_of_clean_depth_lie_on_the_object() -> None:
     things = objects()
     views = round_of_views(things, 0, "test", 0)
-    stage = Stage(things, WORLDS["clean"], SMALL)
+    stage = Stage(things, "clean", SMALL)
     for view, depth in zip(views, stage.take_depth(views, 0), strict=True):
         thing = things[view.object_index]
         seen = cloud(depth, stage.config.rgb_intrinsic, view.camera_to_world, view.start[:3, 3])
@@ -156,10 +154,10 @@ def test_points_of_clean_depth_lie_on_the_object() -> None:
 def test_metal_takes_depth_away_in_full_and_not_in_raster() -> None:
     things = objects()
     views = round_of_views(things, 0, "test", 0)
-    truth = Stage(things, WORLDS["clean"], SMALL).take_depth(views, 3)
+    truth = Stage(things, "clean", SMALL).take_depth(views, 3)
     shares = {}
     for name in ("raster", "full"):
-        stage = Stage(things, WORLDS[name], SMALL)
+        stage = Stage(things, name, SMALL)
         depth = stage.take_depth(views, 3)
         right = np.abs(depth - truth) < 0.01
         shares[name] = right[:, 50:70, 70:90].mean(axis=(1, 2))  # the camera looks at the object
@@ -173,19 +171,6 @@ def test_metal_takes_depth_away_in_full_and_not_in_raster() -> None:
 def test_views_of_the_two_splits_differ_and_rounds_do_not_depend_on_others() -> None:
     a, b, c = (round_of_views(objects(), 1, split, n)[3] for split, n in (("test", 4), ("tuning", 4), ("test", 4)))
     assert np.array_equal(a.start, c.start) and not np.array_equal(a.start, b.start)
-
-
-def test_noise_scales_in_standard_deviation() -> None:
-    config, plain = StereoDepthSensorConfig("d435"), StereoDepthSensorConfig("d435").ir_signal
-    scale_noise(config, 2.0)
-    assert config.ir_signal["adc_noise_dn"] == pytest.approx(2.0 * plain["adc_noise_dn"])
-    assert config.ir_signal["speckle_shape"] == pytest.approx(plain["speckle_shape"] / 4.0)
-    assert config.ir_signal["speckle_shape"] * config.ir_signal["speckle_scale"] == pytest.approx(1.0)
-    assert config.ir_signal["conversion_gain_dn_per_e"] == pytest.approx(4.0 * plain["conversion_gain_dn_per_e"])
-    scale_noise(config, 0.0)
-    assert not any(config.ir_signal[name] for name in ("shot_noise", "adc_noise_dn", "prnu"))
-    with pytest.raises(ValueError, match="cannot be scaled"):
-        scale_noise(StereoDepthSensorConfig("sapien-D435"), 2.0)
 
 
 # ---- runs ----
@@ -238,36 +223,10 @@ def test_a_run_goes_on_where_it_was(
         main(["score", str(out)])
     (out / "errors/full/test-0000.npz").write_bytes(whole["errors/full/test-0000.npz"])
 
-    monkeypatch.setattr("sim_to_real.ablate.NOISES", (1.0,))
-    main(["ablate", str(out), "--views", "8", "--only", "noise"])
-    assert "| 1 times the noise |" in capsys.readouterr().out
-    # The world of one times the noise is 'full' itself.
-    full, same = (RunFolder(out).read_depth(world, "test", 0)[0] for world in ("full", "full_noise_1"))
-    assert np.array_equal(full, same)
-    with pytest.raises(ValueError, match="is missing"):
-        main(["ablate", str(out), "--views", "16", "--only", "noise"])
-    assert results(RunFolder(out)).views == 8
-
 
 def test_a_folder_without_a_run_is_told(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="has no run"):
         main(["score", str(tmp_path)])
     (tmp_path / "settings.json").write_text('{"seed": 1}')
     with pytest.raises(ValueError, match="not of a run of this version"):
-        main(["ablate", str(tmp_path)])
-
-
-def test_ablations_have_names_of_their_own() -> None:
-    names = [world.name for world in variants()]
-    assert len(names) == len(set(names)) == 2 * 7 + 6 + 2
-    assert not {"clean", "raster", "full", "foreign"} & set(names)
-
-
-def test_the_ablations_legend_hides_no_figure() -> None:
-    pytest.importorskip("matplotlib", reason="the package matplotlib is not installed (pip install matplotlib)")
-    figure = Figure(0.9, 0.8, 1.0)
-    picture = chart([(world, [Agreement(figure, figure, figure)]) for world in variants()])
-    picture.draw_without_rendering()
-    legends = [axes.get_legend().get_window_extent() for axes in picture.axes if axes.get_legend() is not None]
-    assert len(legends) == 1
-    assert not any(legends[0].overlaps(axes.get_window_extent()) for axes in picture.axes)
+        main(["score", str(tmp_path)])
