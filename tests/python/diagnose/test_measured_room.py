@@ -4,6 +4,7 @@
 import json
 import shutil
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -91,6 +92,12 @@ def capture_with(tmp_path_factory):
     return capture
 
 
+@pytest.fixture(scope="module")
+def diagnosed(capture_with):
+    """A function: the result of a diagnosis of capture_with(change), made once."""
+    return cache(lambda change: diagnose(capture_with(change)).result)
+
+
 @pytest.mark.parametrize(
     "change, also, parameter, truth",
     [
@@ -101,8 +108,8 @@ def capture_with(tmp_path_factory):
         (drops, ["focus_mismatch"], None, None),
     ],
 )
-def test_what_the_camera_has_is_named_beside_its_own_falloff(capture_with, change, also, parameter, truth):
-    result = diagnose(capture_with(change)).result
+def test_what_the_camera_has_is_named_beside_its_own_falloff(diagnosed, change, also, parameter, truth):
+    result = diagnosed(change)
     schema = Path(activestereo.report.__file__).parent / "schema" / "diagnose.schema.json"
     assert violations(result, json.loads(schema.read_text())) == []
     assert result["added"] == ["vignetting", *also]
@@ -122,9 +129,9 @@ def test_an_effect_is_not_named_at_a_size_that_cannot_be(capture_with):
     assert "gain_mismatch would need gain 0.2" in result["reason"] and "more views" in result["reason"]
 
 
-def test_drops_on_a_window_are_told_from_a_lens_out_of_focus(capture_with):
+def test_drops_on_a_window_are_told_from_a_lens_out_of_focus(diagnosed):
     said = [
-        next(e["finding"] for e in diagnose(capture_with(change)).result["ranking"] if e["effect"] == "focus_mismatch")
+        next(e["finding"] for e in diagnosed(change)["ranking"] if e["effect"] == "focus_mismatch")
         for change in (drops, blur)
     ]
     assert "The left camera is blurred in places" in said[0] and "drops or dirt on its window" in said[0]
@@ -147,8 +154,8 @@ def test_a_good_session_of_the_same_views_tells_what_one_alone_leaves_open(captu
     assert result["added"] == ["vignetting", *also]
 
 
-def test_a_good_session_of_other_views_tells_the_unit_s_own(capture_with, monkeypatch):
-    good, alone = capture_with(nothing), diagnose(capture_with(gain)).result
+def test_a_good_session_of_other_views_tells_the_unit_s_own(capture_with, diagnosed, monkeypatch):
+    good, alone = capture_with(nothing), diagnosed(gain)
     monkeypatch.setattr(names, "room_beside", lambda room, other: None)
     beside = diagnose(capture_with(gain), reference=[good]).result
     gained = [{e["effect"]: e["score_nats"] for e in r["ranking"]}["gain_mismatch"] for r in (alone, beside)]
