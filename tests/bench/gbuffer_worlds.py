@@ -22,7 +22,6 @@ THINGS = 9  # that there are; each world has some
 RANGES = WorldRanges(bodies=(5, 9), lamps=(0, 0), albedo_factor=(0.4, 1.3), roughness_factor=(0.6, 1.4))
 _SIZE_M, _PLACE_M, _ROOM = (0.04, 0.09), 0.3, (0.0, 0.1)  # half lengths; W/(sr m^2) from all sides
 _NOTHING = 0xFFFFFFFF
-_AWAY = np.array([[0.0, 0.0, -1000.0, 1.0, 0.0, 0.0, 0.0]])
 _MATT = {"specular": 0.0, "roughness": 1.0}
 
 
@@ -69,15 +68,6 @@ class World:
         for number in range(scene.summary.material_count):
             kinds[number] = _kind(scene.get_material(number))
         return cls(scene, bodies, pose, kinds, room)
-
-    def show_alone(self, name: str) -> None:
-        """Takes all other bodies away, for good."""
-        self.bodies.move({other: _AWAY for other in self.bodies.names if other != name})
-
-    def make_matt(self) -> None:
-        """Makes all materials matt and equally bright, for good."""
-        for number in self.kinds:
-            self.scene.set_material(number, kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), **_MATT))
 
     def materials(self) -> dict[int, kuafu.Material]:
         return {number: self.scene.get_material(number) for number in self.kinds}

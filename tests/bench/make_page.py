@@ -18,7 +18,7 @@ from figures import PAGE, ROOT, figures_page
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
 CHAPTERS = {
-    "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "scenes", "cancel"),
+    "Rendering": ("first_image", "render", "mitsuba", "denoise", "scenes", "cancel"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel", "invented"),
     "Sensor": (
         *("sensor", "split", "gbuffer", "gbuffer_gpu"),
