@@ -25,7 +25,7 @@ from scipy.optimize import lsq_linear
 
 from activestereo.calibrate.material_views import MaterialScene, Picture
 from activestereo.common.progress_bar import part_of
-from activestereo.effects.engines.scene_measurement import set_surface
+from activestereo.effects.engines.capture_inputs import set_surface
 
 PARAMETERS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
 COLORS = ("red", "green", "blue")

@@ -21,8 +21,7 @@ from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
-from activestereo.compare.error_shape import error_shape
-from activestereo.compare.image_errors import ImageErrors, image_errors, residuals_of
+from activestereo.compare.image_errors import ImageErrors, error_shape, image_errors, residuals_of
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
 from activestereo.compare.phase_times import megapixels

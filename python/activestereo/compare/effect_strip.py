@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES
-from activestereo.compare.depth_compare import SETTLING_FRAMES
-from activestereo.compare.depth_model import DepthModel, expose
+from activestereo.compare.depth_compare import SETTLING_FRAMES, DepthModel, expose
 from activestereo.compare.noise import NoiseModel
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import WARP_SCALE, render_frames

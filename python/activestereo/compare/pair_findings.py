@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, map_coordinates, maximum_filter
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.bootstrap import interval
+from activestereo.compare.where import interval
 
 _BLOCK_PX = 48
 _DRAWS = 400

@@ -14,9 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.compare.bootstrap import BlockBootstrap, interval
-from activestereo.compare.covariates import COVARIATES
-from activestereo.compare.where import GROUPS, Samples
+from activestereo.compare.where import COVARIATES, GROUPS, BlockBootstrap, Samples, interval
 
 DEPTH = 3
 _SMALLEST_LEAF = 0.01

@@ -10,9 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture, ImageKey
-from activestereo.compare.covariates import covariate_maps
 from activestereo.compare.tree import HonestTree
-from activestereo.compare.where import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples, where_tables
+from activestereo.compare.where import (
+    LARGEST_DISPARITY_ERROR_PX,
+    ResidualImage,
+    covariate_maps,
+    gather_samples,
+    where_tables,
+)
 from activestereo.effects.core.scene_surfaces import surface_names
 
 if TYPE_CHECKING:

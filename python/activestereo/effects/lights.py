@@ -5,16 +5,173 @@ from dataclasses import replace
 
 import numpy as np
 
+from activestereo.capture.capture import Frame
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, rotation
-from activestereo.effects.core.flicker import flicker_starts
+from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.lamp import lamp_pose, lamp_starts
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.moved import engine_effect
+from activestereo.effects.core.resample import Pattern, smooth_pattern
 from activestereo.effects.core.room_unit import room_unit_starts
-from activestereo.effects.core.second_unit import unit_starts
+from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.unit_match import axes
-from activestereo.effects.core.view import View
+from activestereo.effects.core.view import View, transform
+
+# Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %. A few frames would fit
+# other frequencies as well.
+_FREQUENCIES_HZ = np.arange(98.0, 122.5, 0.02)
+_FINE_STEPS = 50
+_LINE_TIMES_S = np.arange(0.0, 6.1e-5, 5e-6)
+_FLICKERS = 8
+
+# (frame, sums over each row of w A^2 and w A r), with weight w, ambient light A and residual r.
+_RowSums = tuple[Frame, np.ndarray, np.ndarray]
+
+
+def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
+    """Returns the best few fits of flicker as {depth, frequency_hz, phase_rad, line_time_s}, best first. Each has
+    another frequency, because a few frames hardly tell frequencies apart. The likelihood has a peak every hundredth of
+    a hertz, so all frequencies are tried.
+
+    The residual of a row is linear in the sine and cosine of the flicker's phase at the row's time. Each pair of
+    frequency and line time is therefore a regression on a few sums per row. The ambient level is fitted as well: a fit
+    without flicker took the mean of a few phases for it. Light is never negative, so a wave larger than its mean counts
+    as one of that size. Slow waves, of which frames show a few similar phases, would otherwise pass for the level."""
+    rows = []
+    for image in images:
+        weighted = image.weight * image.ambient
+        sums = (weighted * image.ambient).sum(axis=1), (weighted * image.residual).sum(axis=1)
+        rows.append((image.view.frame, *sums))
+    gains, depths, phases = (np.stack(x) for x in zip(*(_gains(rows, t) for t in _LINE_TIMES_S), strict=True))
+    line, best = gains.argmax(axis=0), gains.max(axis=0)
+    beside = np.pad(best, 1, constant_values=-np.inf)
+    peaks = np.flatnonzero((best >= beside[:-2]) & (best > beside[2:]))
+    return [
+        {
+            "depth": float(depths[line[i], i]),
+            "frequency_hz": float(_FREQUENCIES_HZ[i]),
+            "phase_rad": float(phases[line[i], i]),
+            "line_time_s": float(_LINE_TIMES_S[line[i]]),
+        }
+        for i in peaks[np.argsort(-best[peaks])][:_FLICKERS]
+    ]
+
+
+def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns (fall of chi2, depth, phase in radians), each an array over all frequencies. line_time: seconds.
+
+    Sums of squares and products of sine and cosine follow from twice the angle: from a row's wave exp(i angle) and its
+    square.
+    """
+    total, square, product, level = 0.0, 0.0, 0.0, 0.0
+    waves = {len(strength): _row_waves(len(strength), line_time) for _, strength, _ in images}
+    for frame, strength, moment in images:
+        rows, start = waves[len(strength)], np.exp(2j * np.pi * _FREQUENCIES_HZ * frame.timestamp_s)
+        averaged = np.sinc(_FREQUENCIES_HZ * frame.exposure_s)
+        total = total + averaged**2 * strength.sum()
+        square = square + (averaged * start) ** 2 * ((rows * rows) @ strength)
+        product = product + averaged * start * (rows @ moment)
+        level = level + averaged * start * (rows @ strength)
+    # Normal equations of sine and cosine after the level's share (Schur's complement).
+    light = sum(strength.sum() for _, strength, _ in images) + 1e-30
+    rest = sum(moment.sum() for *_, moment in images)
+    product = product - level * (rest / light)
+    ss, cc, sc = 0.5 * (total - square.real), 0.5 * (total + square.real), 0.5 * square.imag
+    ss, cc, sc = ss - level.imag**2 / light, cc - level.real**2 / light, sc - level.real * level.imag / light
+    determinant = np.maximum(ss * cc - sc * sc, 1e-12 * (ss * cc + 1e-30))
+    sine = (cc * product.imag - sc * product.real) / determinant
+    cosine = (ss * product.real - sc * product.imag) / determinant
+    mean = np.maximum(1.0 + (rest - sine * level.imag - cosine * level.real) / light, 0.0)
+    amplitude = np.hypot(sine, cosine) + 1e-30
+    taken = np.minimum(mean / amplitude, 1.0)
+    fall = taken * (2.0 - taken) * (sine * product.imag + cosine * product.real)
+    return fall, np.minimum(amplitude / (mean + 1e-30), 1.0), np.arctan2(cosine, sine)
+
+
+def _row_waves(height: int, line_time: float) -> np.ndarray:
+    """Returns exp(i angle) of rows counted from the middle, [frequencies][height]. Products of coarse and fine steps of
+    frequency make it cheap."""
+    lag = 2j * np.pi * line_time * (np.arange(height) - (height - 1) / 2)
+    coarse = np.exp(np.outer(_FREQUENCIES_HZ[::_FINE_STEPS], lag))
+    fine = np.exp(np.outer(_FREQUENCIES_HZ[:_FINE_STEPS] - _FREQUENCIES_HZ[0], lag))
+    return (coarse[:, None] * fine).reshape(-1, height)[: len(_FREQUENCIES_HZ)]
+
+
+_REACH_M, _LARGEST_YAW_RAD = 0.4, 0.3
+# The step of the trials is about a dot's width. Dots are blurred to it, so that none falls between two trials.
+_STEP_RAD = 0.009
+_IMAGES, _PIXELS = 3, 1500
+_UNITS = 4
+_SEED = 12
+
+
+def unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
+    """Returns intensity, place and yaw of the best few places of a second unit on the rig, {parameter: value} each. Its
+    dots match the picture from one place alone, so a fine grid of places beside the rig and of yaw angles is tried. At
+    each, the residual is regressed on the dots that a projector there would cast. Images without the own projector's
+    dots are taken first."""
+    chosen = sorted(images, key=lambda image: image.view.frame.projector_power)[:_IMAGES]
+    scenes = [_SeenByUnit(image) for image in chosen]
+    depth = np.median(np.concatenate([s.points[:, 2] for s in scenes])) if scenes else 1.0
+    places = np.arange(-_REACH_M, _REACH_M, _STEP_RAD * depth)
+    yaws = np.arange(-_LARGEST_YAW_RAD, _LARGEST_YAW_RAD, _STEP_RAD)
+    gains, strengths = (np.zeros((len(places), len(yaws))) for _ in range(2))
+    for i, x in enumerate(places):
+        both = sum((s.products(x, yaws) for s in scenes), np.zeros((2, len(yaws))))
+        strengths[i] = np.maximum(both[0], 0.0) / np.maximum(both[1], 1e-300)
+        gains[i] = strengths[i] * both[0]
+    best = [np.unravel_index(flat, gains.shape) for flat in np.argsort(-gains, axis=None)[:_UNITS]]
+    return [
+        {
+            "intensity_m2": float(strengths[i, j]),
+            "offset_x_m": float(places[i]),
+            "offset_y_m": 0.0,
+            "yaw_rad": float(yaws[j]),
+        }  # fmt: skip
+        for i, j in best
+    ]
+
+
+class _SeenByUnit:
+    """Random pixels of one image, with their part in the regression. points: projector coordinates [n][3], metres."""
+
+    def __init__(self, image: StartImage) -> None:
+        view, shading = image.view, Shading.of(image.light, image.view)
+        where = np.flatnonzero(shading.hit & (shading.reflectance > 0))
+        pick = np.random.Generator(np.random.PCG64([_SEED, view.seed])).permutation(where)[:_PIXELS]
+        rotation = view.camera_to_projector[:3, :3]
+        self.points = transform(view.camera_to_projector, shading.points).reshape(-1, 3)[pick]
+        self._normal = shading.normal.reshape(-1, 3)[pick] @ rotation.T
+        self._glow = image.ambient_dn * shading.reflectance.ravel()[pick]
+        self._weight, self._residual = image.weight.ravel()[pick].astype(np.float64), image.residual.ravel()[pick]
+        self._K = view.projector_K
+        sigma_px = 0.5 * _STEP_RAD * self._K[0, 0]
+        smooth = smooth_pattern(view.once("pattern", lambda: Pattern(view.pattern)), sigma_px)
+        self._pattern = np.pad(smooth.astype(np.float32), 1)  # pixels beside the pattern are dark
+
+    def products(self, x: float, yaws: np.ndarray) -> np.ndarray:
+        """Returns [2][yaws]: weighted products of the dots with the residual, and with themselves. A projector of unit
+        intensity, x metres beside the own one, casts the dots at each yaw in radians."""
+        way = self.points - [x, 0.0, 0.0]
+        square = np.maximum((way**2).sum(-1), 1e-6)
+        irradiance = np.maximum(-(way * self._normal).sum(-1), 0.0) / (square * np.sqrt(square))
+        c, s = np.cos(yaws)[:, None].astype(np.float32), np.sin(yaws)[:, None].astype(np.float32)
+        x_m, y_m, z_m = way.T.astype(np.float32)
+        ahead = s * x_m + c * z_m
+        z = np.where(ahead > 1e-3, ahead, np.float32(1e-6))
+        height, width = self._pattern.shape
+        column, row = (
+            np.clip(np.rint(k * tangent / z + (middle + 1.0)), 0, side - 1).astype(np.int32)
+            for k, tangent, middle, side in (
+                (np.float32(self._K[0, 0]), c * x_m - s * z_m, np.float32(self._K[0, 2]), width),
+                (np.float32(self._K[1, 1]), y_m, np.float32(self._K[1, 2]), height),
+            )
+        )
+        dots = self._pattern.ravel().take(row * width + column) * (ahead > 1e-3)
+        lit = (self._glow * irradiance).astype(np.float32)
+        weight = self._weight.astype(np.float32)
+        return np.stack([dots @ (lit * weight * self._residual.astype(np.float32)), dots**2 @ (lit**2 * weight)])
 
 
 @effect(

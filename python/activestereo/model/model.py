@@ -17,7 +17,7 @@ from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.scene_surfaces import material_of, names_of, numbers_of
 from activestereo.effects.core.surfaces import SURFACES, material_numbers
-from activestereo.effects.engines.scene_measurement import SceneMeasurement
+from activestereo.effects.engines.capture_inputs import SceneMeasurement
 
 # Nuisances of a fit, with units: {name: (unit, low, high)}.
 NUISANCES: dict[str, tuple[str, float, float]] = {

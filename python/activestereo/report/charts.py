@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
-from activestereo.compare.covariates import COVARIATES
+from activestereo.compare.where import COVARIATES
 from activestereo.diagnose.answer.verdict_words import error_text
 from activestereo.report.lettering import as_written
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from activestereo.common.html_table import table, text
-from activestereo.compare.covariates import COVARIATES
-from activestereo.compare.where import LARGEST_DISPARITY_ERROR_PX
+from activestereo.compare.where import COVARIATES, LARGEST_DISPARITY_ERROR_PX
 from activestereo.report.charts import covariates_chart, frames_chart, photon_transfer_chart
 from activestereo.report.page import card, chart, section, share_bar
 

@@ -23,7 +23,7 @@ from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine, moved_pose
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.scene_surfaces import split_surfaces
-from activestereo.effects.engines.scene_measurement import SceneMeasurement
+from activestereo.effects.engines.capture_inputs import SceneMeasurement
 from activestereo.effects.engines.world import copy_camera
 from activestereo.model import SensorModel, read_model
 from activestereo.sensor.rig import LATER, Rig

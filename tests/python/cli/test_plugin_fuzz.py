@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from activestereo.effects.core import plugin
-from activestereo.effects.core.plugin import load_plugin
+from activestereo.effects.core import load as plugin
+from activestereo.effects.core.load import load_plugin
 
 LIBRARY = """
 #include <stdint.h>

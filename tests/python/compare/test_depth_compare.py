@@ -12,7 +12,7 @@ from activestereo.capture.capture import CaptureWarning, read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.depth_compare import DepthFrame, depth_scores
-from activestereo.compare.depth_model import DepthModel, expose
+from activestereo.compare.depth_compare import DepthModel, expose
 from activestereo.compare.noise import NoiseModel
 from virtual_sensor.world import make_world
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
-from activestereo.compare.error_shape import error_shape
+from activestereo.compare.image_errors import error_shape
 from activestereo.report.summary import what_is_missed
 
 HEIGHT, WIDTH, NOISE_DN = 160, 240, 1.0

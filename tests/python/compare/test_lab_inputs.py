@@ -15,7 +15,7 @@ import kuafu
 from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.depth_compare import DepthModel
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
 from activestereo.compare.model_file import read_model

@@ -9,8 +9,8 @@ import pytest
 
 from activestereo.capture.capture import Frame
 from activestereo.effects.core.view import View
-from activestereo.compare.bootstrap import BlockBootstrap, benjamini_yekutieli, interval
-from activestereo.compare.covariates import COVARIATES, covariate_maps
+from activestereo.compare.where import BlockBootstrap, benjamini_yekutieli, interval
+from activestereo.compare.where import COVARIATES, covariate_maps
 from activestereo.compare.tree import HonestTree
 from activestereo.compare.where import where_tables
 from activestereo.compare.where import GROUPS, ResidualImage, gather_samples

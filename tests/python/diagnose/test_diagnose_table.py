@@ -17,7 +17,7 @@ from activestereo.capture.capture import SIDES, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.effects import Model, Stage, View, builtin
 from activestereo.effects.core.judging import Channel
-from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.depth_compare import DepthModel
 from activestereo.diagnose import Settings, examine
 from activestereo.diagnose.evidence import gather
 from activestereo.compare.nuisances import Nuisances

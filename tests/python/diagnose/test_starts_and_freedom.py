@@ -9,9 +9,9 @@ import pytest
 
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.flicker import flicker_starts
+from activestereo.effects.lights import flicker_starts
 from activestereo.effects.core.judging import StartImage
-from activestereo.effects.core.second_unit import unit_starts
+from activestereo.effects.lights import unit_starts
 from activestereo.diagnose.channels.draws import dots_seen
 from activestereo.diagnose.evidence.observation import one_of_each_situation
 from activestereo.diagnose.refine import ParameterSpace

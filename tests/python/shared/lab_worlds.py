@@ -10,7 +10,7 @@ import numpy as np
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import request_key
-from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.depth_compare import DepthModel
 from activestereo.compare.layers import Layers
 from virtual_sensor.view import PatternSource, look
 

@@ -27,8 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, Capture
-from activestereo.compare.depth_compare import DepthFrame, model_depths
-from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.depth_compare import DepthFrame, DepthModel, model_depths
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.diagnose.channels.depth_engine import Depth
 from activestereo.effects import Model, Stage, View

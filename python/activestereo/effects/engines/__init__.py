@@ -5,7 +5,7 @@ renderer = CaptureRenderer(read_capture("captures/table"))
 images = renderer.expected(model, nuisances)          # {(frame id, side): DN}
 """
 
+from activestereo.effects.engines.capture_inputs import SceneMeasurement
 from activestereo.effects.engines.capture_renderer import CameraLight, CaptureRenderer
-from activestereo.effects.engines.scene_measurement import SceneMeasurement
 
 __all__ = ["CaptureRenderer", "CameraLight", "SceneMeasurement"]

@@ -18,8 +18,7 @@ from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
 from activestereo.effects.core.room_light import BOUNCED_VERSION
 from activestereo.effects.core.view import View
-from activestereo.effects.engines.capture_inputs import capture_inputs
-from activestereo.effects.engines.scene_measurement import SceneMeasurement
+from activestereo.effects.engines.capture_inputs import SceneMeasurement, capture_inputs
 from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer
 from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
 from activestereo.effects.engines.world import (

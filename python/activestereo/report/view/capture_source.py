@@ -13,7 +13,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import Pose
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.depth_compare import DepthModel
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.noise import fit_noise_model, repeat_statistics
 from activestereo.compare.nuisances import fit_nuisances
