@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     import kuafu
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.common.pose import Pose
+    from activestereo.effects.core.descriptor import Effect
     from activestereo.model import SensorModel
     from activestereo.sensor.sensor import StereoDepthSensor
 
@@ -167,8 +168,9 @@ def run(args: argparse.Namespace) -> None:
     _report(args, sensor, rows, added)
 
 
-def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
-    """Reads the model file of --model, or returns None without that option."""
+def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | None = None) -> SensorModel | None:
+    """Reads the model file of --model, or returns None without that option. effects: those of --effects and the
+    built-in ones, which are loaded without it."""
     if args.model is None:
         return None
     if args.resolution:
@@ -178,7 +180,7 @@ def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
     from activestereo.compare.model_file import library
     from activestereo.model import read_model
 
-    return read_model(args.model, library(*args.effects))
+    return read_model(args.model, effects or library(*args.effects))
 
 
 def sensor_config(args: argparse.Namespace, model: SensorModel | None) -> StereoDepthSensorConfig:

@@ -93,7 +93,8 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
         raise CommandError(f"--port {args.port}: a port is 0 to 65535")
     if not args.out.absolute().parent.is_dir():
         raise CommandError(f"--out {args.out}: the folder {args.out.parent} does not exist: make it first")
-    effects, model = library(*args.effects), read_sensor_model(args)
+    effects = library(*args.effects)
+    model = read_sensor_model(args, effects)
     device = kuafu.Device(args.device)
 
     def make(path: Path) -> Any:

@@ -36,6 +36,13 @@ class Mount:
     scene: kuafu.Scene
     pose: PoseLike = field(default_factory=Pose)
 
+    def __post_init__(self) -> None:
+        """Raises TypeError unless there are a scene and a pose."""
+        if not isinstance(self.scene, kuafu.Scene):
+            raise TypeError(f"a Mount's scene must be a kuafu.Scene, not {type(self.scene).__name__}")
+        if self.pose is None:
+            raise TypeError("a Mount's pose is None: leave it out for the origin, or give a Pose or a 4x4 matrix")
+
 
 class RigPlace:
     """Combines a mount's pose with `local`, the sensor's pose relative to it."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 import warnings
 import weakref
 from collections.abc import Callable, Sequence
-from inspect import Parameter, Signature
 from os import PathLike
 from typing import Any
 
@@ -35,18 +34,6 @@ from activestereo.sensor.ir_link import checked_radiance
 from activestereo.sensor.mounts import HasPose, RigPlace, as_mount
 from activestereo.sensor.mounts import Mount as Mount
 from activestereo.sensor.results import CAMERAS, SensorResults
-
-
-def setter(*fields: str) -> Any:
-    """Returns a method like SAPIEN's that takes these fields of the configuration and sets them by change()."""
-    signature = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in ("self", *fields)])
-
-    def set_fields(*given: Any, **named: Any) -> None:
-        own, *values = signature.bind(*given, **named).args
-        own.change(**dict(zip(fields, values, strict=True)))
-
-    set_fields.__signature__ = signature  # type: ignore[attr-defined]
-    return set_fields
 
 
 class StereoDepthSensor(SensorResults):
@@ -269,11 +256,25 @@ class StereoDepthSensor(SensorResults):
         """Sets factors on the default noise, in place of ir_signal; ir_speckle_noise 0 switches both kinds off."""
         self.change(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
 
-    set_census_window_size = setter("census_width", "census_height")
-    set_matching_block_size = setter("block_width", "block_height")
-    set_penalties = setter("p1", "p2")
-    set_uniqueness_ratio = setter("uniqueness_ratio")
-    set_lr_max_diff = setter("lr_max_diff")  # -1 switches the check off
+    def set_census_window_size(self, census_width: int, census_height: int) -> None:
+        """Sets the census window's sides, odd numbers of pixels."""
+        self.change(census_width=census_width, census_height=census_height)
+
+    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
+        """Sets the sides of the block that matching costs are summed over, odd numbers of pixels."""
+        self.change(block_width=block_width, block_height=block_height)
+
+    def set_penalties(self, p1: int, p2: int) -> None:
+        """Sets the costs of a disparity step between neighbours: p1 of one pixel, p2 of more."""
+        self.change(p1=p1, p2=p2)
+
+    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
+        """Sets by how many percent the best disparity must beat the others."""
+        self.change(uniqueness_ratio=uniqueness_ratio)
+
+    def set_lr_max_diff(self, lr_max_diff: int) -> None:
+        """Sets the largest difference of the left and right disparities, in pixels; -1 switches the check off."""
+        self.change(lr_max_diff=lr_max_diff)
 
     def change(self, **changes: Any) -> None:
         """Changes those fields of the configuration that the matcher and the noise depend on. An invalid value raises

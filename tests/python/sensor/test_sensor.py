@@ -141,6 +141,13 @@ def test_moving_the_mount_moves_the_sensor(small_config):
     )
 
 
+def test_a_mount_without_scene_or_pose_is_told(small_config):
+    with pytest.raises(TypeError, match="pose is None"):
+        Mount(wall_scene(0.9), None)
+    with pytest.raises(TypeError, match="must be a kuafu.Scene, not str"):
+        Mount("scene.gltf")
+
+
 def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
     small_config.max_bounces, small_config.samples_per_pixel = 0, 1
     sensor = StereoDepthSensor(small_config, wall_scene(0.9))

@@ -17,7 +17,6 @@ from activestereo.camera.presets import SAPIEN_NAMES
 from activestereo.camera.presets import StereoDepthSensorConfig as NativeConfig
 from activestereo.common.input_files import checked_file
 from activestereo.common.pose import Pose, as_matrix
-from activestereo.sensor.sensor import setter
 
 _NATIVE_NAMES = {given: own for own, given in SAPIEN_NAMES.items()}
 
@@ -29,12 +28,29 @@ class Parameters:
     _config: Any
     _sensor: activestereo.StereoDepthSensor | None
 
-    set_ir_noise = setter("ir_speckle_noise", "ir_thermal_noise")
-    set_census_window_size = setter("census_width", "census_height")
-    set_matching_block_size = setter("block_width", "block_height")
-    set_penalties = setter("p1_penalty", "p2_penalty")
-    set_uniqueness_ratio = setter("uniqueness_ratio")
-    set_lr_max_diff = setter("lr_max_diff")
+    def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
+        """Sets factors on the default noise; ir_speckle_noise 0 switches both kinds off."""
+        self.change(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise)
+
+    def set_census_window_size(self, census_width: int, census_height: int) -> None:
+        """Sets the census window's sides, odd numbers of pixels."""
+        self.change(census_width=census_width, census_height=census_height)
+
+    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
+        """Sets the sides of the block that matching costs are summed over, odd numbers of pixels."""
+        self.change(block_width=block_width, block_height=block_height)
+
+    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
+        """Sets the costs of a disparity step between neighbours: p1_penalty of one pixel, p2_penalty of more."""
+        self.change(p1_penalty=p1_penalty, p2_penalty=p2_penalty)
+
+    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
+        """Sets by how many percent the best disparity must beat the others."""
+        self.change(uniqueness_ratio=uniqueness_ratio)
+
+    def set_lr_max_diff(self, lr_max_diff: int) -> None:
+        """Sets the largest difference of the left and right disparities, in pixels; 255 switches the check off."""
+        self.change(lr_max_diff=lr_max_diff)
 
     def change(self, **changes: Any) -> None:
         """Changes fields, by SAPIEN's names, of the configuration and of the sensor."""
