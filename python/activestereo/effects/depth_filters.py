@@ -32,7 +32,7 @@ _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
     image_only="what a device's firmware does after matching is no part of simsense",
 )  # fmt: skip
 def hole_filling(disparity: np.ndarray, view: View, reach_px: float, neighbour: float) -> np.ndarray:
-    """Pixels without a match take a neighbour's disparity, up to reach_px from what was measured: shadows beside near
+    """Pixels without a match take a neighbour's disparity, up to reach_px from what was measured. Shadows beside near
     things get a depth that nobody measured. Measured pixels stay."""
     if neighbour == _LEFT:
         return _from_the_left(disparity, int(reach_px))
@@ -77,8 +77,8 @@ _EDGE_PX = 1.0
     image_only="what a device's firmware does after matching is no part of simsense",
 )  # fmt: skip
 def post_filter(disparity: np.ndarray, view: View, smoothing_px: float, step_px: float) -> np.ndarray:
-    """Disparities are smoothed within surfaces and rounded to steps: their noise is correlated and their histogram a
-    comb."""
+    """A filter smooths disparities within surfaces and rounds them to steps. Their noise is correlated and their
+    histogram is a comb."""
     out = disparity
     matched = disparity > 0
     if smoothing_px > 0.0:
@@ -115,8 +115,8 @@ def post_filter(disparity: np.ndarray, view: View, smoothing_px: float, step_px:
 def temporal_filter(
     disparity: np.ndarray, view: View, alpha: float, delta_px: float, persists: float
 ) -> np.ndarray:
-    """Disparities are averaged exponentially over frames where they change by less than delta_px: the variance of a
-    scene at rest is alpha / (2 - alpha) of a frame's, and slow motion drags. Needs a stream, whose first frame stays
+    """A filter averages disparities exponentially over frames, where they change by less than delta_px. A scene at rest
+    has alpha / (2 - alpha) of a frame's variance; slow motion drags. The filter needs a stream, whose first frame stays
     as it is."""
     before = view.before
     if before is None:

@@ -20,7 +20,7 @@ from activestereo.effects.core.view import View
     parameters=[Parameter("offset_m", "m", neutral=0.0, low=-0.005, high=0.005, typical=0.0003)],
 )
 def baseline_drift(inputs: EngineInputs, offset_m: float) -> None:
-    """The right camera stands offset_m further right: disparity grows in proportion to itself."""
+    """The right camera stands offset_m further right. Every disparity grows in proportion to itself."""
     inputs.right.move(offset_m)
 
 
@@ -34,7 +34,7 @@ def baseline_drift(inputs: EngineInputs, offset_m: float) -> None:
     parameters=[Parameter("angle_rad", "rad", neutral=0.0, low=-0.02, high=0.02, typical=0.0005)],
 )
 def stereo_pitch(inputs: EngineInputs, angle_rad: float) -> None:
-    """The right camera is turned about its x axis: rows of the pair no longer meet."""
+    """The right camera is turned about its x axis. Rows of the pair no longer meet."""
     inputs.right.turn((1.0, 0.0, 0.0), angle_rad)
 
 
@@ -65,7 +65,7 @@ def stereo_roll(inputs: EngineInputs, angle_rad: float) -> None:
     ],
 )
 def thermal_drift(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> None:
-    """Per kelvin above 25 C the right image shifts and both images grow about their principal points."""
+    """The right image shifts with every kelvin above 25 C. Both images grow about their principal points."""
     inputs.right.shift_image(cx_px_per_k * inputs.warming_k, 0.0)
     for side in inputs.sides:
         side.scale_focal(1.0 + focal_per_k * inputs.warming_k)
@@ -84,7 +84,7 @@ def thermal_drift(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) 
     ],
 )
 def principal_point_offset(inputs: EngineInputs, cx_px: float, cy_px: float) -> None:
-    """The right image is shifted: a constant disparity error, growing with distance squared in depth."""
+    """The right image is shifted. The disparity error is constant; the depth error grows with distance squared."""
     inputs.right.shift_image(cx_px, cy_px)
 
 
@@ -102,8 +102,8 @@ def principal_point_offset(inputs: EngineInputs, cx_px: float, cy_px: float) -> 
     image_only="kuafu's imagers stand square behind their lenses",
 )
 def imager_tilt(light: Light, view: View, tau_x_rad: float, tau_y_rad: float) -> Light:
-    """The imager is turned about its x axis, then about its y axis, around the principal point: the image of a plane is
-    that of a pinhole under a homography, which keeps straight lines straight."""
+    """The imager is turned about its x axis, then about its y axis, around the principal point. The image of a plane
+    changes by a homography, which keeps straight lines straight."""
     if tau_x_rad == 0.0 and tau_y_rad == 0.0:
         return light
     turn = rotation((0.0, 1.0, 0.0), tau_y_rad) @ rotation((1.0, 0.0, 0.0), tau_x_rad)
@@ -127,7 +127,8 @@ def imager_tilt(light: Light, view: View, tau_x_rad: float, tau_y_rad: float) ->
     ],
 )
 def radial_distortion(inputs: EngineInputs, k1: float, k2: float) -> None:
-    """Straight lines bend: image radius r is drawn at r (1 + k1 r^2 + k2 r^4), r in focal lengths, in both cameras."""
+    """Straight lines bend in both cameras. The lens draws image radius r at r (1 + k1 r^2 + k2 r^4), in focal lengths.
+    """
     for side in inputs.sides:
         side.add_distortion(k1, k2)
 
@@ -146,7 +147,7 @@ def radial_distortion(inputs: EngineInputs, k1: float, k2: float) -> None:
 )
 def tangential_distortion(inputs: EngineInputs, p1: float, p2: float) -> None:
     """The image point (x, y), in focal lengths, moves by (2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y) in
-    both cameras: a side of the image is stretched, the other one shrinks."""
+    both cameras. One side of the image stretches, the other one shrinks."""
     for side in inputs.sides:
         side.add_distortion(p1=p1, p2=p2)
 

@@ -25,7 +25,7 @@ from activestereo.effects.core.view import View
     ],
 )
 def dark_signal(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -> None:
-    """Charge gathers without light: in proportion to exposure, and twice as fast every doubling_k kelvins."""
+    """Charge gathers without light. It is proportional to the exposure, and doubles with every doubling_k kelvins."""
     for side in inputs.sides:
         side.signal["dark_current_e_per_s"] += rate_dn_per_s / side.signal["conversion_gain_dn_per_e"]
         side.signal["dark_doubling_k"] = doubling_k
@@ -47,7 +47,7 @@ def dark_signal(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -
     ],
 )  # fmt: skip
 def black_level(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None:
-    """A pedestal that is there without light, and moves with temperature."""
+    """A pedestal is added to every pixel, with or without light. It moves with temperature."""
     for side in inputs.sides:
         side.signal["black_level_dn"] += offset_dn
         side.signal["black_level_dn_per_k"] += per_k_dn
@@ -65,7 +65,7 @@ def black_level(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None
     parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.5, typical=0.01)],
 )
 def prnu(inputs: EngineInputs, sigma: float) -> None:
-    """Every pixel has its own gain, the same in all frames."""
+    """Every pixel has its own gain. The gain is the same in all frames."""
     for side in inputs.sides:
         side.add_variance("prnu", sigma)
 
@@ -90,7 +90,7 @@ def prnu(inputs: EngineInputs, sigma: float) -> None:
     ],
 )
 def fixed_pattern_noise(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: float) -> None:
-    """Columns, rows and pixels have offsets of their own, the same in all frames."""
+    """Columns, rows and pixels have offsets of their own. The offsets are the same in all frames."""
     for side in inputs.sides:
         side.add_variance("column_fixed_e", side.electrons(column_dn))
         side.add_variance("row_fixed_e", side.electrons(row_dn))
@@ -115,7 +115,8 @@ def fixed_pattern_noise(inputs: EngineInputs, column_dn: float, row_dn: float, p
     ],
 )  # fmt: skip
 def hot_pixels(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
-    """A share of the pixels gathers charge without light, exponentially distributed, the same pixels in all frames."""
+    """A share of the pixels gathers charge without light. The charge is exponentially distributed. The pixels are the
+    same in all frames."""
     for side in inputs.sides:
         side.signal["hot_pixel_share"] = share
         # The parameter holds at the present temperature, simsense's field at the reference temperature.
@@ -135,7 +136,7 @@ def hot_pixels(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None
     parameters=[Parameter("dn_per_electron", "DN", neutral=0.0, low=0.0, high=2.0, typical=0.03, source="at gain 1")],
 )
 def shot_noise(inputs: EngineInputs, dn_per_electron: float) -> None:
-    """Photons arrive at random: variance in proportion to signal and gain."""
+    """Photons arrive at random. The variance grows in proportion to signal and gain."""
     for side in inputs.sides:
         # A share s of an electron's own fluctuation: variance s^2 K DN per DN at gain 1, K the conversion gain.
         side.add_variance("shot_noise", np.sqrt(dn_per_electron / side.signal["conversion_gain_dn_per_e"]))
@@ -237,7 +238,7 @@ def gain_mismatch(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
     is_pointwise=True,
 )  # fmt: skip
 def response_gamma(inputs: EngineInputs, log_exponent: float) -> None:
-    """The output is proportional to light^exp(log_exponent); full scale is unchanged, and the black level is added
+    """The output is proportional to light^exp(log_exponent). Full scale is unchanged, and the black level is added
     afterwards."""
     for side in inputs.sides:
         side.signal["response_exponent"] *= np.exp(log_exponent)
@@ -262,7 +263,7 @@ def response_gamma(inputs: EngineInputs, log_exponent: float) -> None:
     ],
 )  # fmt: skip
 def saturation_blooming(inputs: EngineInputs, lost_range: float, spill: float) -> None:
-    """Pixels stop counting before the range ends, and spill into the pixels above and below."""
+    """Pixels stop counting before the range ends. Further charge spills into the pixels above and below."""
     if lost_range > 0.0:
         for side in inputs.sides:
             side.signal["full_well_e"] = side.electrons((1.0 - lost_range) * inputs.max_dn)
@@ -282,5 +283,5 @@ def saturation_blooming(inputs: EngineInputs, lost_range: float, spill: float) -
     image_only="simsense's converter rounds to whole digital numbers only",
 )
 def quantisation(dn: np.ndarray, view: View, step_dn: float) -> np.ndarray:
-    """Values are rounded to multiples of a step."""
+    """The camera rounds values to multiples of a step."""
     return dn if step_dn == 0.0 else step_dn * np.rint(dn / step_dn)

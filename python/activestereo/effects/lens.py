@@ -31,7 +31,7 @@ from activestereo.effects.core.view import View
     ],
 )  # fmt: skip
 def lens_psf(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> None:
-    """Gaussian blur of all light, constant over the image plus a part that grows towards the corners."""
+    """A Gaussian blurs all light. Its width has a constant part and a part that grows towards the corners."""
     for side in inputs.sides:
         side.optics.psf_sigma_px = np.hypot(side.optics.psf_sigma_px, sigma_px)
         side.optics.psf_corner_sigma_px = np.hypot(side.optics.psf_corner_sigma_px, corner_sigma_px)
@@ -51,7 +51,7 @@ def lens_psf(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> N
     ],
 )
 def focus_mismatch(inputs: EngineInputs, sigma_px: float) -> None:
-    """A Gaussian blur of one camera's images alone."""
+    """A Gaussian blurs one camera's images alone."""
     side = inputs.right if sigma_px > 0 else inputs.left
     side.optics.psf_sigma_px = np.hypot(side.optics.psf_sigma_px, sigma_px)
 
@@ -69,8 +69,8 @@ def focus_mismatch(inputs: EngineInputs, sigma_px: float) -> None:
     image_only="kuafu's point spread is a Gaussian, which two weighted pixels are not",
 )
 def rectification_resampling(light: Light, view: View, phase_u_px: float, phase_v_px: float) -> Light:
-    """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below: each of those is the
-    weighted mean of the two nearest, along columns and along rows. Detail is lost, place is not."""
+    """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below. A rectified pixel is
+    the weighted mean of the two nearest along columns and along rows. The mean loses detail and moves nothing."""
     if phase_u_px == 0.0 and phase_v_px == 0.0:
         return light
     return light.shifted_sum(*(((phase, 1.0 - phase), (phase - 1.0, phase)) for phase in (phase_u_px, phase_v_px)))
@@ -105,7 +105,7 @@ def vignetting(inputs: EngineInputs, exponent: float) -> None:
     parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.8, typical=0.04)],
 )
 def veiling_glare(inputs: EngineInputs, fraction: float) -> None:
-    """A fraction of all light is spread evenly over the image."""
+    """The lens spreads a fraction of all light evenly over the image."""
     for side in inputs.sides:
         side.optics.veiling_glare_fraction = 1.0 - (1.0 - side.optics.veiling_glare_fraction) * (1.0 - fraction)
 
@@ -121,7 +121,8 @@ def veiling_glare(inputs: EngineInputs, fraction: float) -> None:
     image_only="kuafu's optics end at the lens",
 )
 def lens_ghost(image: np.ndarray, view: View, fraction: float) -> np.ndarray:
-    """A pane square to the axis sends the imager's reflection back: a ghost, point-mirrored at the principal point."""
+    """A pane square to the axis sends the imager's reflection back. The image gets a ghost, point-mirrored at the
+    principal point."""
     if fraction == 0.0:
         return image
     height, width = view.shape

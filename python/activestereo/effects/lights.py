@@ -197,7 +197,7 @@ class _SeenByUnit:
     image_only="kuafu's environment shines alike on every place",
 )  # fmt: skip
 def ambient_ir(light: Light, view: View, level: float, gradient_x: float, gradient_y: float) -> Light:
-    """Ambient light is stronger, and grows to one side of the scene (left camera's axes)."""
+    """Ambient light is stronger. It grows to one side of the scene (left camera's axes)."""
     points = view.points()
     gain = 1.0 + level + gradient_x * points[..., 0] + gradient_y * points[..., 1]
     return replace(light, ambient=light.ambient * np.maximum(gain, 0.0))
@@ -265,8 +265,8 @@ def flicker_banding(
 def external_light(
     inputs: EngineInputs, strength: float, azimuth_rad: float, elevation_rad: float, nearness_per_m: float
 ) -> None:
-    """One more light shines from one side, with shadows: a lamp at a place in the room, or the sun; it stays when the
-    rig moves."""
+    """One more light shines from one side and casts shadows: a lamp at a place in the room, or the sun. It stays when
+    the rig moves."""
     if strength == 0.0:
         return
     place = lamp_pose(azimuth_rad, elevation_rad, nearness_per_m)
@@ -301,8 +301,8 @@ def external_light(
 def second_projector(
     inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float
 ) -> None:
-    """A second unit on the same rig projects the same pattern from another position, also while the rig's projector is
-    off."""
+    """A second unit on the same rig projects the same pattern from another position. It shines also while the rig's
+    projector is off."""
     own = inputs.projector
     if own is None:
         return
@@ -353,8 +353,8 @@ def room_projector(
     elevation_rad: float,
     roll_rad: float,
 ) -> None:
-    """A unit that stands in the room projects the same pattern, also while the rig's projector is off; it stays when
-    the rig moves."""
+    """A unit that stands in the room projects the same pattern. It shines also while the rig's projector is off, and it
+    stays when the rig moves."""
     place = np.eye(4)
     place[:3, :3], place[:3, 3] = axes(azimuth_rad, elevation_rad, roll_rad), (x_m, y_m, z_m)
     inputs.add_unit(on_rig=False, name="room projector", light_to_world=place, intensity_m2=intensity_m2)

@@ -19,7 +19,7 @@ from activestereo.effects.core.view import View
     image_only="the matcher's window fattens edges itself; simsense has no field for a device's additional fattening",
 )
 def edge_fattening(disparity: np.ndarray, view: View, radius_px: float) -> np.ndarray:
-    """Next to a depth edge the far side takes the near side's disparity, over radius_px; pixels without a match stay
+    """Next to a depth edge the far side takes the near side's disparity, over radius_px. Pixels without a match stay
     so."""
     whole = int(radius_px)
     share = radius_px - whole
@@ -44,7 +44,7 @@ def edge_fattening(disparity: np.ndarray, view: View, radius_px: float) -> np.nd
     image_only="simsense's matches belong to the pixel; a device's bias has no field",
 )  # fmt: skip
 def foreshortening_bias(disparity: np.ndarray, view: View, offset_px: float, offset_down_px: float) -> np.ndarray:
-    """A match belongs to a point beside the pixel, or below it: the error is that offset times the disparity's slope
+    """A match belongs to a point beside the pixel, or below it. The error is that offset times the disparity's slope
     along it."""
     normal, points = view.normal, view.points()
     plane_m = (normal * points).sum(-1)  # the tangent plane's distance: 1/z = normal . (x, y, 1) / plane_m
@@ -72,5 +72,5 @@ def foreshortening_bias(disparity: np.ndarray, view: View, offset_px: float, off
     image_only="simsense's sub-pixel step has its own, smaller bias; a device's has no field",
 )  # fmt: skip
 def pixel_locking(disparity: np.ndarray, view: View, amplitude_px: float) -> np.ndarray:
-    """The sub-pixel fit errs by a sine of the disparity: planes get stairs of one pixel of disparity."""
+    """The sub-pixel fit errs by a sine of the disparity. Planes get stairs of one pixel of disparity."""
     return disparity - amplitude_px * np.sin(2 * np.pi * disparity) * (disparity > 0)

@@ -16,7 +16,7 @@ from activestereo.effects.core.moved import engine_effect
     parameters=[Parameter("delay_s", "s", neutral=0.0, low=-0.02, high=0.02, typical=0.001)],
 )
 def exposure_desync(inputs: EngineInputs, delay_s: float) -> None:
-    """The right camera exposes delay_s after the left; a disparity error that follows the rig's velocity."""
+    """The right camera exposes delay_s after the left one. The disparity error follows the rig's velocity."""
     inputs.right.delay_s += delay_s
 
 
@@ -35,7 +35,7 @@ def exposure_desync(inputs: EngineInputs, delay_s: float) -> None:
     ],
 )  # fmt: skip
 def motion_blur(inputs: EngineInputs, exposure_fraction: float) -> None:
-    """The image is the mean over the exposure of what the moving rig sees."""
+    """The rig moves while the image is exposed. The image is the mean of the views during the exposure."""
     for side in inputs.sides:
         side.camera.exposure_s = exposure_fraction * inputs.frame.exposure_s
 
@@ -54,7 +54,7 @@ def motion_blur(inputs: EngineInputs, exposure_fraction: float) -> None:
     ],
 )
 def rolling_shutter(inputs: EngineInputs, line_time_s: float) -> None:
-    """Rows are exposed one after the other, the middle row at the frame's time."""
+    """The imager exposes its rows one after the other. The middle row has the frame's time."""
     for side in inputs.sides:
         side.camera.shutter = "rolling"
         side.camera.line_time_s = abs(line_time_s)

@@ -26,8 +26,8 @@ from activestereo.effects.core.moved import engine_effect, tangents
     ],
 )
 def laser_power_drift(inputs: EngineInputs, per_k: float, per_s: float) -> None:
-    """Projected light changes by the same factor, exp(per_k), with every kelvin above 25 C, and with the time since the
-    capture began."""
+    """All projected light changes by the factor exp(per_k) with every kelvin above 25 C. It also changes with the time
+    since the capture began."""
     if inputs.projector is not None and inputs.projector.ir_intensity is not None:
         aged = max(0.0, 1.0 + per_s * inputs.frame.timestamp_s)
         inputs.projector.ir_intensity *= float(np.exp(per_k * inputs.warming_k)) * aged
@@ -46,8 +46,8 @@ def laser_power_drift(inputs: EngineInputs, per_k: float, per_s: float) -> None:
     ],
 )
 def chromatic_drift(inputs: EngineInputs, transmission_per_k: float, sigma_px_per_k: float) -> None:
-    """Per kelvin away from 25 C the filter passes less of the projected light, and it is less in focus; ambient light
-    stays."""
+    """The filter passes less of the projected light with every kelvin away from 25 C. The light is then also less in
+    focus. Ambient light stays."""
     warming_k = abs(inputs.warming_k)
     if inputs.projector is not None and inputs.projector.ir_intensity is not None:
         inputs.projector.ir_intensity *= max(0.0, 1.0 + transmission_per_k * warming_k)
@@ -95,8 +95,7 @@ def pattern_scale_drift(inputs: EngineInputs, scale: float, per_k: float) -> Non
     is_pointwise=True,
 )  # fmt: skip
 def projector_defocus(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
-    """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp.
-    """
+    """Each dot becomes a disc. Its radius in pattern pixels is aperture x |1/z - 1/focus|. Ambient edges stay sharp."""
     if inputs.projector is not None and aperture_px_m > 0.0:
         inputs.projector.radius_m = aperture_px_m / np.mean(np.diag(inputs.projector.k)[:2])
         inputs.projector.focus_m = focus_m
@@ -112,7 +111,7 @@ def projector_defocus(inputs: EngineInputs, aperture_px_m: float, focus_m: float
     parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=12.0, typical=1.5)],
 )
 def projector_vignetting(inputs: EngineInputs, exponent: float) -> None:
-    """Projected light falls by cos^exponent of the angle to the projector's axis; ambient light does not."""
+    """Projected light falls by cos^exponent of the angle to the projector's axis. Ambient light does not."""
     if inputs.pattern is None and inputs.projector is not None:
         inputs.projector.falloff += exponent
     elif exponent != 0.0:  # kuafu's own falloff needs its slower shading of shaped lights
@@ -163,7 +162,7 @@ def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
     starts=_starts,
 )
 def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, place_y: float, radius: float) -> None:
-    """Around a place of the pattern the projector's light is weaker, and more so as it warms up."""
+    """The projector's light is weaker around a place of the pattern. Warmth makes it weaker still."""
     lost = depth + per_k * inputs.warming_k
     if lost != 0.0:
         inputs.dim_pattern(lambda x, y: _left(x, y, lost, place_x, place_y, radius))
@@ -186,7 +185,8 @@ def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, p
     ],
 )
 def dot_gain_spread(inputs: EngineInputs, spread: float, dot_px: float) -> None:
-    """Each dot has its own gain (log-normal, mean 1) that stays with it in every frame and both cameras."""
+    """Each dot has its own gain (log-normal, mean 1). The gain stays with the dot in every frame and in both cameras.
+    """
     if spread > 0.0 and inputs.pattern is not None:
         draws = inputs.rng("dot_gain_spread").standard_normal(inputs.pattern.shape)
         smooth, width = gaussian_filter(draws, dot_px, mode="wrap"), np.sqrt(np.log1p(spread**2))
@@ -205,7 +205,7 @@ def dot_gain_spread(inputs: EngineInputs, spread: float, dot_px: float) -> None:
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
 )
 def speckle_static(inputs: EngineInputs, contrast: float) -> None:
-    """Projected light is grainy; the grains are the same in repeats, and new when rig or scene moves."""
+    """Projected light is grainy. The grains are the same in repeats, and new when the rig or the scene moves."""
     inputs.add_speckle(contrast, 1.0)
 
 
@@ -221,5 +221,6 @@ def speckle_static(inputs: EngineInputs, contrast: float) -> None:
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
 )
 def speckle_temporal(inputs: EngineInputs, contrast: float) -> None:
-    """Projected light is grainy, with new grains in every frame: temporal variance grows with intensity squared."""
+    """Projected light is grainy, with new grains in every frame. Its variance in time grows with the square of the
+    intensity."""
     inputs.add_speckle(contrast, 0.0)

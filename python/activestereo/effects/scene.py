@@ -75,8 +75,8 @@ def haze(inputs: EngineInputs, extinction_per_m: float, backscatter: float, hous
     image_only="kuafu computes bounced light from the albedos alone",
 )
 def interreflection(light: Light, view: View, gain: float) -> Light:
-    """Light reflected by other surfaces, which is smooth and strongest in corners, is 1 + gain times the rendered
-    amount. Ambient light is included where its indirect share is known."""
+    """Other surfaces reflect 1 + gain times the rendered amount of light. This light is smooth and strongest in
+    corners. Ambient light is included where its indirect share is known."""
     changed = replace(light, indirect=light.indirect * (1.0 + gain))
     if view.ambient_bounced is None:
         return changed
@@ -139,8 +139,8 @@ def specular(inputs: EngineInputs, factor: float, roughness: float, surfaces: fl
     ],
 )  # fmt: skip
 def subsurface(inputs: EngineInputs, fraction: float, length_m: float, core: float, surfaces: float) -> None:
-    """Dots keep a core and grow wide tails of one width in metres on the surface; near ones look wider; ambient edges
-    stay sharp."""
+    """Dots keep a core and grow wide tails. The tails have one width in metres on the surface, so that near ones look
+    wider. Ambient edges stay sharp."""
     inputs.unrendered["core"] = core  # the engine scatters evenly to all sides, which is the profile with a core
     for material in inputs.surfaces(surfaces):
         albedo = material.base_color[0] if material.ir_albedo is None else material.ir_albedo
@@ -166,7 +166,7 @@ def subsurface(inputs: EngineInputs, fraction: float, length_m: float, core: flo
     ],
 )  # fmt: skip
 def transmission(inputs: EngineInputs, fraction: float, behind: float, surfaces: float) -> None:
-    """Surfaces reflect less light and let the background show through: its ambient light, but not its dots."""
+    """Surfaces reflect less light and let the background show through. Its ambient light passes, its dots do not."""
     inputs.unrendered["behind"] = behind
     for material in inputs.surfaces(surfaces):
         material.ir_transmission = fraction

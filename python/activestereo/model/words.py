@@ -48,7 +48,8 @@ def show(model: SensorModel) -> str:
     lines.append("effects" if model.effects else "effects: none")
     for entry in model.effects:
         effect, on = entry.effect, f" on {', '.join(entry.surfaces)}" if entry.surfaces else ""
-        lines += [f"  {effect.id}{on}: {_list(entry.parameters)}", f"    {effect.summary.splitlines()[0]}"]
+        first = " ".join(effect.summary.split()).partition(". ")[0].rstrip(".") + "."
+        lines += [f"  {effect.id}{on}: {_list(entry.parameters)}", f"    {first}"]
         if effect.engine:
             lines.append(f"    engine: {', '.join(effect.engine_fields)}")
         else:
