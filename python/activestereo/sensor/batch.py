@@ -12,12 +12,9 @@ that names none. activestereo.scene_io.bodies puts bodies into environments.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Sequence
 from math import prod
 from os import PathLike
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,62 +26,12 @@ from activestereo.common.limits import POWER
 from activestereo.common.pose import PoseLike, as_matrix, pose_fault
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
+from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.maps import JoinedResults
 from activestereo.sensor.mounts import HasPoses, Places, raise_broken, raise_faults
 from activestereo.sensor.results import SensorResults
-
-_Result = TypeVar("_Result")
-
-
-class Devices:
-    """Runs a call on several devices at once, in one thread for each. names: each device's name in error notes."""
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = list(names)
-        self._threads = ThreadPoolExecutor(len(names), "device") if len(names) > 1 else None
-
-    def each(self, call: Callable[[int], _Result]) -> list[_Result]:
-        """Returns [call(k) for every device number k], all run at once; after close() one after another. Raises the
-        first error after all calls have ended."""
-        if self._threads is None:
-            return [call(k) for k in range(len(self._names))]
-        running = [self._threads.submit(call, k) for k in range(len(self._names))]
-        try:
-            wait(running)
-        finally:
-            wait(running)  # an interrupt leaves no call under way
-        errors: list[BaseException] = []
-        for one, name in zip(running, self._names, strict=True):
-            if (error := one.exception()) is not None:
-                if sys.version_info >= (3, 11):
-                    error.add_note(name)
-                errors.append(error)
-        if errors:
-            raise errors[0]
-        return [one.result() for one in running]
-
-    def join(self, images: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        """Joins the devices' images [environments, ...] along the first axis: returns the array that all are views of,
-        or a copy."""
-        if len(images) == 1:
-            return images[0]
-        shape, dtype = (sum(len(image) for image in images), *images[0].shape[1:]), images[0].dtype
-        common = images[0].base
-        if isinstance(common, np.ndarray) and (common.shape, common.dtype) == (shape, dtype):
-            if all(image.base is common for image in images):
-                return common
-        whole = np.empty(shape, dtype)
-        targets = np.split(whole, np.cumsum([len(image) for image in images])[:-1])
-        self.each(lambda k: np.copyto(targets[k], images[k]))
-        return whole
-
-    def close(self) -> None:
-        """Ends the devices' threads."""
-        self._threads, threads = None, self._threads
-        if threads is not None:
-            threads.shutdown()
 
 
 class StereoDepthSensorBatch(SensorResults):
@@ -179,17 +126,6 @@ class StereoDepthSensorBatch(SensorResults):
                 engine.frame = last
         raise_broken(broken, self.shape)
 
-    def wait(self) -> None:
-        """Waits until the pictures that a pipelined batch has begun are rendered; then the scene may change. Results
-        stay those of the previous pictures."""
-        self._on_each_device(lambda engine, _: engine.wait())
-
-    @property
-    def has_picture(self) -> bool:
-        """Returns whether results exist: from the second take_picture() on for a pipelined batch, else from the
-        first."""
-        return False not in [engine.has_picture for engine in self._engines]
-
     @property
     def has_next(self) -> bool:
         """Returns whether a pipelined batch has begun pictures without a failure; the next take_picture() makes them
@@ -240,20 +176,9 @@ class StereoDepthSensorBatch(SensorResults):
     # ---- the batch itself ----
 
     @property
-    def frame_index(self) -> int:
-        """Returns the number of the last picture, counted from 0; -1 before the first."""
-        return self._engines[0].frame
-
-    @property
     def allocated_bytes(self) -> int:
         """Returns the bytes in all buffers of this batch's devices now: scene, renderer, depth engine and images."""
         return sum(e.scene.device.allocated_bytes + e.matcher.device.allocated_bytes for e in self._engines)
-
-    @property
-    def stage_times(self) -> dict[str, float]:
-        """Returns {stage: milliseconds} of the last take_picture() and compute_depth(), each for the slowest device."""
-        times = [engine.stage_times for engine in self._engines]
-        return {name: max(of[name] for of in times if name in of) for name in times[0]}
 
     def vary(
         self, environment: int | None = None, laser_power: ArrayLike | None = None, exposure: ArrayLike | None = None,
@@ -319,21 +244,7 @@ class StereoDepthSensorBatch(SensorResults):
         own = [one + (sensor << 32) for one in seeds for sensor in sensors]  # sensors of an environment differ
         self._on_each_device(lambda engine, k: engine.restart(self._config.render_seed, own[self._own[k]]))
 
-    def close(self) -> None:
-        """Removes the projectors and the model's additions from the scenes, and ends the devices' threads."""
-        try:
-            self._on_each_device(lambda engine, _: engine.close())
-        finally:
-            self._devices.close()
-
     # ---- inside ----
-
-    def _on_each_device(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:
-        """Returns [call(engine, device number)] for all devices."""
-        return self._devices.each(lambda k: call(self._engines[k], k))
-
-    def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
-        return self._devices.join(self._on_each_device(lambda engine, _: get(engine)))
 
     def _poses(self) -> NDArray[np.float64]:
         _, rigs = self._present_places()

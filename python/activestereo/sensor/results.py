@@ -22,8 +22,10 @@ from activestereo.common.lens import pixel_rays
 from activestereo.common.nearest import did_you_mean, unknown
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
 from activestereo.sensor.cuda_memory import MAPS, PICTURES, CudaArray
+from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
 
+_Result = TypeVar("_Result")
 _Sensors = TypeVar("_Sensors", bound="SensorResults")
 CAMERAS = ("rgb", *SIDES)
 
@@ -92,9 +94,16 @@ class SensorResults(ABC):
     _depth_maps: tuple[str, ...] = DEPTH_MAPS
     _config: StereoDepthSensorConfig
 
-    @abstractmethod
+    # One engine on each device, and what runs calls on all of them.
+    _engines: list[SensorEngine]
+    _devices: Devices
+
     def close(self) -> None:
-        """Removes the sensors' objects from the scene."""
+        """Removes the projectors and the model's additions from the scenes, and ends the devices' threads."""
+        try:
+            self._on_each_device(lambda engine, _: engine.close())
+        finally:
+            self._devices.close()
 
     def __enter__(self: _Sensors) -> _Sensors:
         return self
@@ -102,9 +111,35 @@ class SensorResults(ABC):
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    @abstractmethod
+    def wait(self) -> None:
+        """Waits until the pictures that pipelined sensors have begun are rendered; then the scene may change. Results
+        stay those of the previous pictures."""
+        self._on_each_device(lambda engine, _: engine.wait())
+
+    @property
+    def has_picture(self) -> bool:
+        """Returns whether results exist: from the second take_picture() on for pipelined sensors, else from the
+        first."""
+        return all(engine.has_picture for engine in self._engines)
+
+    @property
+    def frame_index(self) -> int:
+        """Returns the number of the last picture, counted from 0; -1 before the first."""
+        return self._engines[0].frame
+
+    @property
+    def stage_times(self) -> dict[str, float]:
+        """Returns {stage: milliseconds} of the last take_picture() and compute_depth(), each for the slowest device."""
+        times = [engine.stage_times for engine in self._engines]
+        return {name: max(of[name] for of in times if name in of) for name in times[0]}
+
+    def _on_each_device(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:
+        """Returns [call(engine, device number)] for all devices."""
+        return self._devices.each(lambda k: call(self._engines[k], k))
+
     def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         """Returns all sensors' results in one array; get(engine) reads those of one device."""
+        return self._devices.join(self._on_each_device(lambda engine, _: get(engine)))
 
     @abstractmethod
     def _poses(self) -> NDArray[np.float64]:

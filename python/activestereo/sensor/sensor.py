@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import warnings
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any
 
@@ -26,6 +26,7 @@ from activestereo.common.progress_bar import Progress
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
+from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.gbuffer.cause import traced_causes
@@ -78,6 +79,7 @@ class StereoDepthSensor(SensorResults):
             plan, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
             copy_ir=copy_ir, matcher=matcher,
         )  # fmt: skip
+        self._engines, self._devices = [self._engine], Devices([""])
         # The depth engine, and how it gets the infrared pair: 'opaque_fd', 'host' or 'copy'.
         self.engine: simsense.Engine = self._engine.matcher
         self.ir_memory = self._engine.ir_memory
@@ -101,16 +103,6 @@ class StereoDepthSensor(SensorResults):
         self._engine.turn()
         rigs = self._rigs()
         self._engine.take_pictures(rigs, rigs, infrared_only, progress)
-
-    def wait(self) -> None:
-        """Waits until the picture that a pipelined sensor has begun is rendered; then the scene may change."""
-        self._engine.wait()
-
-    @property
-    def has_picture(self) -> bool:
-        """Returns whether results exist: from the second take_picture() on for a pipelined sensor, else from the
-        first."""
-        return self._engine.has_picture
 
     def compute_depth(self, maps: Sequence[str] = ()) -> None:
         """Applies noise to the last picture, matches it and registers the depth to the RGB camera. The same picture
@@ -224,20 +216,10 @@ class StereoDepthSensor(SensorResults):
         return self._place.matrix() @ camera_to_world(self._config.pose_rgb_irproj)
 
     @property
-    def frame_index(self) -> int:
-        """Returns the number of the last picture, counted from 0; -1 before the first."""
-        return self._engine.frame
-
-    @property
     def ir_gain(self) -> float:
         """Returns the imagers' counts per W/(sr m^2) at the present exposure and gain."""
         setting = self._engine.rig.setting
         return setting.exposure_s * setting.gain * self._config.ir_responsivity_dn
-
-    @property
-    def stage_times(self) -> dict[str, float]:
-        """Returns {stage: milliseconds} of the last take_picture() and compute_depth()."""
-        return dict(self._engine.stage_times)
 
     def rgb_camera(self) -> kuafu.Camera:
         return self._engine.rig.rgb_cameras(self._rigs())[0]
@@ -245,10 +227,6 @@ class StereoDepthSensor(SensorResults):
     def ir_cameras(self) -> list[kuafu.Camera]:
         """Returns the left and the right camera at their true places; a model may move them off the calibration."""
         return self._engine.rig.ir_cameras(self._rigs())
-
-    def close(self) -> None:
-        """Removes the projector, its pattern and the model's additions from the scene."""
-        self._engine.close()
 
     # ---- parameters ----
 
@@ -287,9 +265,6 @@ class StereoDepthSensor(SensorResults):
         self._config = config
 
     # ---- inside ----
-
-    def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
-        return get(self._engine)
 
     def _poses(self) -> NDArray[np.float64]:
         return self._place.matrix()
