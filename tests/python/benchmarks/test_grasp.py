@@ -9,7 +9,6 @@ from activestereo import Mounts, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.sensor.depth_modes import MODES, DepthCamera
-from activestereo.sensor.rival_noise import IsaacSettings
 from stereo_grasp import GraspWorld, teacher
 
 
@@ -22,43 +21,26 @@ def wall_scene(distance_m=0.8, **material):
     return scene
 
 
-def camera(mode, isaac=None, **options):
+def camera(mode, **options):
     config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
     config.samples_per_pixel = 2
-    return DepthCamera(mode, config, Mounts(wall_scene(**options), [[0, 0, 0, 1, 0, 0, 0]] * 2), isaac=isaac), config
+    return DepthCamera(mode, config, Mounts(wall_scene(**options), [[0, 0, 0, 1, 0, 0, 0]] * 2))
 
 
 def test_clean_is_the_true_depth():
-    one, _ = camera("clean")
-    depth = one.take_depth()
+    depth = camera("clean").take_depth()
     assert depth.shape == (2, 120, 212) and depth.dtype == np.float32
     np.testing.assert_allclose(depth[depth > 0], 0.8, atol=1e-4)
 
 
 def test_gaussian_noise_grows_with_the_square_of_depth():
-    sigma = [np.std(camera("gaussian", distance_m=d)[0].take_depth()) for d in (0.5, 2.0)]
+    sigma = [np.std(camera("gaussian", distance_m=d).take_depth()) for d in (0.5, 2.0)]
     np.testing.assert_allclose(sigma, [0.001, 0.016], rtol=0.05)
-
-
-def measured(depth):
-    return depth[depth > 0]
-
-
-def test_isaac_like_is_noise_and_steps_of_disparity_where_the_other_view_sees_too():
-    isaac = IsaacSettings(needs_texture=False)
-    one, config = camera("isaac-like", isaac=isaac)
-    depth = one.take_depth()
-    disparity = config.focal_baseline_px_m / measured(depth)
-    np.testing.assert_allclose(disparity * 4, np.rint(disparity * 4), atol=0.01)
-    np.testing.assert_allclose(np.std(disparity), np.hypot(0.25, 0.25 / np.sqrt(12)), rtol=0.05)
-    outside = int(config.focal_baseline_px_m / 0.8) - 1
-    assert (depth[..., :outside] == 0).all() and (depth[..., outside + 2 :] > 0).all()
-    np.testing.assert_array_equal(depth, camera("isaac-like", isaac=isaac)[0].take_depth())
 
 
 @pytest.mark.parametrize("mode", ["raster", "full"])
 def test_matched_modes_measure_a_wall(mode):
-    depth = camera(mode)[0].take_depth()
+    depth = camera(mode).take_depth()
     assert np.median(depth[depth > 0]) == pytest.approx(0.8, rel=0.02) and (depth > 0).mean() > 0.7
 
 
@@ -66,7 +48,7 @@ def test_metal_is_matt_in_raster_alone():
     """A mirror sends the dots elsewhere; a raster's Lambertian one sends them back."""
     good = {}
     for mode in ("raster", "full"):
-        depth = camera(mode, metallic=1.0, roughness=0.05)[0].take_depth()
+        depth = camera(mode, metallic=1.0, roughness=0.05).take_depth()
         good[mode] = (np.abs(depth - 0.8) < 0.02).mean()
     assert good["raster"] > good["full"] + 0.3
 

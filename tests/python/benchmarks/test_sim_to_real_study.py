@@ -151,23 +151,6 @@ def test_points_of_clean_depth_lie_on_the_object() -> None:
     assert len(cloud(np.zeros_like(depth), stage.config.rgb_intrinsic, np.eye(4), np.zeros(3)).points) == 0
 
 
-def test_metal_takes_depth_away_in_full_and_not_in_raster() -> None:
-    things = objects()
-    views = round_of_views(things, 0, "test", 0)
-    truth = Stage(things, "clean", SMALL).take_depth(views, 3)
-    shares = {}
-    for name in ("raster", "full"):
-        stage = Stage(things, name, SMALL)
-        depth = stage.take_depth(views, 3)
-        right = np.abs(depth - truth) < 0.01
-        shares[name] = right[:, 50:70, 70:90].mean(axis=(1, 2))  # the camera looks at the object
-        if name == "full":
-            assert np.array_equal(stage.take_depth(views, 3), depth)  # the same under one seed
-    metal = [1, 3]
-    assert (shares["raster"][metal] > 0.9).all() and shares["full"][metal].mean() < 0.6
-    assert shares["full"][0] > 0.9
-
-
 def test_views_of_the_two_splits_differ_and_rounds_do_not_depend_on_others() -> None:
     a, b, c = (round_of_views(objects(), 1, split, n)[3] for split, n in (("test", 4), ("tuning", 4), ("test", 4)))
     assert np.array_equal(a.start, c.start) and not np.array_equal(a.start, b.start)

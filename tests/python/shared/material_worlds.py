@@ -51,8 +51,8 @@ def place_of(shape):
     return pose
 
 
-def write_room(path, paint, shape="ball", color=COLOR, thing=None):
-    """Table, thing and two lamps. thing: (mesh, its pose) in place of the shape's; y is up."""
+def write_room(path, paint, shape="ball", color=COLOR):
+    """Table, thing and two lamps; y is up."""
     roughness, metallic, specular, transmission, albedo = paint
     writer = GltfWriter()
     table = writer.add_material(
@@ -67,8 +67,7 @@ def write_room(path, paint, shape="ball", color=COLOR, thing=None):
     extras = {"ir_albedo": albedo}
     own = writer.add_material("paint", pbrMetallicRoughness=surface, extensions=extensions, extras=extras)
     writer.add_mesh("table", meshes.box(1.2, 0.02, 1.2), table, (0.0, -0.02, 0.0))
-    mesh, place = thing or (mesh_of(shape), place_of(shape))
-    writer.add_placed_mesh(shape, mesh, own, place)
+    writer.add_placed_mesh(shape, mesh_of(shape), own, place_of(shape))
     for name, lamp in zip(("lamp", "second"), LAMPS):
         writer.add_point_light(name, *lamp)
     writer.write(path)
@@ -122,15 +121,15 @@ def _seen_by_kuafu(gltf, scale, samples):
 
 def record(
     folder, paint, nominal=NOMINAL, scale=1.0, samples=256, poses=2, shape="ball", color=COLOR, nominal_color=COLOR,
-    see=None, thing=None,
+    see=None,
 ):  # fmt: skip
     """The capture of a thing of one paint, whose scene says another; with the projector on and off, and in colour.
     see: what renders it in kuafu's place, of (pose of the camera, is the projector on, band, seed): [height][width],
-    with three channels where the band is visible. thing: as write_room has it."""
+    with three channels where the band is visible."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_room(folder / "true.gltf", paint, shape, color, thing)
-    write_room(folder / "scene.gltf", nominal, shape, nominal_color, thing)
+    write_room(folder / "true.gltf", paint, shape, color)
+    write_room(folder / "scene.gltf", nominal, shape, nominal_color)
     width, height, K = intrinsics(scale)
     see, rng = see or _seen_by_kuafu(folder / "true.gltf", scale, samples), np.random.default_rng(0)
     right = np.eye(4)
