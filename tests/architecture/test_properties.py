@@ -11,8 +11,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2] / "python"
 # What a property may call: arithmetic on the object's own fields. A call that is new here is looked at first, with all
 # that it calls; work belongs into a method, and what is kept into one with @computed_once.
 PURE = {
-    "abs", "any", "bool", "dict", "float", "getattr", "int", "isinstance", "len", "list", "map", "max", "min", "next",
-    "str", "sum", "tuple", "zip",
+    "abs", "all", "any", "bool", "dict", "float", "getattr", "int", "isinstance", "len", "list", "map", "max", "min",
+    "next", "str", "sum", "tuple", "zip",
     "arange", "array", "asarray", "astype", "bincount", "concatenate", "copy", "floor", "full", "matrix", "mean",
     "norm", "ravel", "reshape", "stack", "tolist", "zeros",
     "asdict", "data_ptr", "element_size", "is_distorting", "items", "replace", "stride", "values",

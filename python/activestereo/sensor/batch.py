@@ -130,7 +130,7 @@ class StereoDepthSensorBatch(SensorResults):
     def has_next(self) -> bool:
         """Returns whether a pipelined batch has begun pictures without a failure; the next take_picture() makes them
         current."""
-        return False not in [engine.has_next for engine in self._engines]
+        return all(engine.has_next for engine in self._engines)
 
     def render_true_depth(self) -> NDArray[np.float32]:
         """Renders depth float32 [..., height, width], metres, as get_true_depth() gives it, for the present scene and
