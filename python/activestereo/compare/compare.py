@@ -8,7 +8,7 @@ compare() computes; report/ writes compare.json, compare.png and report.html.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -139,9 +139,9 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     scores = {
         "capture": capture.name,
         **vars(made),
-        "warnings": warnings_of(errors.fit.as_json(), match),
-        "match": match.as_json(),
-        "fit": errors.fit.as_json(),
+        "warnings": warnings_of(errors.fit, match),
+        "match": asdict(match) | {"frames": list(match.frames)},
+        "fit": asdict(errors.fit) | {"at_bound": list(errors.fit.at_bound)},
         "effects": [effect.id for effect, _ in model.effects],
         "noise_model": None if noise_model is None else vars(noise_model),
         "photon_transfer": transfer_points(capture),

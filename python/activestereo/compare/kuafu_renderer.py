@@ -113,7 +113,10 @@ def _matt_layers(
     """Renders the layers of a matt world by the method of matt_world.py."""
     images, spp, seed = world.renderer.images, request.samples_per_pixel, request.seed
     wide = [_resized(camera, 1.0 / matt_world.FINER) for camera in request.cameras]
-    bounces = matt_world.FINER**2 * matt_world.bounced_share(request.cameras[0])
+    # Small images get a larger share of samples for bounced light.
+    camera = request.cameras[0]
+    bounces = matt_world.FINER**2 * matt_world.BOUNCED_SHARE
+    bounces *= float(np.clip(matt_world.SHARED_PIXELS / (camera.width * camera.height), 1.0, matt_world.MOST_TIMES))
     few, of_sky = _share(request, bounces), _share(request, matt_world.SKY_SHARE * bounces)
     room = None
     if world.renderer.has_room_light:

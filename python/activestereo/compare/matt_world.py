@@ -27,9 +27,9 @@ FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
 # Shares of samples: bounced light's of a view's samples; direct sky light's of these (effects use it separately); and
 # the share for the first surface's geometry.
-_BOUNCED_SHARE, SKY_SHARE, FIRST_SHARE = 0.25, 0.25, 1.0 / 16.0
-# Smaller images than this get as many samples in all as this many pixels would, up to _MOST_TIMES their own.
-_SHARED_PIXELS, _MOST_TIMES = 424 * 240, 4.0
+BOUNCED_SHARE, SKY_SHARE, FIRST_SHARE = 0.25, 0.25, 1.0 / 16.0
+# Smaller images than this get as many samples in all as this many pixels would, up to MOST_TIMES their own.
+SHARED_PIXELS, MOST_TIMES = 424 * 240, 4.0
 # Least weight of a neighbour, so that a pixel without a neighbour on its own surface takes all of them.
 _LEAST_ALIKE = 1e-4
 # Mark of pixels that see both sky and surface; 1 marks surface, 0 sky.
@@ -43,11 +43,6 @@ class MattSurfaces(NamedTuple):
 
     surfaces: Surfaces
     albedo: NDArray[np.float32]
-
-
-def bounced_share(camera: ViewCamera) -> float:
-    """Returns the share of a view's samples that bounced light gets; small images get a larger one."""
-    return _BOUNCED_SHARE * float(np.clip(_SHARED_PIXELS / (camera.width * camera.height), 1.0, _MOST_TIMES))
 
 
 def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera, albedo: NDArray[np.float32]) -> MattSurfaces:

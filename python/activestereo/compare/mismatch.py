@@ -7,8 +7,7 @@ high-pass filtered images, over shifts of a few pixels: calibration errors may m
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from activestereo.capture.capture import Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import warp_between
 from activestereo.compare.noise import NoiseModel
+from activestereo.compare.nuisances import Fit
 from activestereo.effects.core.view import View
 
 _FRAMES = 3  # number of frames that are checked
@@ -45,9 +45,6 @@ class Match:
     swapped: float | None
     possible: float | None
     frames: tuple[int, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"frames": list(self.frames)}
 
     @property
     def warnings(self) -> list[str]:
@@ -140,8 +137,8 @@ def _fast(image: Image) -> NDArray[np.float64]:
     return value - gaussian_filter(value, _SLOW_PX)
 
 
-def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
-    """Returns a report's first warnings. fit: a Fit as JSON."""
+def warnings_of(fit: Fit, match: Match) -> list[str]:
+    """Returns a report's first warnings."""
     words = {
         "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
         "it is rendered",
@@ -149,4 +146,4 @@ def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
         "brighter; "
         "albedos or the scene's lights are wrong, or the capture has no room light",
     }
-    return [*match.warnings, *(words[name] for name in fit["at_bound"])]
+    return [*match.warnings, *(words[name] for name in fit.at_bound)]

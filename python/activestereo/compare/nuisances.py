@@ -14,7 +14,7 @@ pixels by their variance and fits focal lengths, albedos and effects too, starts
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -65,9 +65,6 @@ class Fit:
     clipped_fraction: float
     at_bound: tuple[str, ...] = ()
 
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"at_bound": list(self.at_bound)}
-
 
 def regressors(frame: Frame, light: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns the derivatives of an unclipped prediction with respect to projector scale, ambient scale and black
@@ -101,7 +98,11 @@ def fit_nuisances(
     """Fits the nuisances without effects. observations: (frame, light, measured DN, NaN for pixels that do not count).
     black_dn: (measured black level, its deviation), which holds the level fixed; None: it is fitted. Raises ValueError
     if there is nothing to fit."""
-    return _fitted(observations, _straight, max_dn, black_dn)
+
+    def straight(frame: Frame, light: Any, nuisances: np.ndarray | None) -> tuple[np.ndarray, float]:
+        return np.stack([column.ravel() for column in regressors(frame, light)]), 0.0
+
+    return _fitted(observations, straight, max_dn, black_dn)
 
 
 def fit_under_model(
@@ -188,11 +189,6 @@ def predict_under_model(
     fit, seen = fit_with_exposures(capture, model, lights[0], views, measured)
     wanted = lights[1:] or lights
     return fit, {key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in seen.items()}
-
-
-def _straight(frame: Frame, light: Any, nuisances: np.ndarray | None) -> tuple[np.ndarray, float]:
-    """Returns the linear prediction of a sensor without effects: (columns [3][n], offset 0)."""
-    return np.stack([column.ravel() for column in regressors(frame, light)]), 0.0
 
 
 def _fitted(

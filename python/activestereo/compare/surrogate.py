@@ -62,10 +62,10 @@ class Trial:
         runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
         chosen = {p.name: p.neutral for p in effect.parameters if p == SURFACES or not p.in_engine}
         values = effect.typical_values | chosen
-        engine, engine_2 = (run.in_engine(_drawn(effect, values)) for run in runs)
+        engine, engine_2 = (run.change(_drawn(effect, values), by_engine=True) for run in runs)
 
         def off(values: dict[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            formula, formula_2 = (run.by_formula(_drawn(effect, values)) for run in runs)
+            formula, formula_2 = (run.change(_drawn(effect, values), by_engine=False) for run in runs)
             return engine - formula, engine_2 - formula_2
 
         left, left_2 = off(values)
@@ -89,25 +89,19 @@ class _Run:
         self._views = {
             (f.id, side): View.of(capture, f, side, self._layers[f.id][side]) for f in capture.frames for side in SIDES
         }
-        # The images without any effect, by the engines and by formulas.
-        self._engine_base, self._base = self._engine.expected(Model(), _NUISANCES), self._by_formula(Model())
+        self._without = {way: self._images(Model(), way) for way in (True, False)}
 
-    def in_engine(self, model: Model) -> NDArray[np.float64]:
-        """Returns the change that a model makes in the engines' images, DN [image][height][width]."""
-        images = self._engine.expected(model, _NUISANCES)
-        return np.stack([images[key].astype(np.float64) - base for key, base in self._engine_base.items()])
+    def change(self, model: Model, by_engine: bool) -> NDArray[np.float64]:
+        """Returns the change that a model makes in the engines' images, or by its formulas, DN
+        [image][height][width]."""
+        images = self._images(model, by_engine)
+        return np.stack([images[key].astype(np.float64) - base for key, base in self._without[by_engine].items()])
 
-    def by_formula(self, model: Model) -> NDArray[np.float64]:
-        """Returns the change that a model makes by its formulas, DN [image][height][width]."""
-        images = self._by_formula(model)
-        return np.stack([images[key].astype(np.float64) - base for key, base in self._base.items()])
-
-    def _by_formula(self, model: Model) -> dict[ImageKey, NDArray]:
-        out = {}
-        for key, view in self._views.items():
-            light = model.light(self._layers[key[0]][key[1]], view)
-            out[key] = model.signal(light, view, _NUISANCES)
-        return out
+    def _images(self, model: Model, by_engine: bool) -> dict[ImageKey, NDArray]:
+        if by_engine:
+            return self._engine.expected(model, _NUISANCES)
+        lights = {key: model.light(self._layers[key[0]][key[1]], view) for key, view in self._views.items()}
+        return {key: model.signal(lights[key], view, _NUISANCES) for key, view in self._views.items()}
 
 
 def _drawn(effect: Effect, values: dict[str, float]) -> Model:

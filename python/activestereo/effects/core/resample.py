@@ -109,18 +109,14 @@ def shifted_sum(
     )
     for axis, taps in ((-1, along_u), (-2, along_v)):
         reach = int(np.ceil(max(abs(shift) for shift, _ in taps))) + 2
-        at = np.arange(-reach, reach + 1.0)
-        coefficients = convolve1d(
-            coefficients, sum(w * _cubic_spline(at + shift) for shift, w in taps), axis, mode="mirror"
-        )
+        # Weights of the coefficients around a pixel: cubic B-splines of their distances.
+        kernel = np.zeros(2 * reach + 1)
+        for shift, weight in taps:
+            x = np.abs(np.arange(-reach, reach + 1.0) + shift)
+            kernel += weight * np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
+        coefficients = convolve1d(coefficients, kernel, axis, mode="mirror")
     low, high = (edge(images, axis=(-2, -1), keepdims=True) for edge in (np.min, np.max))
     return np.clip(coefficients.reshape(images.shape), low, high)  # a spline may overshoot next to a dot
-
-
-def _cubic_spline(x: np.ndarray) -> np.ndarray:
-    """Returns the cubic B-spline at a distance x: the weight of a coefficient in the value there."""
-    x = np.abs(x)
-    return np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
 
 
 def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
