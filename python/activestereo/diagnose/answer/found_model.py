@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from activestereo.capture.binning import unbinned
 from activestereo.diagnose.answer.albedo_json import albedo_factors, albedo_surfaces
-from activestereo.diagnose.evidence import Evidence, Geometry
+from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.refine.geometry_fit import standing
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.parameter_space import Solution
@@ -35,20 +35,16 @@ def found_model(
         for id, parameters in found.items()
         for name, parameter in parameters.items()
     }
+    measured = geometry.capture()
+    frames = zip(geometry.stated.frames, measured.frames, strict=True)
+    poses = {s.camera_to_world.tobytes(): (s.camera_to_world, f.camera_to_world) for s, f in frames}
     return diagnosed_model(
-        unbinned(geometry.capture()),
+        unbinned(measured),
         model,
         nuisances=dict(zip(_NAMES, map(float, solution.phi[:SCALES]), strict=True)),
         noise_model=evidence.noise_model if evidence.has_floor and evidence.capture.binning == 1 else None,
         albedo=albedo,
         intervals=intervals,
         material_names=[surface.name for surface in surfaces],
-        poses=_measured_poses(geometry),
+        poses=[MeasuredPose(stated, there) for stated, there in poses.values() if (stated != there).any()],
     )
-
-
-def _measured_poses(geometry: Geometry) -> list[MeasuredPose]:
-    """Returns each pose that differs from its stated one."""
-    frames = zip(geometry.stated.frames, geometry.capture().frames, strict=True)
-    both = {s.camera_to_world.tobytes(): (s.camera_to_world, f.camera_to_world) for s, f in frames}
-    return [MeasuredPose(stated, measured) for stated, measured in both.values() if (stated != measured).any()]

@@ -4,10 +4,12 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from activestereo.diagnose.channels.field_fit import field_parameters
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.score.intervals import Interval, intervals
-from activestereo.diagnose.score.likelihood import design_effect, nats_of
+from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.diagnose.search.loop import Name, Outcome, Round
 from activestereo.diagnose.search.verdict import missing, probability_right
 from activestereo.effects import Effect, Parameter
@@ -91,9 +93,11 @@ def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[st
 
 
 def _nats(outcome: Outcome, gain: float) -> float:
-    """Returns the gain of log-likelihood by a fall of the first fit's mean square (noise variances)."""
-    pixels, first = _pixels(outcome), outcome.first.sums.total
-    return nats_of(first, max(first - gain * pixels, 1e-3 * first), pixels, _design(outcome))
+    """Returns the gain of the profile log-likelihood by a fall of the first fit's mean square (noise variances). The
+    noise's scale is free: the residual of every model counts as noise."""
+    pixels = _pixels(outcome)
+    left = max(1.0 - gain * pixels / outcome.first.sums.total, 1e-3)
+    return -0.5 * pixels / _design(outcome) * float(np.log(left))
 
 
 def _design(outcome: Outcome) -> float:

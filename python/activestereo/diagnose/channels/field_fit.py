@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from activestereo.diagnose.channels.draws import DrawIndex, dots_seen, draw_grid, frames_that_share, lever_image
-from activestereo.diagnose.evidence import Observation
 from activestereo.diagnose.evidence.model_discrepancy import edges
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine import ImageResidual
@@ -93,7 +92,10 @@ def fit_fields(
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
         else:
             pairs = zip(train, rows, strict=True)
-            squares = sum(_unforeseen(image.observation, row, rows, totals, variance) for image, row in pairs)
+            squares = 0.0  # the draws' expected squared error, in noise variances, summed over the pixels
+            for image, row in pairs:
+                left = variance / (1.0 + variance * _of_others(row, rows, totals)[0])
+                squares += float((image.observation.weight * row.z**2 * left[row.index]).sum())
             unforeseen += squares / sum(row.residual.size for row in rows)
         train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
     residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
@@ -228,9 +230,3 @@ def _corrected(
 def _of_others(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
     """Returns the sums of all groups but the row's own."""
     return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
-
-
-def _unforeseen(o: Observation, row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float) -> float:
-    """Returns the expected squared error of an image's predicted draws, in noise variances, summed over its pixels."""
-    left = variance / (1.0 + variance * _of_others(row, rows, totals)[0])
-    return float((o.weight * row.z**2 * left[row.index]).sum())

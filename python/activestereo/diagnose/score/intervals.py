@@ -35,12 +35,6 @@ class Interval:
         return asdict(self)
 
 
-def is_shape(parameter: Parameter) -> bool:
-    """Returns whether a parameter is a shape (a focus, a frequency, a doubling temperature): its neutral value is not
-    zero."""
-    return parameter.neutral != 0.0
-
-
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
     """Returns (value, low, high) of a 90 % interval that combines the standard error with floor()."""
     half = 0.0 if parameter.choice else float(np.hypot(Z90 * deviation, floor(parameter, value)))
@@ -48,10 +42,9 @@ def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
 
 
 def floor(parameter: Parameter, value: float) -> float:
-    """Returns the half width of a 90 % interval that the models' own discrepancy gives. It is a share of an amplitude's
-    distance from neutral, or of a shape's whole value."""
-    size = value if is_shape(parameter) else value - parameter.neutral
-    return 0.0 if parameter.choice else Z90 * _INADEQUACY * abs(float(size))
+    """Returns the half width of a 90 % interval that the models' own discrepancy gives. It is a share of the value: of
+    an amplitude, whose neutral value is 0, or of a shape (a focus, a frequency, a doubling temperature)."""
+    return 0.0 if parameter.choice else Z90 * _INADEQUACY * abs(float(value))
 
 
 def intervals(fitter: Fitter, solution: Solution, effect: Effect) -> dict[str, Interval]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns fits into evidence: the effective number of pixels, gains of log-likelihood, and penalties for free parameters.
+"""Turns fits into evidence: the effective number of pixels, and penalties for free parameters.
 
 The penalty is Laplace's estimate of the evidence beside the best likelihood (MacKay 2003, chapter 28), accurate to a
 few nats. Of two effects that explain the data equally well, it prefers the one that needs less fine tuning and less
@@ -23,12 +23,6 @@ def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
     return float(max(1.0, (chi2 / pixels).var() * pixels.mean() / (2.0 * scale**2)))
-
-
-def nats_of(base_chi2: float, chi2: float, pixels: int, design: float) -> float:
-    """Returns the gain of the profile log-likelihood with the noise scale free: the residual of every model counts as
-    noise."""
-    return 0.5 * pixels / design * float(np.log(base_chi2 / chi2))
 
 
 def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:
