@@ -93,7 +93,7 @@ def effect_content(effect: Effect) -> str | None:
     if effect is own:
         return effect.id
     images = getattr(getattr(effect.apply, "__self__", None), "content", None)
-    if own is None or images is None or replace(effect, apply=own.apply, prepare=None) != own:
+    if own is None or images is None or replace(effect, apply=own.apply) != own:
         return None
     return f"{effect.id} {images}"
 

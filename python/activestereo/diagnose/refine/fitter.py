@@ -95,16 +95,9 @@ class Fitter:
         scales = nuisances.vector() if known is None else [*nuisances.vector()[:-1], known[0]]
         return np.concatenate([scales, np.zeros(len(self.nuisance_prior.sigma))])
 
-    def _prepared(self, model: Model) -> Model:
-        """Prepares the model's effects for all observations and returns the model."""
-        for effect, _ in model.effects:
-            if effect.prepare is not None:
-                effect.prepare(o.view for o in self.observations)
-        return model
-
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """Returns the light of every observation under the parameters theta."""
-        model = self._prepared(space.model(theta))
+        model = space.model(theta)
         return [self.light(model, i) for i in range(len(self.observations))]
 
     def light(self, model: Model, i: int) -> Light:
@@ -121,7 +114,7 @@ class Fitter:
         return self._residuals[id(solution)][1]
 
     def _residuals_of(self, solution: Solution) -> list[ImageResidual]:
-        model = self._prepared(solution.model)
+        model = solution.model
 
         def residual(i: int, o: Observation) -> ImageResidual:
             light = self.light(model, i)
@@ -259,7 +252,7 @@ class Fitter:
 
     def nuisance_fit(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, float]:
         """Refits phi at fixed theta by one linear step; returns (phi, chi2 of the linear model)."""
-        sums, model = Sums.of_size(len(phi), self._tiles), self._prepared(space.model(theta))
+        sums, model = Sums.of_size(len(phi), self._tiles), space.model(theta)
         lights = (self.light(model, i) for i in range(len(self.observations)))
         for pixels, columns, residual in self._slopes(space, theta, phi, lights, 0):
             sums.add(pixels, columns, residual, 0, phi)

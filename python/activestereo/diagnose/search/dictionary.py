@@ -121,9 +121,6 @@ def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.flo
         return np.zeros((0, len(linear.residual)), np.float16)
     model = linear.solution.model
     images = linear.images(model)
-    for effect in {atom.effect.id: atom.effect for atom in atoms}.values():
-        if effect.prepare is not None:
-            effect.prepare(o.view for o in linear.fitter.observations)
     ends, pixels = np.cumsum([0, *(len(atom.steps) for atom in atoms)]), len(linear.residual)
     shared = mmap(-1, max(1, int(ends[-1]) * pixels) * np.dtype(np.float16).itemsize)
     columns = np.frombuffer(shared, np.float16)[: ends[-1] * pixels].reshape(ends[-1], pixels)

@@ -53,7 +53,7 @@ class _Rendered:
 
     def emulated(self) -> Effect:
         """Returns the effect with these images as its image function; neutral amplitudes change nothing."""
-        return replace(self.effect, apply=self._apply, prepare=None)
+        return replace(self.effect, apply=self._apply)
 
     @computed_once
     def content(self) -> str:

@@ -20,7 +20,7 @@ Otherwise `effect` makes one of an image function, and `image_only` says why no 
 """
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Any
@@ -95,10 +95,9 @@ class Effect:
     engine(inputs, **parameters): changes EngineInputs in place, see engine.py; None where no engine field expresses the
     effect, for the reason in image_only. judged: how the lab finds the effect, where it does not change the expected
     image. starts: proposes starting values of a fit, where a coarse scan of the parameters would miss. finding: the
-    sentence that a verdict shows, without its full stop. prepare(views): computes what apply needs; it may render, so
-    call it before threads apply the effect. remembers: the effect finds its result for the frame before in view.before.
-    is_pointwise: each pixel's light depends on that pixel alone, so that fits compute only some pixels. At READOUT it
-    means that all pixels follow one curve.
+    sentence that a verdict shows, without its full stop. remembers: the effect finds its result for the frame before in
+    view.before. is_pointwise: each pixel's light depends on that pixel alone, so that fits compute only some pixels. At
+    READOUT it means that all pixels follow one curve.
     """
 
     id: str
@@ -114,7 +113,6 @@ class Effect:
     judged: tuple[Judgement, ...] = ()
     starts: Starts | None = None
     finding: str = ""
-    prepare: Callable[[Iterable[Any]], None] | None = None
     remembers: bool = False
     is_pointwise: bool = False
 
@@ -211,24 +209,11 @@ def effect(
             raise ValueError(f"effect {id}: the function needs a docstring, it is what users read")
         wanted = list(inspect.signature(function).parameters)[2:]
         if wanted != [p.name for p in parameters]:
-            raise ValueError(
-                f"effect {id}: the function takes {wanted}, the parameters are {[p.name for p in parameters]}"
-            )
+            names = [p.name for p in parameters]
+            raise ValueError(f"effect {id}: the function takes {wanted}, the parameters are {names}")
         return Effect(
-            id,
-            family,
-            stage,
-            tuple(parameters),
-            function,
-            summary,
-            source,
-            randomness,
-            image_only=image_only,
-            judged=tuple(judged),
-            starts=starts,
-            finding=finding,
-            remembers=remembers,
-            is_pointwise=is_pointwise,
-        )
+            id, family, stage, tuple(parameters), function, summary, source, randomness, image_only=image_only,
+            judged=tuple(judged), starts=starts, finding=finding, remembers=remembers, is_pointwise=is_pointwise,
+        )  # fmt: skip
 
     return make
