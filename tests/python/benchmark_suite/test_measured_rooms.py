@@ -15,7 +15,7 @@ from room_worlds import BASELINE_M, CX, CY, F, Room
 
 def test_a_hidden_gain_has_its_row_and_the_plain_room_none(tmp_path, monkeypatch, capsys):
     """The plan's word stands in the rows of all cases before the first one is diagnosed."""
-    views = Room(turns_deg=((0, 0), (14, 3), (-13, -4)), exposures=(1.0, 0.85, 1.3)).write(tmp_path / "views")
+    views = Room(turns_deg=((0, 0), (14, 3)), exposures=(1.0, 0.85)).write(tmp_path / "views")
     stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--depth-scale", "0.0001"]
     assert main(["import", str(views), "--sensor", "d415", *stated, "-o", str(tmp_path / "rec")]) == 0
     arguments = [str(tmp_path / "out"), str(tmp_path / "rec"), "--kind", "gain", "--strength", "strong"]
