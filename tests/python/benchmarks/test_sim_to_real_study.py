@@ -58,21 +58,19 @@ def test_icp_finds_the_pose_from_near_by(loss: str) -> None:
     assert mm < 2.0 and degrees < 2.0
 
 
-@pytest.mark.parametrize("name", ["lacquered stairs", "glazed vase"])
-def test_templates_find_the_pose_without_a_guess(name: str) -> None:
+@pytest.mark.parametrize(
+    "name, kind, setting",
+    [
+        ("lacquered stairs", Template, TemplateSetting(0.03, 0.006)),
+        ("glazed vase", Template, TemplateSetting(0.03, 0.006)),
+        ("steel block", Ppf, PpfSetting(0.012)),
+    ],
+)
+def test_the_pose_is_found_without_a_guess(name: str, kind: type, setting: object) -> None:
     thing, true = BY_NAME[name], turn((0.0, 0.0, 1.0), 130.0)
     true[:3, 3] = -0.02, 0.01, thing.rest_m
     far = turn((1.0, 0.0, 0.0), 90.0)
-    found = Template(surface(thing.mesh, 3000), TemplateSetting(0.03, 0.006)).find(seen_from_above(name, true), far)
-    mm, degrees = pose_error(found, true, thing)
-    assert mm < 3.0 and degrees < 3.0
-
-
-def test_point_pair_features_find_the_pose_without_a_guess() -> None:
-    thing, true = BY_NAME["steel block"], turn((0.0, 0.0, 1.0), 130.0)
-    true[:3, 3] = -0.02, 0.01, thing.rest_m
-    far = turn((1.0, 0.0, 0.0), 90.0)
-    found = Ppf(surface(thing.mesh, 3000), PpfSetting(0.012)).find(seen_from_above(thing.name, true), far)
+    found = kind(surface(thing.mesh, 3000), setting).find(seen_from_above(name, true), far)
     mm, degrees = pose_error(found, true, thing)
     assert mm < 3.0 and degrees < 3.0
 

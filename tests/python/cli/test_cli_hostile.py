@@ -73,9 +73,11 @@ def test_help_into_a_closed_pipe(build):
     [
         (IndexError("list index\nout of range"), "a fault of the program (IndexError in "),
         (MemoryError(), "out of memory"),
+        (ModuleNotFoundError("no cv2", name="cv2"), "pip install 'activestereo[lab]'"),
+        (ModuleNotFoundError("no kuafu._kuafu", name="kuafu._kuafu"), "bash examples/quickstart.sh"),
     ],
 )
-def test_what_nobody_foresaw_is_one_line(monkeypatch, capsys, raised, said):
+def test_what_nobody_foresaw_and_a_missing_package_are_one_line(monkeypatch, capsys, raised, said):
     from activestereo import cli
 
     def broken(_: object) -> None:
@@ -97,18 +99,3 @@ def test_a_name_that_is_no_utf8_is_told(build, tmp_path):
     environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
     result = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
     assert r"\udcff" in one_line(result, 1) and r"\udcff" in result.stdout
-
-
-@pytest.mark.parametrize(
-    "missing, said", [("cv2", "pip install 'activestereo[lab]'"), ("kuafu._kuafu", "bash examples/quickstart.sh")]
-)
-def test_a_missing_package_is_told_with_what_brings_it(monkeypatch, capsys, missing, said):
-    from activestereo import cli
-
-    def broken(_: object) -> None:
-        raise ModuleNotFoundError(f"No module named '{missing}'", name=missing)
-
-    monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken, allow_outside=False))
-    assert cli.main(["devices"]) == 3
-    text = capsys.readouterr().err
-    assert text.count("\n") == 1 and said in text
