@@ -38,7 +38,7 @@ def image_structure(row: ImageResidual) -> float:
     shapes = [_tiles(root * c) for c in (np.ones(image.shape), image, slope_u, slope_v, laplace(image))]
     x, target = np.stack(shapes, axis=-1), _tiles(root * residual)
     halves = [(x[:, half], target[:, half]) for half in (_first_half(), ~_first_half())]
-    grams = [np.einsum("tpi,tpj->tij", columns, columns) for columns, _ in halves]
+    grams = [columns.transpose(0, 2, 1) @ columns for columns, _ in halves]
     norm = np.sqrt(np.maximum(0.5 * np.einsum("tii->ti", grams[0] + grams[1]), 1e-30))
     a, b = (_fit(gram, columns, y, norm) for gram, (columns, y) in zip(grams, halves, strict=True))
     agreed = np.einsum("ti,tij,tj->t", a, grams[0] + grams[1], b)

@@ -8,6 +8,7 @@ import numpy as np
 
 from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.refine.fit_cache import fit_key
+from activestereo.diagnose.search.dictionary import Atom
 from activestereo.diagnose.search.rendered import Rendering, fitted_to_renders, is_transport
 from activestereo.diagnose.search.selection import Candidate
 from activestereo.effects import Effect, Model
@@ -90,21 +91,26 @@ def _side_by_side(
 
 
 def _from_starts(
-    fitter: Fitter, space: ParameterSpace, starts: Sequence[Mapping[str, float]], phi: np.ndarray, base_chi2: float
+    fitter: Fitter,
+    space: ParameterSpace,
+    starts: Sequence[tuple[Atom, Mapping[str, float]]],
+    phi: np.ndarray,
+    base_chi2: float,
 ) -> Solution:
     """Returns the best fit from the starts and from neutral, which leaves base_chi2. One evaluation of each start
-    decides which of them are fitted: the best and a second one, or all good ones of an effect with narrow peaks."""
+    decides which of them are fitted: the best and one of another atom, or all good ones of an effect with narrow
+    peaks."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
-    thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for start in starts]
+    thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for _, start in starts]
     look = lambda: {"chi2": np.array([fitter.nuisance_fit(space, theta, phi)[1] for theta in thetas])}  # noqa: E731
     seen = np.append(fitter.remembered(look, space, thetas, phi)["chi2"], base_chi2)
-    thetas.append(space.start)
+    thetas, atoms = [*thetas, space.start], [*(atom for atom, _ in starts), None]
     best, *others = np.argsort(seen)
     gain, fit = base_chi2 - seen, fitter.refine(space, thetas[best], phi, _STEPS)
     left = fit.sums.total - sum(o.pixels for o in fitter.observations)
     if left < _NOTHING * (base_chi2 - fit.sums.total):
         return fit
-    rivals = [k for k in others if gain[k] > _RIVAL * gain[best]][: None if effect.starts else 1]
-    rivals = [fitter.refine(space, thetas[k], phi, _STEPS) for k in rivals]
+    rivals = [k for k in others if gain[k] > _RIVAL * gain[best] and (effect.starts or atoms[k] is not atoms[best])]
+    rivals = [fitter.refine(space, thetas[k], phi, _STEPS) for k in rivals[: None if effect.starts else 1]]
     return min([fit, *rivals], key=lambda f: f.sums.total)

