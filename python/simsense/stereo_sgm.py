@@ -13,6 +13,11 @@ from numpy.typing import NDArray
 from ._simsense import Camera, Device, Engine, default_parameters
 
 _LARGEST_BLOCK = 15
+# OpenCV's parameters in its order, as getX() and setX() name them.
+_NAMES = (
+    "MinDisparity", "NumDisparities", "BlockSize", "P1", "P2", "Disp12MaxDiff", "PreFilterCap", "UniquenessRatio",
+    "SpeckleWindowSize", "SpeckleRange", "Mode",
+)  # fmt: skip
 
 
 def _getter(name: str) -> Callable[[StereoSGM], int]:
@@ -76,19 +81,11 @@ class StereoSGM:
         *,
         device: str | int | bytes | Device = "host",
     ) -> None:
-        self._values: dict[str, Any] = dict(
-            MinDisparity=minDisparity,
-            NumDisparities=numDisparities,
-            BlockSize=blockSize,
-            P1=P1,
-            P2=P2,
-            Disp12MaxDiff=disp12MaxDiff,
-            PreFilterCap=preFilterCap,
-            UniquenessRatio=uniquenessRatio,
-            SpeckleWindowSize=speckleWindowSize,
-            SpeckleRange=speckleRange,
-            Mode=mode,
-        )
+        given = (
+            minDisparity, numDisparities, blockSize, P1, P2, disp12MaxDiff, preFilterCap, uniquenessRatio,
+            speckleWindowSize, speckleRange, mode,
+        )  # fmt: skip
+        self._values: dict[str, Any] = dict(zip(_NAMES, given, strict=True))
         self._device = device if isinstance(device, Device) else Device(device)
         self._engine: Engine | None = None
         self._size = (0, 0)
@@ -123,36 +120,29 @@ class StereoSGM:
             raise ValueError(
                 f"disparity must be an int16 array to fill, or None, not {getattr(disparity, 'dtype', disparity)!s}"
             )
-        engine = self._engine_of(left)
-        wanted: Any = np.int16 if disparity is None else disparity
-        disparity = engine.compute(left, right, {"disparity": wanted})["disparity"]
-        if self._values["MinDisparity"] > 0:  # the engine marks invalid pixels with -1 pixel here
-            disparity[disparity < 0] = (self._values["MinDisparity"] - 1) * self.DISP_SCALE
-        return disparity
-
-    def _engine_of(self, image: NDArray[Any]) -> Engine:
-        height, width = image.shape
-        parameters: dict[str, Any] = self._parameters() | {"bit_depth": 16 if image.dtype == np.uint16 else 8}
+        height, width = left.shape
+        parameters = self._parameters() | {"bit_depth": 8 * left.itemsize}
         if self._engine is None or self._size != (width, height):
-            camera = (
-                Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]])  # any will do: depth is not computed
-            )
-            left_to_right = np.eye(4)
+            # Any camera will do: depth is not computed.
+            camera, left_to_right = Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]]), np.eye(4)
             left_to_right[0, 3] = -1
             self._engine = Engine(self._device, camera, camera, left_to_right, rectified=True, **parameters)
             self._size = (width, height)
         else:
             self._engine.set_parameters(**parameters)
-        return self._engine
+        wanted: Any = np.int16 if disparity is None else disparity
+        disparity = self._engine.compute(left, right, {"disparity": wanted})["disparity"]
+        if self._values["MinDisparity"] > 0:  # the engine marks invalid pixels with -1 pixel here
+            disparity[disparity < 0] = (self._values["MinDisparity"] - 1) * self.DISP_SCALE
+        return disparity
 
     def _parameters(self) -> dict[str, Any]:
         """Returns the engine's parameters. Raises ValueError for a value out of range."""
         v = self._values
         for name, value in v.items():
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
-                raise ValueError(
-                    f"{name[0].lower() if name[1:2].islower() else name[0]}{name[1:]} must be an integer, not {value!r}"
-                )
+                own = name if name in ("P1", "P2") else name[0].lower() + name[1:]
+                raise ValueError(f"{own} must be an integer, not {value!r}")
         block = v["BlockSize"]
         if not (0 < block <= _LARGEST_BLOCK and block % 2 == 1):
             raise ValueError(f"blockSize must be odd and in 1..{_LARGEST_BLOCK}, not {block}")
@@ -160,28 +150,26 @@ class StereoSGM:
             raise ValueError(f"numDisparities must be in 16..1024, not {v['NumDisparities']}")
         if v["Mode"] not in (self.MODE_SGBM, self.MODE_HH, self.MODE_SGBM_3WAY, self.MODE_HH4):
             raise ValueError(f"mode must be one of StereoSGM.MODE_*, not {v['Mode']}")
+        p1, p2 = v["P1"], v["P2"]
+        if p1 == 0 and p2 == 0:  # OpenCV's default, no smoothness at all, is useless: take the engine's
+            p1, p2 = (default_parameters()[name] for name in ("p1", "p2"))
+        else:
+            p1, p2 = max(1, round(p1 / block**2)), round(p2 / block**2)
+            if not p1 < p2 < 224:
+                raise ValueError(f"P1 and P2 per pixel of the block are {p1} and {p2}: must be 0 < P1 < P2 < 224")
         return {
             "min_disparity": v["MinDisparity"],
             "max_disparity": v["NumDisparities"],
             "block_width": block,
             "block_height": block,
+            "p1": p1,
+            "p2": p2,
             "lr_max_diff": -1 if v["Disp12MaxDiff"] < 0 else max(1, v["Disp12MaxDiff"]),
             "uniqueness_ratio": min(100, max(0, v["UniquenessRatio"])),
             "speckle_max_size": max(0, v["SpeckleWindowSize"]),
             "speckle_max_diff_px": float(max(0, v["SpeckleRange"])),
             "path_count": 8 if v["Mode"] == self.MODE_HH else 4,
-            **self._penalties(block * block),
         }
-
-    def _penalties(self, area: int) -> dict[str, Any]:
-        p1, p2 = self._values["P1"], self._values["P2"]
-        if p1 == 0 and p2 == 0:
-            engine = default_parameters()  # OpenCV's default, no smoothness at all, is useless
-            return {"p1": engine["p1"], "p2": engine["p2"]}
-        p1, p2 = max(1, round(p1 / area)), round(p2 / area)
-        if not p1 < p2 < 224:
-            raise ValueError(f"P1 and P2 per pixel of the block are {p1} and {p2}: must be 0 < P1 < P2 < 224")
-        return {"p1": p1, "p2": p2}
 
 
 def _gray(image: NDArray[Any], what: str) -> NDArray[Any]:
