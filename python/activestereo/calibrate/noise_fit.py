@@ -61,13 +61,11 @@ class CountModel:
         edges = np.arange(bin_dn, max_dn + 1, bin_dn) - 0.5
         away = (edges - self.black_dn - signal[:, None]) / np.sqrt(self.variance(signal))[:, None]
         below = (away > 0.0).astype(float)
-        row, column = np.nonzero((away > -_REACH) & (away < _REACH + self._upper_tail()))
+        # The upper tail of the counts is longer than a Gaussian's.
+        tail = 40.0 / np.sqrt(self.shape) if isinstance(self, GammaModel) else 8.0
+        row, column = np.nonzero((away > -_REACH) & (away < _REACH + tail))
         below[row, column] = self.cumulative(signal[row], edges[column])
         return _log_shares(below)
-
-    def _upper_tail(self) -> float:
-        """Returns by how many deviations the upper tail reaches farther than a Gaussian's."""
-        return 8.0
 
 
 def _log_shares(below: np.ndarray) -> np.ndarray:
@@ -109,9 +107,6 @@ class GammaModel(CountModel):
             x, y = above[~wide] / self.sigma_dn, signal[~wide] / self.sigma_dn
             out[~wide] = sum(weight * ndtr(x - y * factor) for factor, weight in zip(factors, weights, strict=True))
         return out
-
-    def _upper_tail(self) -> float:
-        return 40.0 / np.sqrt(self.shape)
 
 
 @dataclass(frozen=True)

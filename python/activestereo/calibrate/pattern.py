@@ -8,7 +8,7 @@ give each dot a line; the projector is at the point where the lines meet. With o
 A dot's power follows from its image. The camera sees radiance, which falls with distance and angle to projector and
 camera: power_factor() in wall.py corrects that. wall.py also finds the light between the dots."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -191,7 +191,7 @@ def _check_rig(rig: CaptureRig, source: str) -> None:
             f"{source}: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
             f"{_MOST_TURNED_DEG:g} are taken for rectified images: rectify them"
         )
-    x, y, z = _eyes(rig)["right"][1]
+    x, y, z = np.linalg.inv(rig.left_to_right)[:3, 3]
     if x <= 0:
         raise ValueError(f"{source}: rig.left_to_right: x is {-x:g}, expected below 0: left and right are swapped")
     if np.hypot(y, z) > _MOST_ASIDE * x:
@@ -199,12 +199,6 @@ def _check_rig(rig: CaptureRig, source: str) -> None:
             f"{source}: rig.left_to_right: the right camera stands {1e3 * np.hypot(y, z):.2f} mm beside the left one's "
             f"row, at most {1e3 * _MOST_ASIDE * x:.2f} mm are taken for rectified images: rectify them"
         )
-
-
-def _eyes(rig: CaptureRig) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
-    """Returns {side: (K, position in the left camera's frame, metres)} of both cameras."""
-    right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
-    return {"left": (rig.left.K, np.zeros(3)), "right": (rig.right.K, right_m)}
 
 
 def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], object]) -> WallView:
@@ -251,7 +245,9 @@ def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
 def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     """Merges the dots seen on walls at one or several distances, nearest first, into one pattern."""
     image = rig.projector.pattern()
-    (height, width), eyes, rotation = image.shape, _eyes(rig), rig.projector.left_to_projector[:3, :3]
+    (height, width), rotation = image.shape, rig.projector.left_to_projector[:3, :3]
+    right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
+    eyes = {"left": (rig.left.K, np.zeros(3)), "right": (rig.right.K, right_m)}  # K, and the place in the left frame
     nominal_m = -rotation.T @ rig.projector.left_to_projector[:3, 3]
     projector = ProjectorView(nominal_m, rotation, rig.projector.K, (width, height))
     # 1. The projector's place, of the nearest and the farthest wall.
@@ -261,12 +257,11 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     if len(walls) > 1:
         projector, error, pairs = _meeting_point(near.wall, far.wall, projector)
     # 2. The dots of both walls, then spots cut by borders where no dot is known.
-    K, right_m = eyes["right"]
     all_dots = []
     for view in walls:
         # The left camera's spots in their order, then the right camera's spots outside the left image.
         left, right = view.spots["left"], view.spots["right"]
-        points = wall_points(view.wall.plane, K, right_m, right.u, right.v)
+        points = wall_points(view.wall.plane, rig.right.K, right_m, right.u, right.v)
         pixel = points[:, :2] / points[:, 2:] * np.diag(rig.left.K)[:2] + rig.left.K[:2, 2]
         end = np.array([rig.left.width, rig.left.height]) - 1 - left.border_px
         outside = ((pixel <= left.border_px) | (pixel >= end)).any(axis=1)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,24 +101,11 @@ def found_effect(diagnosis: Mapping[str, Any], effect_id: str) -> tuple[dict[str
 Interval = tuple[float | None, float | None]
 
 
-class NoiseTerms(Protocol):
-    """Terms of the noise variance, offset + shot * signal + relative * signal^2; their units are DN^2, DN and 1."""
-
-    @property
-    def offset(self) -> float: ...
-
-    @property
-    def shot(self) -> float: ...
-
-    @property
-    def relative(self) -> float: ...
-
-
 def diagnosed_model(
     capture: Capture,
     effects: Model,
     nuisances: Mapping[str, float] | None = None,
-    noise_model: NoiseTerms | None = None,
+    noise: Mapping[str, float] | None = None,
     albedo: Mapping[str, float] | None = None,
     intervals: Mapping[tuple[str, str], Interval] | None = None,
     material_names: Sequence[str] = (),
@@ -126,19 +113,19 @@ def diagnosed_model(
 ) -> SensorModel:
     """Makes the SensorModel of a diagnosis.
 
-    effects: the effects found. nuisances: values by names of model.model.NUISANCES. noise_model: None without repeated
-    pictures. albedo: {material name: factor on its nominal infrared albedo}. intervals: {(owner, parameter): 90 %
-    interval}; an owner is an effect's id, 'nuisances' or a material's name. material_names: the scene's materials by
-    id. poses: measured poses of views that differ from the stated ones."""
+    effects: the effects found. nuisances: values by names of model.model.NUISANCES. noise: values by names of
+    model.model.NOISE_TERMS; None without repeated pictures. albedo: {material name: factor on its nominal infrared
+    albedo}. intervals: {(owner, parameter): 90 % interval}; an owner is an effect's id, 'nuisances' or a material's
+    name. material_names: the scene's materials by id. poses: measured poses of views that differ from the stated
+    ones."""
     bounds, source = intervals or {}, f"diagnosis of {capture.name}"
 
     def quantity(owner: str, name: str, value: float, unit: str) -> Quantity:
         return Quantity(float(value), *bounds.get((owner, name), (None, None)), unit=unit, source=source)
 
     imager = None
-    if noise_model is not None:
-        terms = {name: float(getattr(noise_model, name)) for name in NOISE_TERMS}
-        imager = Imager(**{n: Quantity(v, unit=NOISE_TERMS[n], source=source) for n, v in terms.items()})
+    if noise is not None:
+        imager = Imager(**{n: Quantity(float(noise[n]), unit=unit, source=source) for n, unit in NOISE_TERMS.items()})
     rig, frames = capture.rig, capture.split("train") or list(capture.frames)
     usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
     model = SensorModel(

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from activestereo.calibrate.frames import bit_depth, read_repeats
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import read_text
-from activestereo.common.rounding import ROUNDING_VARIANCE
 
 # Largest share of a step's counts that may clip; more would bias its mean and narrow its noise.
 LARGEST_CLIPPED = 0.005
@@ -53,15 +52,6 @@ class Step:
     def is_dark(self) -> bool:
         """Whether the frames were taken without light."""
         return self.photons == 0.0
-
-    def variance_error_dn2(self) -> float:
-        """Returns the standard deviation of the variance, for Gaussian noise. It counts at least rounding's variance,
-        because counts that all agree are not exact."""
-        return max(self.variance_dn2, ROUNDING_VARIANCE) * float(np.sqrt(2.0 / (self.pixels * (self.frames - 1))))
-
-    def mean_error_dn(self) -> float:
-        """Returns the standard deviation of the mean."""
-        return float(np.sqrt(max(self.variance_dn2, ROUNDING_VARIANCE) / (self.frames * self.pixels)))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ nonlinear response biases. Here the response is fitted as well if photons are kn
 
 A fit takes its values' known errors, and adds scatter if the residuals show more."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
-from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording
+from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording, Step
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Quantity
 
@@ -178,8 +179,7 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     signal = np.array([step.mean_dn - means[step.exposure_s] for step in lit])
     order = np.argsort(photons if np.isfinite(photons).all() else signal, kind="stable")
     lit = [lit[place] for place in order]
-    figures = [(s.variance_dn2, s.variance_error_dn2(), s.mean_error_dn(), s.exposure_s) for s in lit]
-    levels = _Levels(photons[order], signal[order], *np.array(figures).T)
+    levels = _Levels(photons[order], signal[order], *_noise(lit), np.array([step.exposure_s for step in lit]))
     # Saturation: the last step whose variance is the largest within its error (2.4).
     peak = int(np.argmax(levels.variance))
     error = np.hypot(levels.variance_error, levels.variance_error[peak])
@@ -194,10 +194,9 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     times = np.array([step.exposure_s for step in dark])
     several = len(set(times)) >= _LEAST_STEPS
     columns = np.stack([np.ones_like(times), times][: 1 + several], axis=1)
-    dark_variance = fit_weighted(
-        columns, np.array([d.variance_dn2 for d in dark]), np.array([d.variance_error_dn2() for d in dark])
-    )
-    black = fit_weighted(columns, np.array([d.mean_dn for d in dark]), np.array([d.mean_error_dn() for d in dark]))
+    variance, variance_error, mean_error = _noise(dark)
+    dark_variance = fit_weighted(columns, variance, variance_error)
+    black = fit_weighted(columns, np.array([d.mean_dn for d in dark]), mean_error)
     # 4. The response, where photons are known.
     response = _response(recording, levels, top) if np.isfinite(levels.photons).all() else None
     # 5. The gain.
@@ -216,6 +215,14 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
         response=response[0] if response else None,
         dark_current=black.quantity(1, "DN/s", _SOURCE) if several else None,
     )
+
+
+def _noise(steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns the steps' (temporal variances, their standard deviations for Gaussian noise, those of the means). A
+    variance counts at least as rounding's, because counts that all agree are not exact."""
+    variance, frames, pixels = np.array([(step.variance_dn2, step.frames, step.pixels) for step in steps]).T
+    least = np.maximum(variance, ROUNDING_VARIANCE)
+    return variance, least * np.sqrt(2.0 / (pixels * (frames - 1))), np.sqrt(least / (frames * pixels))
 
 
 def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response, WeightedFit]:

@@ -13,7 +13,7 @@ from activestereo.diagnose.score.intervals import Interval
 from activestereo.effects import Model
 from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
 from activestereo.model import SensorModel, diagnosed_model
-from activestereo.model.model import MeasuredPose
+from activestereo.model.model import NOISE_TERMS, MeasuredPose
 
 _NAMES = ("projector_scale", "ambient_scale", "black_dn")
 
@@ -38,11 +38,12 @@ def found_model(
     measured = geometry.capture()
     frames = zip(geometry.stated.frames, measured.frames, strict=True)
     poses = {s.camera_to_world.tobytes(): (s.camera_to_world, f.camera_to_world) for s, f in frames}
+    is_noise_known = evidence.has_floor and evidence.capture.binning == 1
     return diagnosed_model(
         unbinned(measured),
         model,
         nuisances=dict(zip(_NAMES, map(float, solution.phi[:SCALES]), strict=True)),
-        noise_model=evidence.noise_model if evidence.has_floor and evidence.capture.binning == 1 else None,
+        noise={name: getattr(evidence.noise_model, name) for name in NOISE_TERMS} if is_noise_known else None,
         albedo=albedo,
         intervals=intervals,
         material_names=[surface.name for surface in surfaces],
