@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from activestereo.calibrate.least_squares import INTERVAL_90, deviations, motion, vector
+from activestereo.capture.importers.trajectory import pose_of_seven
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion
 
@@ -116,10 +116,7 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
             pose = values.reshape(4, 4)
             poses[cells[0]] = printed_motion(pose[:3, :3], pose[:3, 3], place, pose[3])
             continue
-        norm = float(np.linalg.norm(values[3:]))
-        if abs(norm - 1.0) > 0.01:
-            raise ValueError(f"{place}: the quaternion's length is {norm:.3f}, expected 1")
-        poses[cells[0]] = motion(np.concatenate([Rotation.from_quat(values[3:]).as_rotvec(), values[:3]]))
+        poses[cells[0]] = pose_of_seven(values, place)
     if not poses:
         raise ValueError(f"{path}: holds no poses: each line is name,x,y,z,qx,qy,qz,qw")
     return poses

@@ -156,18 +156,6 @@ def _whole(text: Any) -> Any:
     return int(text) if isinstance(text, str) and text.isascii() and text.isdecimal() and len(text) < 10 else text
 
 
-@dataclass(frozen=True)
-class _Camera:
-    """A camera as ROS describes it. raw: the camera before rectification. R, P: rotation to its rectified image, and
-    that image's 3x4 projection."""
-
-    name: str
-    raw: Camera
-    R: NDArray[np.float64]
-    P: NDArray[np.float64]
-    is_named_right: bool
-
-
 def read_calibration_yaml(
     paths: Sequence[Path],
     are_rectified: bool = False,
@@ -205,45 +193,47 @@ def read_calibration_yaml(
     if any(entry.has(key) for entry in entries for key in ("P1", *(name.format(1) for name in _MATRICES))):
         whole = Entry(entries[0].name, {key: value for entry in entries for key, value in entry.values.items()})
         return _opencv(path, whole, are_rectified, size)
-    pair = [_ros_camera(entry) for entry in entries]
-    if len(pair) != 2:
+    return _ros(path, entries, are_rectified, baseline_m)
+
+
+def _ros(path: Path, entries: Sequence[Entry], are_rectified: bool, baseline_m: float | None) -> DeviceText:
+    # 1. Each camera as ROS describes it: before rectification, the rotation R to its rectified image, and that image's
+    # 3x4 projection P.
+    cameras = []
+    for entry in entries:
+        width, height = entry.side("image_width", "width"), entry.side("image_height", "height")
+        K = _matrix(entry, entry.numbers((9,), PIXEL, "camera_matrix", "K", "k").reshape(3, 3), "camera_matrix")
+        is_fisheye = entry.one_of(_ROS_MODELS, "distortion_model", default="plumb_bob") in _FISHEYE
+        raw = Camera(width, height, K, entry.lens(is_fisheye, "distortion_coefficients", "D", "d"))
+        turn = entry.numbers((9,), PIXEL, "rectification_matrix", "R", "r")
+        R = printed_motion(turn, np.zeros(3), f"{entry.name}: rectification_matrix")[:3, :3]
+        P = entry.numbers((12,), PIXEL, "projection_matrix", "P", "p").reshape(3, 4)
+        _matrix(entry, P[:, :3], "projection_matrix")
+        header = entry.entry("header")
+        names = (entry.values.get("camera_name"), None if header is None else header.values.get("frame_id"))
+        is_right = any(isinstance(name, str) and _RIGHT.search(name) for name in names)
+        cameras.append((-P[0, 3], is_right, entry.name, raw, R, P))
+    if len(cameras) != 2:
         raise ValueError(
-            f"{path}: {len(pair)} camera{'s' if len(pair) != 1 else ''} of ROS, expected both cameras: give "
+            f"{path}: {len(cameras)} camera{'s' if len(cameras) != 1 else ''} of ROS, expected both cameras: give "
             "--calibration twice, for the left and for the right one's file"
         )
-    left, right = sorted(pair, key=lambda camera: (-camera.P[0, 3], camera.is_named_right))
-    told_m = -right.P[0, 3] / right.P[0, 0]
-    if told_m < 0.0 or left.P[0, 3] != 0.0:
+    # 2. The right one has the lower P[3], else the name of a right one.
+    (*_, left, left_R, left_P), (*_, name, right, right_R, right_P) = sorted(cameras, key=lambda camera: camera[:2])
+    told_m = -right_P[0, 3] / right_P[0, 0]
+    if told_m < 0.0 or left_P[0, 3] != 0.0:
         raise ValueError(
-            f"{right.name}: projection_matrix: P[3] of the cameras is {left.P[0, 3]:g} and {right.P[0, 3]:g}, expected "
+            f"{name}: projection_matrix: P[3] of the cameras is {left_P[0, 3]:g} and {right_P[0, 3]:g}, expected "
             "0 of the left and -fx x baseline of the right one: calibrate both as a stereo pair"
         )
     length_m = told_m or baseline_m or 0.0  # the caller raises for 0
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -length_m
-    lenses = [left.raw, right.raw]
     if are_rectified:
-        lenses = [Camera(c.raw.width, c.raw.height, c.P[:, :3].copy(), _NO_LENS) for c in (left, right)]
-    else:
-        # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
-        left_to_right[:3, :3] = right.R.T @ left.R
-        left_to_right[:3, 3] = right.R.T @ (-length_m, 0.0, 0.0)
-    return DeviceText.of_pair(path, lenses, left_to_right)
-
-
-def _ros_camera(entry: Entry) -> _Camera:
-    width, height = entry.side("image_width", "width"), entry.side("image_height", "height")
-    K = _matrix(entry, entry.numbers((9,), PIXEL, "camera_matrix", "K", "k").reshape(3, 3), "camera_matrix")
-    is_fisheye = entry.one_of(_ROS_MODELS, "distortion_model", default="plumb_bob") in _FISHEYE
-    lens = entry.lens(is_fisheye, "distortion_coefficients", "D", "d")
-    R = entry.numbers((9,), PIXEL, "rectification_matrix", "R", "r").reshape(3, 3)
-    R = printed_motion(R, np.zeros(3), f"{entry.name}: rectification_matrix")[:3, :3]
-    P = entry.numbers((12,), PIXEL, "projection_matrix", "P", "p").reshape(3, 4)
-    _matrix(entry, P[:, :3], "projection_matrix")
-    header = entry.entry("header")
-    names = (entry.values.get("camera_name"), None if header is None else header.values.get("frame_id"))
-    is_right = any(isinstance(name, str) and _RIGHT.search(name) for name in names)
-    return _Camera(entry.name, Camera(width, height, K, lens), R, P, is_right)
+        lenses = [Camera(c.width, c.height, P[:, :3].copy(), _NO_LENS) for c, P in ((left, left_P), (right, right_P))]
+        return DeviceText.of_pair(path, lenses, float(length_m))
+    # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
+    left_to_right = np.eye(4)
+    left_to_right[:3, :3], left_to_right[:3, 3] = right_R.T @ left_R, right_R.T @ (-length_m, 0.0, 0.0)
+    return DeviceText.of_pair(path, [left, right], left_to_right)
 
 
 def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int] | None) -> DeviceText:

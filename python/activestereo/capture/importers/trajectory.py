@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from activestereo.common.input_files import read_json_object, read_text
@@ -28,11 +28,23 @@ def refuse_foreign(path: Path) -> None:
         )
 
 
+def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Returns the 4x4 of x, y, z, qx, qy, qz, qw, as TUM's and robots' files have them. Raises ValueError, which begins
+    with the name, if the quaternion's length is more than 1 % off 1."""
+    x, y, z, qx, qy, qz, qw = np.asarray(values, dtype=np.float64)
+    norm = float(np.linalg.norm((qx, qy, qz, qw)))
+    if abs(norm - 1.0) > 0.01:
+        raise ValueError(f"{name}: the quaternion's length is {norm:.3f}, expected 1")
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = Rotation.from_quat((qx, qy, qz, qw)).as_matrix(), (x, y, z)
+    return out
+
+
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file, line and
     fault."""
     refuse_foreign(path)
-    rows: list[list[float]] = []
+    times, poses = list[float](), list[NDArray[np.float64]]()
     for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
         if not words:
@@ -45,19 +57,13 @@ def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64
             raise ValueError(
                 f"{path}: line {number}: {len(values)} numbers, expected finite timestamp tx ty tz qx qy qz qw"
             )
-        if abs(np.linalg.norm(values[4:]) - 1.0) > 0.01:
-            raise ValueError(
-                f"{path}: line {number}: the quaternion's length is {np.linalg.norm(values[4:]):.3f}, expected 1"
-            )
-        if rows and values[0] <= rows[-1][0]:
-            raise ValueError(f"{path}: line {number}: timestamp {values[0]:.6f} is not after {rows[-1][0]:.6f}")
-        rows.append(values)
-    if not rows:
+        poses.append(pose_of_seven(values[1:], f"{path}: line {number}"))
+        if times and values[0] <= times[-1]:
+            raise ValueError(f"{path}: line {number}: timestamp {values[0]:.6f} is not after {times[-1]:.6f}")
+        times.append(values[0])
+    if not poses:
         raise ValueError(f"{path}: holds no poses: each line is timestamp tx ty tz qx qy qz qw")
-    table = np.array(rows)
-    poses = np.tile(np.eye(4), (len(table), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(table[:, 4:]).as_matrix(), table[:, 1:4]
-    return table[:, 0], poses
+    return np.array(times), np.array(poses)
 
 
 def pose_at(times: NDArray[np.float64], poses: NDArray[np.float64], time: float, name: str) -> NDArray[np.float64]:
