@@ -267,7 +267,7 @@ def test_observations_that_never_left_the_device_have_the_hosts_bits(
     cameras = cameras_of(parallel, ["base"], pipelined=late)
     cameras += cameras_of(parallel, ["other"], pipelined=late, on_cuda=True)
     world = ManiSkillWorld(parallel, "cpu")
-    monkeypatch.setattr(ManiSkillWorld, "of", lambda *_: world)
+    monkeypatch.setattr(ManiSkillWorld, "for_scene", lambda *_: world)
     taken = stub_for_torch(world.scene.device, stub_cuda, monkeypatch)
     for step in range(3):
         parallel.actors["box"].pose.raw_pose[:, 1] = 0.05 * step
