@@ -187,6 +187,8 @@ def test_a_recording_and_a_data_set_are_shown_as_they_were_measured(lab_world, t
             view.point(30, 20)
             assert view.numbers()[:3] == [30, 20, capture.ir(frame, "left")[20, 30]]
             assert "nominal figures of the D435" in view.page.text("#title")
+            assert view.page.text("#measured-name") == "as in the file"  # simulate's images are not measured
+            assert view.page.value("document.getElementById('clouds').parentElement.hidden") is True
             assert view.page.value("pictures.measured.images.disparity.filter((d) => d > 0).length") > 500
         finally:
             view.close()

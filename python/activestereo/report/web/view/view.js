@@ -46,7 +46,9 @@ async function openFrame() {
   pictures = {};
   before = {};
   wait();
-  part("measured-name").textContent = facts.has_measured ? "measured" : "before any slider is moved";
+  const name = facts.is_simulated ? "measured" : "as in the file";  // which may hold a simulation's images
+  part("measured-name").textContent = facts.has_measured ? name : "before any slider is moved";
+  part("clouds").parentElement.hidden = !facts.is_simulated;  // one cloud leaves no choice
   part("clouds").children[0].textContent = facts.has_measured ? "measured" : "before";
   for (const side of ["left", "right"]) part(`dots-measured-${side}`).parentElement.hidden = !facts.has_measured;
   if (facts.has_measured) {
