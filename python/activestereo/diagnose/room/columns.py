@@ -151,11 +151,15 @@ def _flow(
         dx, dy = of(k)
         return np.asarray(np.float32(scale) * dx), np.asarray(np.float32(scale) * dy)
 
+    return Column(name, _moving(flow), sd, bands=_MOVED, flow=flow)
+
+
+def _moving(flow: Flow) -> Change:
     def change(k: int, image: Image) -> Image | None:
         dx, dy = flow(k)
         return moved_by(image, dx, dy) if dx.any() or dy.any() else None
 
-    return Column(name, change, sd, bands=_MOVED, flow=flow)
+    return change
 
 
 def moved_by(image: Image, dx: Image, dy: Image) -> Image:
@@ -179,9 +183,9 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
             image = light.room[0]
             if p is not lead and not np.any(acting(effect, {p.name: p.typical_value}, image, views[0], 0.0) != image):
                 continue  # it needs another value of the effect's first parameter
-            change = _difference(effect, p, value, share, views, light.black_dn)
-            bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
             flow = _flow_of(effect, p, value, share, views) if share < 1.0 else None
+            change = _moving(flow) if flow is not None else _difference(effect, p, value, views, light.black_dn)
+            bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
             out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands, flow))
             if effect.id == _TONE:
                 bend = _bend(change, light, room.rig.max_dn)
@@ -224,27 +228,26 @@ def _in_camera(effect: Effect) -> bool:
     return own and effect.channel is Channel.EXPECTED_IMAGE
 
 
-def _difference(effect: Effect, p: Parameter, value: float, share: float, views: list[View], black_dn: float) -> Change:
+def _difference(effect: Effect, p: Parameter, value: float, views: list[View], black_dn: float) -> Change:
     def change(k: int, image: Image) -> Image | None:
-        moved = acting(effect, {p.name: value}, image, views[k], black_dn)
-        if not np.any(moved != image):
-            return None
-        if share == 1.0 or p.low == p.neutral:
-            return np.asarray((moved - image) / share, np.float32)
-        back = acting(effect, {p.name: -value}, image, views[k], black_dn)
-        return np.asarray(0.5 / share * (moved - back), np.float32)  # cancels the blur of resampling, even in the step
+        acted_on = acting(effect, {p.name: value}, image, views[k], black_dn)
+        return np.asarray(acted_on - image, np.float32) if np.any(acted_on != image) else None
 
     return change
 
 
 def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: list[View]) -> Flow:
-    """Returns the Flow of a warp. Its change of an image of each pixel's own column, and row, is how far light moves."""
+    """Returns the Flow of a warp: what it makes of images that hold each pixel's own column and row."""
+    known: dict[int, tuple[Image, Image]] = {}
 
     def flow(k: int) -> tuple[Image, Image]:
-        ramps = pixel_grid(views[k].depth_m.shape)
-        moved = (acting(effect, {p.name: value}, np.asarray(r, np.float32), views[k], 0.0) for r in ramps)
-        dx, dy = (np.asarray((r - m) / share, np.float32) for r, m in zip(ramps, moved, strict=True))
-        return dx, dy
+        if k not in known:
+            dx, dy = (
+                np.asarray((ramp - acting(effect, {p.name: value}, ramp, views[k], 0.0)) / share, np.float32)
+                for ramp in pixel_grid(views[k].depth_m.shape)
+            )
+            known[k] = dx, dy
+        return known[k]
 
     return flow
 
