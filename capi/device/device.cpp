@@ -63,6 +63,49 @@ std::vector<const char*> wanted_extensions(const PhysicalFacts& facts) {
 
 }  // namespace
 
+/// The features and extensions that a VkDevice of ours is made with.
+struct DeviceFeatures {
+  explicit DeviceFeatures(const PhysicalFacts& facts) : extensions(wanted_extensions(facts)) {
+    control.subgroupSizeControl = VK_TRUE;
+    if (facts.subgroup_size_control) f12.pNext = &control;
+    f12.bufferDeviceAddress = f12.scalarBlockLayout = VK_TRUE;
+    f12.timelineSemaphore = facts.features12.timelineSemaphore;
+    f12.shaderInt8 = facts.features12.shaderInt8;
+    f12.shaderFloat16 = facts.features12.shaderFloat16;
+    f12.storageBuffer8BitAccess = facts.features12.storageBuffer8BitAccess;
+    f12.uniformAndStorageBuffer8BitAccess = facts.features12.uniformAndStorageBuffer8BitAccess;
+    f12.shaderSubgroupExtendedTypes = facts.features12.shaderSubgroupExtendedTypes;
+    f11.storageBuffer16BitAccess = facts.features11.storageBuffer16BitAccess;
+    f11.uniformAndStorageBuffer16BitAccess = facts.features11.uniformAndStorageBuffer16BitAccess;
+    pipeline.rayTracingPipeline = pipeline.rayTracingPipelineTraceRaysIndirect = VK_TRUE;
+    structure.accelerationStructure = VK_TRUE;
+    if (facts.ray_tracing_pipeline) features.pNext = &structure;
+    features.features.shaderInt64 = facts.features.shaderInt64;
+    features.features.shaderInt16 = facts.features.shaderInt16;
+    queue.queueFamilyIndex = facts.queue_family;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
+    info.ppEnabledExtensionNames = extensions.data();
+  }
+  DeviceFeatures(const DeviceFeatures&) = delete;
+  DeviceFeatures& operator=(const DeviceFeatures&) = delete;
+
+  std::vector<const char*> extensions;
+  VkPhysicalDeviceSubgroupSizeControlFeatures control{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES};
+  VkPhysicalDeviceVulkan12Features f12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
+  VkPhysicalDeviceVulkan11Features f11{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES, &f12};
+  VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipeline{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR, &f11};
+  VkPhysicalDeviceAccelerationStructureFeaturesKHR structure{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR,
+                                                             &pipeline};
+  VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &f11};
+  const float priority = 1.0f;
+  VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
+  VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &features};
+};
+
 std::vector<ks_device_info> enumerate_devices(std::string* why_none) {
   const auto instance = Instance::create(std::make_shared<LogSink>(nullptr, nullptr), false, why_none);
   if (!instance) return {};
@@ -162,44 +205,31 @@ void Device::take_facts(const PhysicalFacts& facts) {
 }
 
 void Device::create_vk_device(const PhysicalFacts& facts) {
-  VkPhysicalDeviceSubgroupSizeControlFeatures control{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES};
-  control.subgroupSizeControl = VK_TRUE;
-  VkPhysicalDeviceVulkan12Features f12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
-  if (facts.subgroup_size_control) f12.pNext = &control;
-  f12.bufferDeviceAddress = f12.scalarBlockLayout = VK_TRUE;
-  f12.timelineSemaphore = facts.features12.timelineSemaphore;
-  f12.shaderInt8 = facts.features12.shaderInt8;
-  f12.shaderFloat16 = facts.features12.shaderFloat16;
-  f12.storageBuffer8BitAccess = facts.features12.storageBuffer8BitAccess;
-  f12.uniformAndStorageBuffer8BitAccess = facts.features12.uniformAndStorageBuffer8BitAccess;
-  f12.shaderSubgroupExtendedTypes = facts.features12.shaderSubgroupExtendedTypes;
-  VkPhysicalDeviceVulkan11Features f11{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES, &f12};
-  f11.storageBuffer16BitAccess = facts.features11.storageBuffer16BitAccess;
-  f11.uniformAndStorageBuffer16BitAccess = facts.features11.uniformAndStorageBuffer16BitAccess;
-  VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipeline{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR, &f11};
-  pipeline.rayTracingPipeline = pipeline.rayTracingPipelineTraceRaysIndirect = VK_TRUE;
-  VkPhysicalDeviceAccelerationStructureFeaturesKHR structure{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR,
-                                                             &pipeline};
-  structure.accelerationStructure = VK_TRUE;
-  VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2};
-  features.pNext = facts.ray_tracing_pipeline ? static_cast<void*>(&structure) : &f11;
-  features.features.shaderInt64 = facts.features.shaderInt64;
-  features.features.shaderInt16 = facts.features.shaderInt16;
-
-  const float priority = 1.0f;
-  VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
-  queue.queueFamilyIndex = queue_family_;
-  queue.queueCount = 1;
-  queue.pQueuePriorities = &priority;
-  const std::vector<const char*> wanted = wanted_extensions(facts);
-  VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &features};
-  info.queueCreateInfoCount = 1;
-  info.pQueueCreateInfos = &queue;
-  info.enabledExtensionCount = static_cast<uint32_t>(wanted.size());
-  info.ppEnabledExtensionNames = wanted.data();
+  created_with_ = std::make_unique<DeviceFeatures>(facts);
+  const VkDeviceCreateInfo& info = created_with_->info;
   check(vkCreateDevice(physical_, &info, nullptr, &device_), "vkCreateDevice");
   volkLoadDeviceTable(&table_, device_);
-  extensions_.assign(wanted.begin(), wanted.end());
+  extensions_.assign(created_with_->extensions.begin(), created_with_->extensions.end());
+}
+
+ks_vulkan_device Device::lend() {
+  if (!has_vulkan()) fail(KS_ERROR_UNSUPPORTED, "%s has no VkDevice to lend", info_.name);
+  if (hosts_)
+    fail(KS_ERROR_INVALID_STATE, "the VkDevice on %s is the host's (KS_SELECT_VULKAN): give the host's ks_vulkan_device again", info_.name);
+  ks_vulkan_device lent = ks_vulkan_device_init();
+  lent.instance = instance_->handle();
+  lent.physical_device = physical_;
+  lent.device = device_;
+  lent.queue = queue_;
+  lent.create_info = &created_with_->info;
+  lent.queue_family_index = queue_family_;
+  lent.api_version = instance_->api_version();
+  lent.lock_queue = [](void* user, uint32_t locked) {
+    std::mutex& queue = static_cast<Device*>(user)->queue_mutex_;
+    locked ? queue.lock() : queue.unlock();
+  };
+  lent.lock_user = this;
+  return lent;
 }
 
 Device::~Device() {
@@ -254,12 +284,12 @@ void Device::submit_and_wait(VkCommandBuffer commands) {
 }
 
 void Device::run(VkCommandBuffer commands) {
-  std::lock_guard lock(queue_mutex_);
+  const std::lock_guard lock(fence_mutex_);
   if (lost_) fail(KS_ERROR_DEVICE_LOST, "%s was lost in an earlier call: create a new device", info_.name);
   VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
   submit.commandBufferCount = 1;
   submit.pCommandBuffers = &commands;
-  VkResult result = submit_locked(submit, fence_);
+  VkResult result = submit_to_queue(submit, fence_);
   if (result == VK_SUCCESS) result = vk().vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX);
   check_alive(result, "running commands on the device");
   check(vk().vkResetFences(device_, 1, &fence_), "vkResetFences");
@@ -270,7 +300,8 @@ void Device::save_pipelines() {
     log(KS_LOG_INFO, "compiled pipelines could not be written to the cache folder: the next process builds them again");
 }
 
-VkResult Device::submit_locked(const VkSubmitInfo& submit, VkFence fence) {
+VkResult Device::submit_to_queue(const VkSubmitInfo& submit, VkFence fence) {
+  const std::lock_guard lock(queue_mutex_);
   if (lock_queue_ != nullptr) lock_queue_(lock_user_, 1);
   const VkResult result = vk().vkQueueSubmit(queue_, 1, &submit, fence);
   if (lock_queue_ != nullptr) lock_queue_(lock_user_, 0);
@@ -294,9 +325,8 @@ void Device::submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t val
     submit.pWaitSemaphores = &wait;
     submit.pWaitDstStageMask = &all;
   }
-  std::lock_guard lock(queue_mutex_);
   if (lost_) fail(KS_ERROR_DEVICE_LOST, "%s was lost in an earlier call: create a new device", info_.name);
-  check_alive(submit_locked(submit, VK_NULL_HANDLE), "vkQueueSubmit");
+  check_alive(submit_to_queue(submit, VK_NULL_HANDLE), "vkQueueSubmit");
 }
 
 void Device::check_alive(VkResult result, const char* what) {

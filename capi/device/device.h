@@ -21,6 +21,7 @@ class LogSink;
 class PipelineCache;
 class SpareThreads;
 class ThreadPool;
+struct DeviceFeatures;
 struct PhysicalFacts;
 
 /// Every Vulkan device there is, with the reasons of the refused ones. `why_none` says why the list is empty (no loader, no driver).
@@ -62,6 +63,8 @@ class Device : public std::enable_shared_from_this<Device> {
   [[nodiscard]] const VkPhysicalDeviceVulkan12Features& features12() const { return features12_; }
   /// Whether the VkDevice is the host's (KS_SELECT_VULKAN): then memory and semaphores of it may be shared as they are.
   [[nodiscard]] bool is_hosts() const { return hosts_; }
+  /// The VkDevice and its queue, for another library (KS_SELECT_VULKAN) whose objects all end before this device.
+  [[nodiscard]] ks_vulkan_device lend();
   /// Whether the extension is enabled.
   [[nodiscard]] bool has_extension(const char* name) const;
   /// Index of a memory type in type_bits that has all `required` flags and as many `preferred` ones as there are; throws if none.
@@ -91,20 +94,21 @@ class Device : public std::enable_shared_from_this<Device> {
   Device();
   void open_vulkan(const ks_device_desc& desc, const char* library);
   void run(VkCommandBuffer commands);
-  /// May call the log: never under the queue's mutex, which the caller's other threads may be waiting for.
+  /// May call the log: never under a mutex, which the caller's other threads may be waiting for.
   void save_pipelines();
   void take_hosts(const ks_device_desc& desc, const char* library);
   void take_services(const ks_device_desc& desc);
   void take_facts(const PhysicalFacts& facts);
   void create_vk_device(const PhysicalFacts& facts);
   void prepare_vulkan(const ks_device_desc& desc, const char* library, const VkPhysicalDeviceProperties& properties);
-  /// Under the queue's mutex; the host's lock is taken for the submission alone.
-  VkResult submit_locked(const VkSubmitInfo& submit, VkFence fence);
+  /// Takes the queue for the submission alone.
+  VkResult submit_to_queue(const VkSubmitInfo& submit, VkFence fence);
   ks_device_info info_{};
   std::shared_ptr<LogSink> log_;
   std::unique_ptr<Instance> instance_;
   VkPhysicalDevice physical_ = VK_NULL_HANDLE;
   VkDevice device_ = VK_NULL_HANDLE;
+  std::unique_ptr<DeviceFeatures> created_with_;  // of our own VkDevice
   VkQueue queue_ = VK_NULL_HANDLE;
   VkFence fence_ = VK_NULL_HANDLE;
   uint32_t queue_family_ = 0, timestamp_bits_ = 0;
@@ -120,7 +124,8 @@ class Device : public std::enable_shared_from_this<Device> {
   std::vector<std::string> extensions_;
   VolkDeviceTable table_{};
   std::unique_ptr<PipelineCache> pipeline_cache_;
-  std::mutex queue_mutex_;
+  std::mutex queue_mutex_;  // for a submission
+  std::mutex fence_mutex_;  // from a submission with the fence to its end
   std::atomic<bool> lost_{false};
   std::atomic<uint64_t> copied_bytes_{0}, allocated_bytes_{0};
   std::unique_ptr<ThreadPool> workers_;

@@ -24,6 +24,7 @@ class Instance {
   Instance& operator=(const Instance&) = delete;
 
   [[nodiscard]] std::vector<VkPhysicalDevice> physical_devices() const;
+  [[nodiscard]] VkInstance handle() const { return instance_; }
   /// What the application asked for: devices work at the lesser of this and their own version.
   [[nodiscard]] uint32_t api_version() const { return api_version_; }
 

@@ -820,6 +820,7 @@ extern "C" {
     pub fn kuafu_device_release(device: *mut c_void);
     pub fn kuafu_device_copied_bytes(device: *mut c_void, out: *mut u64) -> i32;
     pub fn kuafu_device_allocated_bytes(device: *mut c_void, out: *mut u64) -> i32;
+    pub fn kuafu_device_lend(device: *mut c_void, out: *mut ks_vulkan_device) -> i32;
     pub fn kuafu_buffer_create(device: *mut c_void, create: *const ks_buffer_create_desc, out: *mut *mut c_void) -> i32;
     pub fn kuafu_buffer_import(device: *mut c_void, desc: *const ks_buffer_desc, out: *mut *mut c_void) -> i32;
     pub fn kuafu_buffer_export(buffer: *mut c_void, memory: u32, out: *mut ks_buffer_desc) -> i32;
@@ -892,6 +893,7 @@ extern "C" {
     pub fn simsense_device_release(device: *mut c_void);
     pub fn simsense_device_copied_bytes(device: *mut c_void, out: *mut u64) -> i32;
     pub fn simsense_device_allocated_bytes(device: *mut c_void, out: *mut u64) -> i32;
+    pub fn simsense_device_lend(device: *mut c_void, out: *mut ks_vulkan_device) -> i32;
     pub fn simsense_buffer_create(device: *mut c_void, create: *const ks_buffer_create_desc, out: *mut *mut c_void) -> i32;
     pub fn simsense_buffer_import(device: *mut c_void, desc: *const ks_buffer_desc, out: *mut *mut c_void) -> i32;
     pub fn simsense_buffer_export(buffer: *mut c_void, memory: u32, out: *mut ks_buffer_desc) -> i32;

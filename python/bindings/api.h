@@ -26,6 +26,7 @@ namespace py = pybind11;
     static constexpr auto device_release = &prefix##_device_release;                 \
     static constexpr auto device_copied_bytes = &prefix##_device_copied_bytes;       \
     static constexpr auto device_allocated_bytes = &prefix##_device_allocated_bytes; \
+    static constexpr auto device_lend = &prefix##_device_lend;                       \
     static constexpr auto buffer_create = &prefix##_buffer_create;                   \
     static constexpr auto buffer_import = &prefix##_buffer_import;                   \
     static constexpr auto buffer_export = &prefix##_buffer_export;                   \

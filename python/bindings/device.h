@@ -23,7 +23,15 @@ class Device {
          const std::optional<std::string>& cache_directory)
       : log_(log) {
     ks_device_desc desc = ks_device_desc_init();
-    read_select(select, desc);
+    ks_vulkan_device lent = ks_vulkan_device_init();
+    if (py::hasattr(select, "_lend")) {  // a Device, perhaps of the other library
+      lent = *select.attr("_lend")().cast<py::capsule>().template get_pointer<ks_vulkan_device>();
+      desc.select = KS_SELECT_VULKAN;
+      desc.vulkan = &lent;
+      lender_ = select;
+    } else {
+      read_select(select, desc);
+    }
     desc.worker_count = worker_count;
     desc.validation = validation ? 1 : 0;
     desc.cache_directory = cache_directory ? cache_directory->c_str() : nullptr;
@@ -54,6 +62,15 @@ class Device {
     uint64_t bytes = 0;
     check<Api>(Api::device_allocated_bytes(get(), &bytes));
     return bytes;
+  }
+
+  /// A ks_vulkan_device of this device, which must outlive its users.
+  [[nodiscard]] py::capsule lend() const {
+    auto lent = std::make_unique<ks_vulkan_device>(ks_vulkan_device_init());
+    check<Api>(Api::device_lend(get(), lent.get()));
+    py::capsule capsule(lent.get(), [](void* kept) { delete static_cast<ks_vulkan_device*>(kept); });
+    lent.release();
+    return capsule;
   }
 
   static std::vector<DeviceInfo<Api>> enumerate() {
@@ -88,7 +105,7 @@ class Device {
     } else if (text == "host") {
       desc.select = KS_SELECT_HOST;
     } else {
-      raise_argument<Api>("unknown device '" + text + "' (known: auto, cpu, host, an index, 16 bytes of UUID)");
+      raise_argument<Api>("unknown device '" + text + "' (known: auto, cpu, host, an index, 16 bytes of UUID, a Device)");
     }
   }
 
@@ -114,7 +131,8 @@ class Device {
     }
   }
 
-  py::object log_;  // outlives the handle, and every child of ours holds this Device
+  py::object lender_;  // of the VkDevice
+  py::object log_;     // outlives the handle, and every child of ours holds this Device
   Handle<typename Api::DeviceHandle, Api::device_release> handle_;
 };
 
@@ -165,6 +183,7 @@ void bind_device(py::module_& module) {
            py::arg("cache_directory") = py::none(), doc("Device.__init__"))
       .def_static("enumerate", &D::enumerate, doc("Device.enumerate"))
       .def_property_readonly("info", &D::info)
+      .def("_lend", &D::lend, doc("Device._lend"))
       .def_property_readonly("copied_bytes", &D::copied_bytes, doc("Device.copied_bytes"))
       .def_property_readonly("allocated_bytes", &D::allocated_bytes, doc("Device.allocated_bytes"));
 }

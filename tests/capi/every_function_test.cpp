@@ -16,7 +16,7 @@
 // The entries of the tables whose first argument is a handle.
 // clang-format off
 #define KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \
-  f(device_get_info) f(device_retain) f(device_release) f(device_copied_bytes) f(device_allocated_bytes) \
+  f(device_get_info) f(device_retain) f(device_release) f(device_copied_bytes) f(device_allocated_bytes) f(device_lend) \
   f(buffer_create) f(buffer_import) f(buffer_export) f(buffer_map) f(buffer_write) f(buffer_read) f(buffer_retain) f(buffer_release)
 #define KUAFU_FUNCTIONS(f) \
   KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \

@@ -110,6 +110,53 @@ TYPED_TEST(HostsDevice, TheQueueIsLockedForEachUse) {
   TypeParam::buffer_release(buffer);
 }
 
+/// Both libraries write to their own buffers on the lender's queue, side by side.
+template <class Lender, class Borrower>
+void expect_one_device_serves_both() {
+  ks_device_desc desc = ks_device_desc_init();
+  desc.select = KS_SELECT_CPU, desc.worker_count = 2;
+  typename Lender::Device lender = nullptr;
+  SKIP_IF(Lender::device_create(&desc, &lender) == KS_OK ? "" : "there is no device with Vulkan 1.2");
+  ks_vulkan_device lent = ks_vulkan_device_init();
+  ASSERT_EQ(Lender::device_lend(lender, &lent), KS_OK) << Lender::last_error();
+  desc.select = KS_SELECT_VULKAN, desc.vulkan = &lent;
+  typename Borrower::Device borrower = nullptr;
+  ASSERT_EQ(Borrower::device_create(&desc, &borrower), KS_OK) << Borrower::last_error();
+  const auto write = [](auto library, auto device, uint32_t first) {
+    using Library = decltype(library);
+    const ks_buffer_create_desc create = ks_buffer_create_desc_init(64, 0);
+    typename Library::Buffer buffer = nullptr;
+    EXPECT_EQ(Library::buffer_create(device, &create, &buffer), KS_OK) << Library::last_error();
+    for (uint32_t word = first; word < first + 200; ++word) {
+      uint32_t read = 0;
+      EXPECT_EQ(Library::buffer_write(buffer, 8, &word, 4), KS_OK) << Library::last_error();
+      EXPECT_EQ(Library::buffer_read(buffer, 8, &read, 4), KS_OK) << Library::last_error();
+      EXPECT_EQ(read, word);
+    }
+    Library::buffer_release(buffer);
+  };
+  std::thread beside([&] { write(Borrower{}, borrower, 1000); });
+  write(Lender{}, lender, 0);
+  beside.join();
+  EXPECT_EQ(Borrower::device_lend(borrower, &lent), KS_ERROR_INVALID_STATE);
+  EXPECT_TRUE(says(Borrower::last_error(), "is the host's")) << Borrower::last_error();
+  Borrower::device_release(borrower);
+  Lender::device_release(lender);
+}
+
+TEST(LentDevice, KuafuLendsToSimsense) { expect_one_device_serves_both<Kuafu, Simsense>(); }
+TEST(LentDevice, SimsenseLendsToKuafu) { expect_one_device_serves_both<Simsense, Kuafu>(); }
+
+TEST(LentDevice, AHostDeviceHasNone) {
+  ks_device_desc desc = ks_device_desc_init();
+  desc.select = KS_SELECT_HOST;
+  simsense_device device = nullptr;
+  ASSERT_EQ(simsense_device_create(&desc, &device), KS_OK) << simsense_last_error();
+  ks_vulkan_device lent = ks_vulkan_device_init();
+  EXPECT_EQ(simsense_device_lend(device, &lent), KS_ERROR_UNSUPPORTED) << simsense_last_error();
+  simsense_device_release(device);
+}
+
 TYPED_TEST(HostsDevice, WhatTheHostLeftOutIsSaid) {
   typename TypeParam::Device refused = nullptr;
   const auto expect = [&](const ks_device_desc& desc, ks_status status, const char* part) {

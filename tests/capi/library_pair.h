@@ -24,6 +24,7 @@ namespace ks::test {
     static constexpr auto device_retain = prefix##_device_retain;                   \
     static constexpr auto device_release = prefix##_device_release;                 \
     static constexpr auto device_copied_bytes = prefix##_device_copied_bytes;       \
+    static constexpr auto device_lend = prefix##_device_lend;                       \
     static constexpr auto device_allocated_bytes = prefix##_device_allocated_bytes; \
     static constexpr auto buffer_create = prefix##_buffer_create;                   \
     static constexpr auto buffer_import = prefix##_buffer_import;                   \

@@ -87,6 +87,7 @@ typedef struct kuafu_api {
   ks_status (*scene_get_mesh)(kuafu_scene scene, uint32_t id, kuafu_mesh_desc* out);
   ks_status (*scene_get_texture)(kuafu_scene scene, uint32_t id, kuafu_texture_desc* out);
   ks_status (*scene_get_instance)(kuafu_scene scene, uint32_t id, kuafu_instance_desc* out);
+  ks_status (*device_lend)(kuafu_device device, ks_vulkan_device* out);
 } kuafu_api;
 
 #define KUAFU_API_HAS(api, entry) ((api)->size_bytes >= offsetof(kuafu_api, entry) + sizeof((api)->entry))

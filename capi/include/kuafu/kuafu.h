@@ -79,6 +79,10 @@ KUAFU_API void kuafu_device_release(kuafu_device device);
 KUAFU_API ks_status kuafu_device_copied_bytes(kuafu_device device, uint64_t* out);
 /* Number of bytes that the device's buffers hold now, including those of renderers and scenes. */
 KUAFU_API ks_status kuafu_device_allocated_bytes(kuafu_device device, uint64_t* out);
+/* Lends the library's VkDevice and its queue to another library: *out is what ks_device_desc.vulkan takes. Two libraries on one VkDevice
+ * spare the GPU a change of context between their submissions. Release everything made from the borrower's device before `device`.
+ * KS_ERROR_INVALID_STATE where the VkDevice is the host's, KS_ERROR_UNSUPPORTED where there is none. */
+KUAFU_API ks_status kuafu_device_lend(kuafu_device device, ks_vulkan_device* out);
 
 /* ---- buffer ---------------------------------------------------------------------------------------------------------------- */
 

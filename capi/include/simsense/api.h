@@ -54,6 +54,7 @@ typedef struct simsense_api {
   ks_status (*engine_wait_for)(simsense_engine engine, const ks_sync* sync, uint64_t timeout_ns);
   ks_status (*engine_cancel)(simsense_engine engine);
   ks_status (*signal_analogue)(const simsense_signal* signal, const float* light, uint32_t width, uint32_t height, uint64_t seed, uint64_t frame_index, uint32_t side, float* dn);
+  ks_status (*device_lend)(simsense_device device, ks_vulkan_device* out);
 } simsense_api;
 
 #define SIMSENSE_API_HAS(api, entry) ((api)->size_bytes >= offsetof(simsense_api, entry) + sizeof((api)->entry))

@@ -63,6 +63,10 @@ SIMSENSE_API void simsense_device_release(simsense_device device);
 SIMSENSE_API ks_status simsense_device_copied_bytes(simsense_device device, uint64_t* out);
 /* Number of bytes that the device's buffers hold now, including those of engines. */
 SIMSENSE_API ks_status simsense_device_allocated_bytes(simsense_device device, uint64_t* out);
+/* Lends the library's VkDevice and its queue to another library: *out is what ks_device_desc.vulkan takes. Two libraries on one VkDevice
+ * spare the GPU a change of context between their submissions. Release everything made from the borrower's device before `device`.
+ * KS_ERROR_INVALID_STATE where the VkDevice is the host's, KS_ERROR_UNSUPPORTED where there is none. */
+SIMSENSE_API ks_status simsense_device_lend(simsense_device device, ks_vulkan_device* out);
 
 SIMSENSE_API ks_status simsense_buffer_create(simsense_device device, const ks_buffer_create_desc* create, simsense_buffer* out);
 SIMSENSE_API ks_status simsense_buffer_import(simsense_device device, const ks_buffer_desc* desc, simsense_buffer* out);

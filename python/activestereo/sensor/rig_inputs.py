@@ -79,7 +79,7 @@ class RigInputs:
 
     def make_matcher(self, count: int) -> simsense.Engine:
         """Returns a new depth engine that matches `count` pairs at a time."""
-        device = simsense.Device(self.scene.device.info.device_uuid)
+        device = simsense.Device(self.scene.device)
         told: dict[str, Any] = self.plan.engine | self.setting.applied_to(self.plan.signal)
         engine = simsense.Engine(device, batch_count=count, **told)
         engine.set_signal(*self.signals())

@@ -15,9 +15,29 @@ from sensor_scenes import wall_scene
 SIZE = 64 * 48
 
 
-@pytest.fixture
-def engine_device(device):
-    return simsense.Device(device.info.device_uuid)
+@pytest.fixture(params=["of its own", "lent"])
+def engine_device(device, request):
+    """simsense's device on the same GPU: with a VkDevice of its own, or with kuafu's."""
+    return simsense.Device(device if request.param == "lent" else device.info.device_uuid)
+
+
+def test_depth_has_the_same_bits_on_a_lent_device(device):
+    noise = np.random.default_rng(1).integers(0, 256, (48, 96), np.uint8)
+    camera = simsense.Camera(width=96, height=48, k=[[80, 0, 47.5], [0, 80, 23.5], [0, 0, 1]])
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -0.05
+
+    def depth(on):
+        engine = simsense.Engine(on, camera, camera, left_to_right, rectified=True, back_end="vulkan", max_disparity=32)
+        return engine.compute(noise, np.roll(noise, -5, 1), ("depth",))["depth"]
+
+    lent = simsense.Device(device)
+    assert lent.info.device_uuid == device.info.device_uuid
+    own = depth(simsense.Device(device.info.device_uuid))
+    assert (own > 0).mean() > 0.5
+    np.testing.assert_array_equal(depth(lent), own)
+    with pytest.raises(simsense.Error, match="is the host's"):
+        kuafu.Device(lent)
 
 
 def shared_buffers(device, engine_device, memory):
