@@ -16,6 +16,8 @@ from activestereo.diagnose.channels.draws import dots_seen
 from activestereo.diagnose.evidence.observation import one_of_each_situation
 from activestereo.diagnose.refine import ParameterSpace
 from activestereo.diagnose.score.likelihood import occam_nats
+from activestereo.diagnose.search.dictionary import Atom
+from activestereo.diagnose.search.selection import Hit, _candidate
 from effect_worlds import seen, view_of
 
 EFFECTS = builtin()
@@ -42,6 +44,14 @@ def test_a_second_units_place_is_found_from_its_dots(scene, x, yaw):
     assert found["yaw_rad"] == pytest.approx(yaw, abs=0.03)
     assert found["offset_x_m"] == pytest.approx(x, abs=0.03)
     assert found["intensity_m2"] == pytest.approx(6.0, rel=0.5)
+
+
+@pytest.mark.parametrize("name", ["double_image", "lens_psf"])
+def test_each_start_of_a_fit_comes_with_its_atom(name):
+    lead = EFFECTS[name].parameters[0]
+    atom = Atom(EFFECTS[name], EFFECTS[name].neutral_values, ((lead.name, 0.1),), (False,), (1.0,), 0)
+    starts = _candidate([Hit(atom, None, np.ones(1), 1.0, 1.0, 0.5)]).starts
+    assert starts and all(own is atom and values[lead.name] == lead.neutral + 0.1 for own, values in starts)
 
 
 @pytest.mark.parametrize(("fraction", "u", "v"), [(0.2, 5.0, -2.0), (0.4, -3.0, 0.0)])
