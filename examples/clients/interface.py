@@ -248,8 +248,8 @@ class simsense_parameters(c.Structure):
         ("speckle_max_size", c.c_uint32), ("speckle_max_diff_px", c.c_float), ("min_texture_dn", c.c_uint32),
         ("edge_step_px", c.c_float), ("right_border_px", c.c_uint32), ("low_texture_dn", c.c_uint32),
         ("hole_filling", c.c_uint32), ("min_depth_m", c.c_float), ("max_depth_m", c.c_float),
-        ("depth_dilation", c.c_uint32), ("splat_size", c.c_uint32), ("min_correlation", c.c_float),
-        ("correlation_window", c.c_uint32)
+        ("depth_dilation", c.c_uint32), ("splat_size", c.c_uint32), ("min_detection_sigma", c.c_float),
+        ("detection_window", c.c_uint32), ("noise_dn2", c.c_float), ("noise_dn2_per_dn", c.c_float)
     ]
 
 

@@ -77,8 +77,10 @@ pub struct simsense_parameters {
     pub max_depth_m: f32,
     pub depth_dilation: u32,
     pub splat_size: u32,
-    pub min_correlation: f32,
-    pub correlation_window: u32,
+    pub min_detection_sigma: f32,
+    pub detection_window: u32,
+    pub noise_dn2: f32,
+    pub noise_dn2_per_dn: f32,
 }
 
 #[repr(C)]

@@ -12,7 +12,7 @@ import pytest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "simsense" / "src"
 README = (ROOT / "simsense" / "README.md").read_text()
-STAGES = {"signal", "rectify", "census", "cost", "sgm", "winner", "checks", "refine", "correlation"}
+STAGES = {"signal", "rectify", "census", "cost", "sgm", "winner", "checks", "refine", "detection"}
 STAGES |= {"depth", "registration"}
 BACK_ENDS = ("cpu", "vulkan")
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Depth from nothing, and true pixels lost to the presets' check by correlation, by the size of the image.
+"""Depth from nothing, and true pixels lost to the presets' check for more than noise, by the size of the image.
 
     PYTHONPATH=build/python /usr/bin/python3 tests/bench/bench_invented.py [--models D435 D415] [--spp 4]
 
@@ -80,7 +80,7 @@ def _seen(config: StereoDepthSensorConfig, scene: kuafu.Scene, pose: Pose | None
         depth = sensor.get_picture("depth", camera="left")[..., 0]
         truth = np.divide(config.focal_baseline_px_m, depth, where=depth > 0, out=np.zeros_like(depth))
     unchecked = config.scaled(1.0)
-    unchecked.min_correlation = 0.0
+    unchecked.min_detection_sigma = 0.0
     return _matched(unchecked, left, right), _matched(config, left, right), truth
 
 

@@ -151,15 +151,22 @@ typedef struct simsense_parameters {
   /* Number of pixels that each registered point covers in x and in y. [1..15 px; 1 by default] */
   uint32_t splat_size;
 
-  /* -- check that both images show the same -- */
-  /* No measurement where both images have less in common than this correlation: that of the counts in a window about
-   * the pixel, in each image less the mean around them, at the pixels' own matches. Where few of them show anything,
-   * more is asked. Noise has none: what the paths carry into an empty background or a black surface goes, and the
-   * reason is SIMSENSE_REASON_LOW_TEXTURE. 0 switches this check off. [0..1] */
-  float min_correlation;
-  /* Side of that window. A window of half its side must correlate a fifth as much, too. The mean is that of a square of
-   * three tenths of it. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29 or 31 px; 0 means 31; 31 by default] */
-  uint32_t correlation_window;
+  /* -- check that both images show more than noise -- */
+  /* No measurement where the energy of what both images show, in a window about the pixel at the pixels' own matches,
+   * exceeds that of noise by less than this many standard deviations of noise's. What the paths carry into an empty
+   * background or a black surface goes, and what windows widen things by; the reason is SIMSENSE_REASON_LOW_TEXTURE. 0
+   * switches this check off. [0..100] */
+  float min_detection_sigma;
+  /* Side of that window. Counts are taken less the mean of a square of three tenths of it, at least 5 pixels:
+   * brightness that varies slowly says nothing. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29 or 31 px; 0 means 31;
+   * 31 by default] */
+  uint32_t detection_window;
+  /* Variance of a count of 0 without rounding, where images come as counts and the imagers make none; theirs is known.
+   * It may be negative, since a count without light is the black level. [-1000000..1000000 DN^2] */
+  float noise_dn2;
+  /* What a count adds to that variance, times the count: the conversion gain, where noise is that of photons.
+   * [0..1000000 DN] */
+  float noise_dn2_per_dn;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters s;
@@ -182,7 +189,7 @@ static inline simsense_parameters simsense_parameters_init(void) {
   s.low_texture_dn = 4u;
   s.max_depth_m = 10.0f;
   s.splat_size = 1u;
-  s.correlation_window = 31u;
+  s.detection_window = 31u;
   return s;
 }
 

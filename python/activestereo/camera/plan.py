@@ -136,8 +136,15 @@ def parameters(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> d
 
 
 def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
-    """Returns {parameter: the configuration's value} of the stereo matcher."""
-    return parameters(config, MATCHER)
+    """Returns {parameter: the configuration's value} of the stereo matcher. Noise that none is given for is the
+    imager's at gain 1: counts without imagers, such as recordings, have it."""
+    out = parameters(config, MATCHER)
+    if out["min_detection_sigma"] > 0.0 and out["noise_dn2"] == out["noise_dn2_per_dn"] == 0.0:
+        signal = signal_parameters(config)
+        shot = signal["conversion_gain_dn_per_e"] * signal["shot_noise"] ** 2
+        still = signal["adc_noise_dn"] ** 2 + (signal["conversion_gain_dn_per_e"] * signal["read_noise_e"]) ** 2
+        out |= {"noise_dn2": still - shot * signal["black_level_dn"], "noise_dn2_per_dn": shot}
+    return out
 
 
 def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:

@@ -387,6 +387,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             min(side, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side * factor) + 1))
             for side in (self.block_width, self.block_height)
         )
+        # Smaller images show more of a thing in as many pixels, but dots blur into one another.
+        side = self.detection_window * min(1.0, factor) ** 0.5
+        out.detection_window = min(self.detection_window, max(15, 2 * int(0.5 * side) + 1))
         out.speckle_max_size = round(out.speckle_max_size * factor**2)  # an area
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]

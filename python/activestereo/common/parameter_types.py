@@ -39,8 +39,10 @@ class MatcherFields:
     max_depth_m: float
     depth_dilation: bool
     splat_size: int
-    min_correlation: float
-    correlation_window: int
+    min_detection_sigma: float
+    detection_window: int
+    noise_dn2: float
+    noise_dn2_per_dn: float
     faults: tuple[str, ...]
     back_end: Literal["auto", "cpu", "vulkan"]
     low_memory: bool

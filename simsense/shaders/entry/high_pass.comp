@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// First pass of the check by correlation (match/correlation.h): each count less the mean of the square about it, of the left image beside
-// that which its disparity meets in the right one.
+// First pass of the check for more than noise (match/detection.h): each count less the mean of the square about it, of the right
+// image; of the left one, the energy of the sum with that which its disparity meets.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/counts.glsl"
-#include "shared/correlation_push.h"
+#include "shared/detection_push.h"
 
-layout(local_size_x = CORRELATION_GROUP, local_size_y = CORRELATION_GROUP) in;
+layout(local_size_x = DETECTION_GROUP, local_size_y = DETECTION_GROUP) in;
 layout(push_constant, scalar) uniform Push { HighPassPush push; };
 
-const uint group = uint(CORRELATION_GROUP), widest = group + 2u * uint(CORRELATION_REACH / 2);
+const uint group = uint(DETECTION_GROUP), widest = group + 2u * uint(DETECTION_REACH / 2);
 shared int counts[widest * widest];
 shared int row_sums[widest * group];
 
@@ -37,7 +37,7 @@ void main() {
   for (uint row = local.y; row < local.y + side; ++row) sum += row_sums[row * group + local.x];
   int count = counts[(local.y + reach) * tile + local.x + reach];
   int difference = (int(side * side) * count - sum) * 8 >> extra_bits;
-  int h = clamp((difference * push.part + 32768) >> 16, -CORRELATION_LARGEST, CORRELATION_LARGEST);
+  int h = clamp((difference * push.part + 32768) >> 16, -DETECTION_LARGEST, DETECTION_LARGEST);
   uint row = gl_WorkGroupID.z * push.height + pixel.y, at = row * push.width + pixel.x;
   if (push.is_left == 0u) {
     push.high.at[at] = uint8_t(h & 0xff);
@@ -47,7 +47,8 @@ void main() {
   precise float above = disparity + 0.5f;
   int column = int(pixel.x) - int(floor(above));
   bool counts = disparity != push.invalid && column >= 0 && column < int(push.width);
-  uint pair = 2u * (row * ((push.width + 1u) & ~1u) + pixel.x);
-  push.pairs.at[pair] = uint8_t(counts ? h & 0xff : 0);
-  push.pairs.at[pair + 1u] = counts ? push.high.at[row * push.width + uint(column)] : uint8_t(0);
+  int both = counts ? h + (int(push.high.at[row * push.width + uint(column)]) << 24 >> 24) : 0, v = count >> extra_bits;
+  DetectionNoise n = push.noise;
+  int noise = n.dark + (n.per_count + n.per_count2 * v) * v >> DETECTION_NOISE_BITS;
+  push.energy.at[at] = counts ? uint(both * both) << 16u | uint(clamp(noise, n.least, DETECTION_MOST_NOISE)) : 0u;
 }

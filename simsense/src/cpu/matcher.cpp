@@ -77,9 +77,9 @@ void CpuMatcher::refine() {
   refinement_.apply(parameters_, images_[0], images_[1], width_, height_, unfiltered_.data(), maps_.disparity, workers_);
 }
 
-void CpuMatcher::correlation() {
+void CpuMatcher::detection() {
   keep_disparities();
-  correlation_.apply(parameters_, images_[0], images_[1], width_, height_, unfiltered_.data(), maps_, workers_);
+  detection_.apply(parameters_, images_[0], images_[1], width_, height_, unfiltered_.data(), noise_, maps_, workers_);
 }
 
 /// The other maps tell of the disparity after the median.

@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "cpu/census/census.h"
-#include "cpu/correlation/correlation.h"
+#include "cpu/detection/detection.h"
 #include "cpu/refine/refine.h"
 #include "cpu/sgm/penalty_maps.h"
 #include "cpu/sgm/sgm.h"
@@ -35,10 +35,10 @@ class CpuMatcher final : public Matcher, public MatchStages {
   /// The median, and what follows from it for the other maps.
   void checks() override;
   void refine() override;
-  void correlation() override;
+  void detection() override;
   [[nodiscard]] bool stores_costs() const override { return false; }
   [[nodiscard]] bool refines() const override { return parameters_.refines(); }
-  [[nodiscard]] bool correlates() const override { return parameters_.correlates(); }
+  [[nodiscard]] bool detects() const override { return parameters_.detects(); }
 
  private:
   void transform(size_t side);
@@ -53,9 +53,9 @@ class CpuMatcher final : public Matcher, public MatchStages {
   cpu::CensusPlanes census_[2];
   cpu::PenaltyMaps penalties_;
   std::unique_ptr<cpu::Aggregation> aggregation_;
-  cpu::Buffer<float> unfiltered_;  // then what is refined or checked by correlation
+  cpu::Buffer<float> unfiltered_;  // then what is refined or held against noise
   cpu::Refinement refinement_;
-  cpu::CorrelationCheck correlation_;
+  cpu::DetectionCheck detection_;
   HostClock clock_;
   ConstImage images_[2];
   MatchMaps maps_ = nullptr;

@@ -105,6 +105,7 @@ MatchStages& CpuStages::matcher() {
     matcher_region_ = s.used;
   }
   matcher_->set_progress(call_->progress);
+  matcher_->set_noise(s.noise);
   open_maps();
   const auto part = [&](ConstImage image) {
     const ptrdiff_t first = static_cast<ptrdiff_t>(s.used.y0) * image.row_stride + static_cast<ptrdiff_t>(s.used.x0);

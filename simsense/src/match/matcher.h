@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The matcher: a rectified pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
-// uniqueness, subpixel, left-right check, median, refinement, correlation). One interface, several back ends that give the same bits: the
+// uniqueness, subpixel, left-right check, median, refinement, detection). One interface, several back ends that give the same bits: the
 // scalar reference, the CPU (SIMD), Vulkan compute. Thread rule: externally synchronised.
 #pragma once
 
@@ -13,6 +13,7 @@
 #include "ks/log.h"
 #include "match/choices.h"
 #include "parameters/match_fields.h"
+#include "shared/detection_push.h"
 
 namespace ks {
 class ThreadPool;
@@ -38,9 +39,9 @@ struct MatchParameters : MatchFields {
   }
   [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
   [[nodiscard]] bool refines() const { return subpixel == Subpixel::lucas_kanade; }
-  [[nodiscard]] bool correlates() const { return min_correlation > 0; }
+  [[nodiscard]] bool detects() const { return min_detection_sigma > 0; }
   /// The side of the window; a client of an earlier header states none.
-  [[nodiscard]] uint32_t correlation_side() const { return correlation_window == 0 ? 31 : correlation_window; }
+  [[nodiscard]] uint32_t detection_side() const { return detection_window == 0 ? 31 : detection_window; }
   /// The disparity of an invalid pixel: below every valid one.
   [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
 };
@@ -77,11 +78,11 @@ class MatchStages {
   virtual void checks() = 0;
   /// Only where refines().
   virtual void refine() = 0;
-  /// Only where correlates().
-  virtual void correlation() = 0;
+  /// Only where detects().
+  virtual void detection() = 0;
   [[nodiscard]] virtual bool stores_costs() const = 0;
   [[nodiscard]] virtual bool refines() const = 0;
-  [[nodiscard]] virtual bool correlates() const = 0;
+  [[nodiscard]] virtual bool detects() const = 0;
 };
 
 struct MatchStep {
@@ -89,9 +90,9 @@ struct MatchStep {
   void (MatchStages::*run)();
 };
 inline constexpr MatchStep match_order[] = {
-    {"census", &MatchStages::census},           {"cost", &MatchStages::cost},     {"sgm", &MatchStages::sgm},
-    {"winner", &MatchStages::winner},           {"checks", &MatchStages::checks}, {"refine", &MatchStages::refine},
-    {"correlation", &MatchStages::correlation},
+    {"census", &MatchStages::census},       {"cost", &MatchStages::cost},     {"sgm", &MatchStages::sgm},
+    {"winner", &MatchStages::winner},       {"checks", &MatchStages::checks}, {"refine", &MatchStages::refine},
+    {"detection", &MatchStages::detection},
 };
 
 /// measure(name, run) runs a stage and takes its time.
@@ -100,7 +101,7 @@ void run_match(MatchStages& stages, const Measure& measure) {
   for (const MatchStep& step : match_order) {
     const bool skipped = (step.run == &MatchStages::cost && !stages.stores_costs()) ||
                          (step.run == &MatchStages::refine && !stages.refines()) ||
-                         (step.run == &MatchStages::correlation && !stages.correlates());
+                         (step.run == &MatchStages::detection && !stages.detects());
     if (!skipped) measure(step.name, [&] { (stages.*step.run)(); });
   }
 }
@@ -116,8 +117,11 @@ class Matcher {
   /// progress: called now and then with how far match() is, 0..1, on the caller's thread. Where it throws, match() ends
   /// with what it threw.
   void set_progress(std::function<void(float)> progress) { progress_ = std::move(progress); }
+  /// noise: of the images that follow, for the check that they show more.
+  void set_noise(const DetectionNoise& noise) { noise_ = noise; }
 
  protected:
+  DetectionNoise noise_{0, 0, 0, 1};
   std::function<void(float)> progress_;
 };
 

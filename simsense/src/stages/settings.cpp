@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "match/detection.h"
+
 #include "stages/parameters.h"
 
 namespace simsense {
@@ -10,6 +12,31 @@ namespace {
 
 /// Dilation is the older name of a splat of 2 x 2.
 Splat splat_of(const simsense_parameters& p) { return {.size = std::max(p.splat_size, p.depth_dilation != 0 ? 2u : 1u)}; }
+
+/// Variance of an imager's counts, as if they had 8 bits: dark + per_count v + per_count2 v^2, and no less than `least`.
+struct CountVariance {
+  double dark, per_count, per_count2, least;
+};
+
+CountVariance variance_of(const Imager& imager, const simsense_parameters& p) {
+  const simsense_signal& s = imager.signal();
+  const double unit = 1.0 / (1u << (s.bit_depth - 8)), rounding = unit * unit / 12;
+  if (imager.is_neutral()) return {p.noise_dn2 * unit * unit + rounding, p.noise_dn2_per_dn * unit, 0, rounding};
+  const double dn_per_e = double{s.conversion_gain_dn_per_e} * s.gain, black = black_dn(s);
+  const auto squared = [](double value) { return value * value; };
+  const double shot = dn_per_e * squared(s.shot_noise), uneven = squared(s.prnu);
+  const double electrons = squared(s.read_noise_e) + squared(s.dsnu_e) + squared(s.row_fixed_e) + squared(s.column_fixed_e) +
+                           squared(s.row_noise_e) + squared(s.column_noise_e);
+  const double still = squared(dn_per_e) * electrons + squared(s.adc_noise_dn);  // light or not
+  return {(still - shot * black + uneven * squared(black)) * unit * unit + rounding, (shot - 2 * uneven * black) * unit, uneven,
+          still * unit * unit + rounding};
+}
+
+DetectionNoise noise_of(const Imager (&imagers)[2], const simsense_parameters& p, uint32_t window) {
+  const CountVariance left = variance_of(imagers[0], p), right = variance_of(imagers[1], p);
+  return detection_noise(left.dark + right.dark, left.per_count + right.per_count, left.per_count2 + right.per_count2,
+                         left.least + right.least, detection_mean_side(window));
+}
 
 }  // namespace
 
@@ -36,6 +63,7 @@ StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& 
       edges{p.edge_step_px, p.right_border_px},
       hole_filling(static_cast<HoleFilling>(p.hole_filling)),
       texture{p.min_texture_dn},
+      noise(noise_of(both, p, match.detection_side())),
       reason{p.census_width, p.census_height, p.low_texture_dn, (1u << both[0].signal().bit_depth) - 1},
       depth_range(simsense::depth_range(p)),
       splat(splat_of(p)) {

@@ -39,6 +39,7 @@ struct StageSettings {
   EdgeParameters edges;
   HoleFilling hole_filling;
   TextureParameters texture;
+  DetectionNoise noise;
   ReasonParameters reason;
 
   DepthRange depth_range;

@@ -30,6 +30,7 @@ class VulkanHostMatcher final : public Matcher {
     arrays.left = images_[0]->address();
     arrays.right = images_[1]->address();
     arrays.element_bytes = left.element_bytes;
+    arrays.noise = noise_;
     arrays.disparity = disparity_->address();
     arrays.confidence = maps.confidence ? confidence_->address() : 0;
     arrays.reason = maps.reason ? reason_->address() : 0;

@@ -18,9 +18,8 @@ MatchBuffers::MatchBuffers(const std::shared_ptr<ks::Device>& device, const Matc
   for (uint32_t i = 0; i < plan.sum_volumes; ++i) sums[i] = allocate(plan.sum_volume_bytes());
   right_winner = allocate(plan.pixels() * 4);
   unchecked = allocate(plan.pixels() * 4);
-  if (parameters.refines() || parameters.correlates()) filtered = allocate(plan.pixels() * 4);
-  if (parameters.correlates())
-    high = allocate(plan.pixels()), high_pairs = allocate(2 * (plan.pixels() + uint64_t{plan.height} * plan.pairs_at_once));
+  if (parameters.refines() || parameters.detects()) filtered = allocate(plan.pixels() * 4);
+  if (parameters.detects()) high = allocate(plan.pixels()), energy = allocate(plan.pixels() * 4);
   if (!parameters.refines()) return;
   const uint64_t cell_count = uint64_t{groups_of(plan.width, REFINE_CELL)} * groups_of(plan.height, REFINE_CELL) * plan.pairs_at_once;
   cells = allocate(cell_count * 2 * sizeof(float));

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "device/buffer.h"
-#include "shared/match_push.h"
+#include "shared/detection_push.h"
 #include "vulkan/plan.h"
 
 namespace simsense {
@@ -17,6 +17,7 @@ struct MatchArrays {
   uint32_t image_pitch = 0, image_stride = 0;  // pixels from row to row, from image to image; 0 = packed
   uint64_t disparity = 0;                      // 32-bit float, packed
   uint64_t confidence = 0, reason = 0;         // 32-bit float, MatchReason; 0 = not wanted
+  DetectionNoise noise{0, 0, 0, 1};            // of the images
 
   [[nodiscard]] uint32_t pitch(const MatchPlan& plan) const { return image_pitch ? image_pitch : plan.width; }
   [[nodiscard]] uint32_t stride(const MatchPlan& plan) const { return image_stride ? image_stride : plan.width * plan.height; }
@@ -24,11 +25,11 @@ struct MatchArrays {
   [[nodiscard]] uint32_t maps() const { return (confidence ? MAPS_CONFIDENCE : 0u) | (reason ? MAPS_REASON : 0u); }
 };
 
-/// The matcher's own, as in match_push.h, refine_push.h and correlation_push.h; gray, cost, filtered, cells and both of high only where
-/// they are needed.
+/// The matcher's own, as in match_push.h, refine_push.h and detection_push.h; gray, cost, filtered, cells, high and energy only where they
+/// are needed.
 struct MatchBuffers {
   MatchBuffers(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
-  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked, filtered, cells, high, high_pairs;
+  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked, filtered, cells, high, energy;
   uint64_t memory_bytes = 0;
 
   /// Address of the disparities after the median.

@@ -33,7 +33,7 @@ VulkanMatcher::VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width,
       own_commands_(device_) {
   if (plan_.stored_costs) cost_.emplace(device_, plan_, parameters_);
   if (parameters_.refines()) refinement_.emplace(device_, plan_, parameters_);
-  if (parameters_.correlates()) correlation_.emplace(device_, plan_, parameters_);
+  if (parameters_.detects()) detection_.emplace(device_, plan_, parameters_);
 }
 
 void VulkanMatcher::begin(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs) {
@@ -48,7 +48,7 @@ void VulkanMatcher::sgm() { sgm_.record(*commands_, buffers_, pairs_); }
 void VulkanMatcher::winner() { winner_.record(*commands_, buffers_, arrays_, pairs_); }
 void VulkanMatcher::checks() { median_.record(*commands_, buffers_, arrays_, pairs_); }
 void VulkanMatcher::refine() { refinement_->record(*commands_, buffers_, arrays_, pairs_); }
-void VulkanMatcher::correlation() { correlation_->record(*commands_, buffers_, arrays_, pairs_); }
+void VulkanMatcher::detection() { detection_->record(*commands_, buffers_, arrays_, pairs_); }
 
 void VulkanMatcher::record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs) {
   begin(commands, arrays, pairs);

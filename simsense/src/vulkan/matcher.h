@@ -13,8 +13,8 @@
 #include "match/matcher.h"
 #include "vulkan/census/census.h"
 #include "vulkan/checks/median.h"
-#include "vulkan/correlation/correlation.h"
 #include "vulkan/cost/block_cost.h"
+#include "vulkan/detection/detection.h"
 #include "vulkan/match_arrays.h"
 #include "vulkan/refine/refine.h"
 #include "vulkan/sgm/sgm.h"
@@ -47,10 +47,10 @@ class VulkanMatcher final : public MatchStages {
   void winner() override;
   void checks() override;
   void refine() override;
-  void correlation() override;
+  void detection() override;
   [[nodiscard]] bool stores_costs() const override { return plan_.stored_costs; }
   [[nodiscard]] bool refines() const override { return parameters_.refines(); }
-  [[nodiscard]] bool correlates() const override { return parameters_.correlates(); }
+  [[nodiscard]] bool detects() const override { return parameters_.detects(); }
 
   /// Milliseconds of each stage of the last call, on the device.
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const;
@@ -70,7 +70,7 @@ class VulkanMatcher final : public MatchStages {
   VulkanWinner winner_;
   VulkanMedian median_;
   std::optional<VulkanRefinement> refinement_;
-  std::optional<VulkanCorrelation> correlation_;
+  std::optional<VulkanDetection> detection_;
   ks::Commands own_commands_;  // of match()
   ks::Commands* commands_ = nullptr;
   MatchArrays arrays_;

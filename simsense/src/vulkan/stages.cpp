@@ -128,6 +128,7 @@ ImageRef VulkanStages::rectify_side(uint32_t side) {
 MatchStages& VulkanStages::matcher() {
   maps_ = match_maps_->open(call_->frame, call_->pairs);
   arrays_ = match_maps_->match_arrays(images_, maps_);
+  arrays_.noise = call_->settings.noise;
   matcher_->begin(call_->commands, arrays_, call_->pairs.count);
   return *matcher_;
 }

@@ -107,7 +107,7 @@ TEST_P(matcher_law, vignetting_does_not_pull_refined_disparities) {
   EXPECT_LT(worst_pull(GetParam(), simsense::Subpixel::lucas_kanade, 1.0, 0.7, 8, 120), 0.04);
 }
 
-TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {
+TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity) {
   StereoPair pair = random_dots(200, 120, 11, 1, 3);
   std::mt19937 random(9);
   const auto is_thing = [](uint32_t x, uint32_t y) { return x >= 60 && x < 120 && y >= 40 && y < 80; };
@@ -115,12 +115,14 @@ TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {
     for (uint32_t x = 0; x < pair.width; ++x)
       for (auto* image : {&pair.left, &pair.right})
         if (!is_thing(image == &pair.left ? x : x + 11, y)) (*image)[y * pair.width + x] = static_cast<uint8_t>(40 + random() % 3);
+  pair.noise = simsense::detection_noise(4.0 / 3, 0, 0, 0, simsense::detection_mean_side(15));  // of three equally likely counts, twice
   // (share of the thing, share of what lies so far from it) with a disparity
   const auto shares = [&](float least, uint32_t far) {
     MatchParameters p;
     p.max_disparity = 32;
     p.block_width = p.block_height = 5;
-    p.min_correlation = least;
+    p.min_detection_sigma = least;
+    p.detection_window = 15;
     p.uniqueness_ratio = 5;
     const auto found = match_with(GetParam(), pair, p);
     double thing = 0, nothing = 0, pixels = 0;
@@ -134,8 +136,8 @@ TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {
     return std::pair{thing / (60 * 40), nothing / pixels};
   };
   EXPECT_GT(shares(0, 20).second, 0.2);
-  EXPECT_LT(shares(0.4f, 20).second, 0.01);
-  const auto [thing, beside] = shares(0.4f, 2);
+  EXPECT_LT(shares(3, 20).second, 0.01);
+  const auto [thing, beside] = shares(3, 2);
   EXPECT_GT(thing, 0.95);
   EXPECT_LT(beside, 0.07);  // twice as much where windows widen the thing
 }

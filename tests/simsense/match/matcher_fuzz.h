@@ -20,8 +20,8 @@ inline std::string describe(size_t width, size_t height, const MatchParameters& 
        << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio << " lr "
        << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " plain "
        << (p.census_kind == simsense::CensusKind::plain) << " min " << p.min_disparity << " paths " << p.path_count << " gradient "
-       << p.p2_full_gradient_dn << " contrast " << p.census_contrast_256ths << " noise " << p.census_noise_dn << " correlation "
-       << p.min_correlation << " in " << p.correlation_window;
+       << p.p2_full_gradient_dn << " contrast " << p.census_contrast_256ths << " noise " << p.census_noise_dn << " detection "
+       << p.min_detection_sigma << " in " << p.detection_window;
   return text.str();
 }
 
@@ -83,11 +83,15 @@ class Fuzz {
     if (in(0, 1)) p.p2_full_gradient_dn = in(1, 60);
     if (in(0, 3) == 0) p.subpixel = simsense::Subpixel::equiangular_summed;
     if (in(0, 2) == 0) p.subpixel = simsense::Subpixel::lucas_kanade;
-    if (in(0, 2) == 0) p.min_correlation = 0.01f * static_cast<float>(in(1, 100));
-    p.correlation_window = 2 * in(2, 15) + 1;
+    if (in(0, 2) == 0) p.min_detection_sigma = 0.1f * static_cast<float>(in(1, 300));
+    p.detection_window = 2 * in(2, 15) + 1;
     return p;
   }
-  StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }
+  StereoPair pair() {
+    StereoPair pair = random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30));
+    pair.noise = simsense::detection_noise(in(0, 60), 0.01 * in(0, 20), 0.00001 * in(0, 20), in(0, 1), 9);
+    return pair;
+  }
 
  private:
   std::mt19937 random_;

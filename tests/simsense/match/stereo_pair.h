@@ -8,11 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "match/detection.h"
 #include "match/matcher.h"
 
 struct StereoPair {
   uint32_t width, height;
   std::vector<uint8_t> left, right;
+  simsense::DetectionNoise noise{0, 0, 0, 1};
 };
 
 /// A random texture; the left image shows it `shift` pixels further right than the right image does. Noise: uniform, +- `noise` counts.
@@ -22,7 +24,7 @@ inline StereoPair random_dots(uint32_t width, uint32_t height, uint32_t shift, u
   const size_t texture_width = width + shift;
   std::vector<int> texture(texture_width * height);
   for (int& value : texture) value = uniform(0, 3) == 0 ? uniform(100, 255) : uniform(0, 60);
-  StereoPair pair{width, height, {}, {}};
+  StereoPair pair{width, height, {}, {}, {0, 0, 0, 1}};
   const auto seen = [&](int value) {
     const int n = static_cast<int>(noise);
     return static_cast<uint8_t>(std::clamp(value + uniform(-n, n), 0, 255));
@@ -39,6 +41,7 @@ inline StereoPair random_dots(uint32_t width, uint32_t height, uint32_t shift, u
 inline std::vector<float> match(simsense::Matcher& matcher, const StereoPair& pair) {
   std::vector<float> disparity(size_t{pair.width} * pair.height, 12345.0f);
   const ptrdiff_t stride = pair.width;
+  matcher.set_noise(pair.noise);
   matcher.match({pair.left.data(), stride}, {pair.right.data(), stride}, disparity.data());
   return disparity;
 }
@@ -60,6 +63,7 @@ inline Match match_all(simsense::Matcher& matcher, const StereoPair& pair, bool 
   for (auto* image : {&left, &right})
     for (uint16_t& value : *image) value = static_cast<uint16_t>(value * 257);
   const auto bytes = [](const std::vector<uint16_t>& image) { return reinterpret_cast<const uint8_t*>(image.data()); };
+  matcher.set_noise(pair.noise);
   if (wide) {
     matcher.match({bytes(left), stride, 2}, {bytes(right), stride, 2}, out);
   } else {

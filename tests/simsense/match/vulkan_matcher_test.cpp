@@ -66,6 +66,8 @@ class VulkanFuzz : public Fuzz {
     p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
     p.median_size = one_of({1u, 3u, 5u, 7u});
     p.subpixel = static_cast<simsense::Subpixel>(in(0, 3));
+    if (in(0, 1)) p.min_detection_sigma = 0.1f * static_cast<float>(in(1, 300));
+    p.detection_window = 2 * in(2, 15) + 1;
     p.census_contrast_256ths = one_of({0u, 1u, 26u, 255u});
     return p;
   }

@@ -6,8 +6,8 @@
 
 #include "simsense/reference/census.h"
 #include "simsense/reference/checks.h"
-#include "simsense/reference/correlation.h"
 #include "simsense/reference/cost.h"
+#include "simsense/reference/detection.h"
 #include "simsense/reference/refine.h"
 #include "simsense/reference/sgm.h"
 #include "simsense/reference/winner.h"
@@ -44,8 +44,8 @@ class ReferenceMatcher final : public Matcher {
       result.data[i] = valid ? result.data[i] + static_cast<float>(p.min_disparity) : p.invalid_disparity();
     }
     if (p.refines()) result = refine(left, right, result, p);
-    if (p.correlates()) {
-      const auto stays = correlates(left, right, result, p);
+    if (p.detects()) {
+      const auto stays = detects(left, right, result, p, noise_);
       for (size_t i = 0; i < result.data.size(); ++i)
         if (!stays.data[i]) result.data[i] = p.invalid_disparity(), reason.data[i] = MatchReason::low_texture;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The check that both images show the same (match/correlation.h), in Vulkan compute.
+// The check that both images show more than noise (match/detection.h), in Vulkan compute.
 #pragma once
 
 #include "device/compute.h"
@@ -7,16 +7,16 @@
 
 namespace simsense {
 
-class VulkanCorrelation {
+class VulkanDetection {
  public:
   /// plan, parameters: outlive this.
-  VulkanCorrelation(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
+  VulkanDetection(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   void record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const;
 
  private:
   const MatchPlan& plan_;
   const MatchParameters& parameters_;
-  ks::ComputePipeline of_bytes_, of_words_, correlation_, bare_;
+  ks::ComputePipeline of_bytes_, of_words_, detection_, bare_;
 };
 
 }  // namespace simsense

@@ -1,34 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/correlation/correlation.h"
+#include "vulkan/detection/detection.h"
 
-#include "match/correlation.h"
-#include "spirv/correlation.h"
-#include "spirv/correlation_bare.h"
+#include "match/detection.h"
+#include "spirv/detection.h"
+#include "spirv/detection_bare.h"
 #include "spirv/high_pass.h"
 #include "vulkan/dispatch.h"
 #include "vulkan/lane_constants.h"
 
 namespace simsense {
 
-VulkanCorrelation::VulkanCorrelation(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
+VulkanDetection::VulkanDetection(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
     : plan_(plan),
       parameters_(p),
       of_bytes_(device, high_pass_spirv, sizeof(HighPassPush), Constants{1u}),
       of_words_(device, high_pass_spirv, sizeof(HighPassPush), Constants{2u}),
-      correlation_(device, correlation_spirv, sizeof(CorrelationPush)),
-      bare_(device, correlation_bare_spirv, sizeof(CorrelationPush)) {}
+      detection_(device, detection_spirv, sizeof(DetectionPush)),
+      bare_(device, detection_bare_spirv, sizeof(DetectionPush)) {}
 
-void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
-  const uint32_t columns = groups_of(plan_.width, CORRELATION_GROUP), rows = groups_of(plan_.height, CORRELATION_GROUP);
+void VulkanDetection::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
+  const uint32_t columns = groups_of(plan_.width, DETECTION_GROUP), rows = groups_of(plan_.height, DETECTION_GROUP);
   HighPassPush high{};
   high.image_pitch = arrays.pitch(plan_);
   high.image_stride = arrays.stride(plan_);
   high.width = plan_.width;
   high.height = plan_.height;
-  high.mean_side = correlation_mean_side(parameters_.correlation_side());
-  high.part = correlation_part(high.mean_side);
+  high.mean_side = detection_mean_side(parameters_.detection_side());
+  high.part = detection_part(high.mean_side);
   high.high = buffers.high->address();
-  high.pairs = buffers.high_pairs->address();
+  high.energy = buffers.energy->address();
+  high.noise = arrays.noise;
   high.found = buffers.refined(arrays);
   high.invalid = parameters_.invalid_disparity();
   for (const bool is_left : {false, true}) {
@@ -39,8 +40,8 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
     high.is_left = is_left ? 1 : 0;
     commands.dispatch(arrays.element_bytes == 1 ? of_bytes_ : of_words_, high, columns, rows, pairs);
   }
-  CorrelationPush push{};
-  push.pairs = buffers.high_pairs->address();
+  DetectionPush push{};
+  push.energy = buffers.energy->address();
   push.found = buffers.refined(arrays);
   push.bare = buffers.right_winner->address();  // which the left-right check has read
   push.disparity = arrays.disparity;
@@ -48,15 +49,13 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
   push.reason = arrays.reason;
   push.width = plan_.width;
   push.height = plan_.height;
-  const uint32_t side = parameters_.correlation_side();
+  const uint32_t side = parameters_.detection_side();
   push.reach = static_cast<int>(side / 2);
-  push.near_reach = static_cast<int>(correlation_near_side(side) / 2);
-  push.bare_reach = correlation_bare_reach(side);
-  push.least = parameters_.min_correlation;
-  push.area = static_cast<float>(side * side);
+  push.bare_reach = detection_bare_reach(side);
+  push.least = parameters_.min_detection_sigma;
   push.invalid = parameters_.invalid_disparity();
   push.maps = arrays.maps();
-  commands.dispatch(correlation_, push, columns, rows, pairs);
+  commands.dispatch(detection_, push, columns, rows, pairs);
   commands.dispatch(bare_, push, columns, rows, pairs);
 }
 

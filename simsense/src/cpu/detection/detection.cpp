@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/correlation/correlation.h"
+#include "cpu/detection/detection.h"
 
 #include <algorithm>
 
 #include "cpu/refine/images.h"
 #include "device/thread_pool.h"
-#include "match/correlation.h"
+#include "match/detection.h"
 
 namespace simsense::cpu {
 namespace {
@@ -34,7 +34,8 @@ class HighPass {
         columns_(width + 2 * reach()),
         sums_(width) {}
 
-  void rows(size_t begin, size_t end, int8_t* high) {
+  /// energy: if wanted, that of noise.
+  void rows(size_t begin, size_t end, int8_t* high, uint16_t* energy, const DetectionNoise& noise) {
     std::fill(columns_.begin(), columns_.end(), 0);
     const auto first = static_cast<ptrdiff_t>(begin), far = static_cast<ptrdiff_t>(reach());
     for (ptrdiff_t v = first - far; v < first + far; ++v) add(v, 1);
@@ -42,10 +43,12 @@ class HighPass {
       add(y + far, 1);
       sum_neighbours(columns_, side_, sums_);
       read(y);
-      const int32_t part = correlation_part(side_);
+      const int32_t part = detection_part(side_);
       const uint32_t extra = refine_extra_bits(image_.element_bytes);
       int8_t* out = high + static_cast<size_t>(y) * width_;
       for (size_t x = 0; x < width_; ++x) out[x] = static_cast<int8_t>(high_pass(row_[x], sums_[x], side_, part, extra));
+      for (size_t x = 0; energy && x < width_; ++x)
+        energy[static_cast<size_t>(y) * width_ + x] = static_cast<uint16_t>(noise_energy(noise, row_[x] >> extra));
       add(y - far, -1);
     }
   }
@@ -75,12 +78,15 @@ class HighPass {
 
 struct Pair {
   const int8_t *left, *right;
+  const uint16_t* noise;
   const float* found;
   size_t width, height;
   float invalid;
 };
 
-/// h of both images at the pixels of the last rows; 0 where there is no match.
+constexpr size_t kinds = 3;  // those of DetectionSums
+
+/// What the pixels of the last rows add to DetectionSums; 0 where there is no match.
 class MatchedRows {
  public:
   MatchedRows(const Pair& pair, size_t count) : pair_(pair), count_(count) {
@@ -89,22 +95,25 @@ class MatchedRows {
 
   void look(size_t y) {
     const size_t width = pair_.width, first = y * width;
-    int16_t *left = row(0, y), *right = row(1, y);
+    int32_t* to[kinds];
+    for (size_t k = 0; k < kinds; ++k) to[k] = row(k, y);
     for (size_t x = 0; x < width; ++x) {
       const float disparity = pair_.found[first + x];
       const int32_t column = matched_column(static_cast<int32_t>(x), disparity);
       const bool counts = disparity != pair_.invalid && column >= 0 && column < static_cast<int32_t>(width);
-      left[x] = counts ? pair_.left[first + x] : int16_t{0};
-      right[x] = counts ? pair_.right[first + static_cast<size_t>(column)] : int16_t{0};
+      const int32_t both = counts ? pair_.left[first + x] + pair_.right[first + static_cast<size_t>(column)] : 0;
+      to[0][x] = both * both;
+      to[1][x] = counts ? pair_.noise[first + x] : 0;
+      to[2][x] = counts ? 1 : 0;
     }
   }
-  int16_t* row(size_t which, size_t y) { return rows_[which].data() + y % count_ * pair_.width; }
+  int32_t* row(size_t kind, size_t y) { return rows_[kind].data() + y % count_ * pair_.width; }
   [[nodiscard]] size_t width() const { return pair_.width; }
 
  private:
   const Pair& pair_;
   size_t count_;
-  std::vector<int16_t> rows_[2];
+  std::vector<int32_t> rows_[kinds];
 };
 
 /// The sums of a window that moves down the image.
@@ -122,22 +131,17 @@ class Window {
     for (; next_ < std::min(end, y + reach + 1); ++next_) accumulate(next_, 1);
     for (size_t k = 0; k < kinds; ++k) sum_neighbours(columns_[k], side_, sums_[k]);
   }
-  [[nodiscard]] CorrelationSums at(size_t x) const { return {sums_[0][x], sums_[1][x], sums_[2][x], sums_[3][x]}; }
+  [[nodiscard]] DetectionSums at(size_t x) const { return {sums_[0][x], sums_[1][x], sums_[2][x]}; }
 
  private:
   void accumulate(size_t y, int32_t sign) {
-    const int16_t *left = rows_.row(0, y), *right = rows_.row(1, y);
-    int32_t* at[kinds];
-    for (size_t k = 0; k < kinds; ++k) at[k] = columns_[k].data() + side_ / 2;
-    for (size_t x = 0; x < rows_.width(); ++x) {
-      at[0][x] += sign * left[x] * right[x];
-      at[1][x] += sign * left[x] * left[x];
-      at[2][x] += sign * right[x] * right[x];
-      at[3][x] += (left[x] | right[x]) != 0 ? sign : 0;
+    for (size_t k = 0; k < kinds; ++k) {
+      const int32_t* from = rows_.row(k, y);
+      int32_t* at = columns_[k].data() + side_ / 2;
+      for (size_t x = 0; x < rows_.width(); ++x) at[x] += sign * from[x];
     }
   }
 
-  static constexpr size_t kinds = 4;  // those of CorrelationSums
   MatchedRows& rows_;
   size_t side_, first_, next_;
   std::vector<int32_t> columns_[kinds], sums_[kinds];  // over the rows of a window, with its reach beyond both ends; over all of it
@@ -149,24 +153,23 @@ void refuse(const MatchMaps& maps, size_t at, float invalid) {
   if (maps.reason) maps.reason[at] = MatchReason::low_texture;
 }
 
-/// bare: [height][width], 1 where the near window fails, not where it has no disparities at all.
+/// bare: [height][width], 1 where the window fails, not where it has no disparities at all.
 void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps, uint8_t* bare) {
-  const uint32_t side = p.correlation_side(), near_side = correlation_near_side(side);
+  const uint32_t side = p.detection_side();
   const size_t reach = side / 2;
   MatchedRows rows(pair, side + 1);  // one leaves the window as another comes
-  Window wide(rows, side, begin), near(rows, near_side, begin);
+  Window window(rows, side, begin);
   size_t next = begin - std::min(begin, reach);
   for (size_t y = begin; y < end; ++y) {
     for (; next < std::min(pair.height, y + reach + 1); ++next) rows.look(next);
-    wide.move_to(y, next);
-    near.move_to(y, next);
+    window.move_to(y, next);
     for (size_t x = 0; x < pair.width; ++x) {
       const size_t at = y * pair.width + x;
       const bool is_found = pair.found[at] != pair.invalid;
-      const CorrelationSums near_sums = near.at(x);
-      const Correlates own = correlates(wide.at(x), near_sums, p.min_correlation, side * side);
-      bare[at] = !own.near && (is_found || near_sums.pixels > 0) ? 1 : 0;
-      if (is_found && (!own.wide || !own.near)) refuse(maps, at, pair.invalid);
+      const DetectionSums sums = window.at(x);
+      const bool fails = !detects(sums, p.min_detection_sigma);
+      bare[at] = fails && (is_found || sums.pixels > 0) ? 1 : 0;
+      if (fails && is_found) refuse(maps, at, pair.invalid);
     }
   }
 }
@@ -226,24 +229,25 @@ void close_band(const Pair& pair, const uint8_t* bare, size_t reach, size_t begi
 
 }  // namespace
 
-void CorrelationCheck::apply(const MatchParameters& p, ConstImage left, ConstImage right, size_t width, size_t height, const float* found,
-                             const MatchMaps& maps, ks::ThreadPool& workers) {
+void DetectionCheck::apply(const MatchParameters& p, ConstImage left, ConstImage right, size_t width, size_t height, const float* found,
+                           const DetectionNoise& noise, const MatchMaps& maps, ks::ThreadPool& workers) {
   constexpr size_t band = 64;
   const size_t bands = (height + band - 1) / band;
-  const uint32_t mean_side = correlation_mean_side(p.correlation_side());
+  const uint32_t mean_side = detection_mean_side(p.detection_side());
   for (auto& high : high_) high.resize(width * height);
+  noise_energy_.resize(width * height);
   workers.parallel_for(2 * bands, [&](size_t i) {
     const size_t side = i % 2, begin = i / 2 * band;
     HighPass(side == 0 ? left : right, side == 0 ? p.left_bits : p.right_bits, width, height, mean_side)
-        .rows(begin, std::min(height, begin + band), high_[side].data());
+        .rows(begin, std::min(height, begin + band), high_[side].data(), side == 0 ? noise_energy_.data() : nullptr, noise);
   });
-  const Pair pair{high_[0].data(), high_[1].data(), found, width, height, p.invalid_disparity()};
+  const Pair pair{high_[0].data(), high_[1].data(), noise_energy_.data(), found, width, height, p.invalid_disparity()};
   const auto in_bands = [&](auto check) {
     workers.parallel_for(bands, [&](size_t i) { check(i * band, std::min(height, (i + 1) * band)); });
   };
   bare_.resize(width * height);
   in_bands([&](size_t begin, size_t end) { check_band(pair, p, begin, end, maps, bare_.data()); });
-  const size_t reach = correlation_bare_reach(p.correlation_side());
+  const size_t reach = detection_bare_reach(p.detection_side());
   in_bands([&](size_t begin, size_t end) { close_band(pair, bare_.data(), reach, begin, end, maps); });
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The check that both images show the same (match/correlation.h), slow and plain.
+// The check that both images show more than noise (match/detection.h), slow and plain.
 #pragma once
 
 #include "match/matcher.h"
@@ -8,6 +8,7 @@
 namespace simsense::reference {
 
 /// Whether each pixel's disparity stays; p.invalid_disparity() = none, of which nothing is asked.
-Grid<uint8_t> correlates(ConstImage left, ConstImage right, const Grid<float>& disparity, const MatchParameters& p);
+Grid<uint8_t> detects(ConstImage left, ConstImage right, const Grid<float>& disparity, const MatchParameters& p,
+                      const DetectionNoise& noise);
 
 }  // namespace simsense::reference

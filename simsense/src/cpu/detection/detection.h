@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The check that both images show the same (match/correlation.h). Thread rule: externally synchronised.
+// The check that both images show more than noise (match/detection.h). Thread rule: externally synchronised.
 #pragma once
 
 #include <cstddef>
@@ -14,16 +14,17 @@ class ThreadPool;
 
 namespace simsense::cpu {
 
-class CorrelationCheck {
+class DetectionCheck {
  public:
   /// found: disparities [height][width], which maps.disparity has, too, and loses (with reason low_texture, confidence 0) where they are
   /// refused. The result does not depend on the number of workers.
   void apply(const MatchParameters& parameters, ConstImage left, ConstImage right, size_t width, size_t height, const float* found,
-             const MatchMaps& maps, ks::ThreadPool& workers);
+             const DetectionNoise& noise, const MatchMaps& maps, ks::ThreadPool& workers);
 
  private:
-  std::vector<int8_t> high_[2];  // [height][width]
-  std::vector<uint8_t> bare_;    // the same: 1 where the near window fails
+  std::vector<int8_t> high_[2];         // [height][width]
+  std::vector<uint16_t> noise_energy_;  // the same, of the left image
+  std::vector<uint8_t> bare_;           // the same: 1 where the window fails
 };
 
 }  // namespace simsense::cpu

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Third pass of the check by correlation (match/correlation.h): disparities go near 3 x 3 px whose near windows fail.
+// Third pass of the check for more than noise (match/detection.h): disparities go near 3 x 3 px whose windows fail.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "shared/correlation_push.h"
+#include "shared/detection_push.h"
 
-layout(local_size_x = CORRELATION_GROUP, local_size_y = CORRELATION_GROUP) in;
-layout(push_constant, scalar) uniform Push { CorrelationPush push; };
+layout(local_size_x = DETECTION_GROUP, local_size_y = DETECTION_GROUP) in;
+layout(push_constant, scalar) uniform Push { DetectionPush push; };
 
-// The tile's own columns are bits 16 to 31 of 64, as the three words of a row have them.
-const uint group = uint(CORRELATION_GROUP), most_rows = group + 2u * uint(CORRELATION_BARE);
+// The tile's own columns are bits 24 to 39 of 64, which five words of a row reach into.
+const uint group = uint(DETECTION_GROUP), most_rows = group + 2u * uint(DETECTION_BARE);
 shared uvec2 bare[most_rows + 2u];  // three pixels next to one another are
 shared uint blocks[most_rows];      // which columns have 3 x 3 bare pixels in the row within reach
 
@@ -24,14 +24,16 @@ void main() {
   uint reach = push.bare_reach, rows = group + 2u * reach, row = gl_LocalInvocationIndex;
   if (row < rows + 2u) {
     int y = int(gl_WorkGroupID.y * group + row) - int(reach) - 1, column = int(gl_WorkGroupID.x);
-    uvec2 bits = uvec2(word_at(y, column - 1) | word_at(y, column) << 16u, word_at(y, column + 1));
+    uint own = word_at(y, column);
+    uvec2 bits = uvec2(word_at(y, column - 2) >> 8u | word_at(y, column - 1) << 8u | own << 24u,
+                       own >> 8u | word_at(y, column + 1) << 8u | word_at(y, column + 2) << 24u);
     bare[row] = bits & left_by(bits, 1u) & right_by(bits, 1u);
   }
   barrier();
   if (row < rows) {
     uvec2 all = bare[row] & bare[row + 1u] & bare[row + 2u], near = all;
     for (uint k = 1u; k <= reach; ++k) near |= left_by(all, k) | right_by(all, k);
-    blocks[row] = near.x >> 16u;
+    blocks[row] = near.x >> 24u | near.y << 8u;
   }
   barrier();
   uint found = 0u;

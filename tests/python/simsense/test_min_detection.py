@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""min_correlation, as the presets have it: what noise could match as well is refused, and a pattern of real strength
+"""min_detection_sigma, as the presets have it: what shows no more than noise is refused, and a pattern of real strength
 keeps its pixels."""
 
 import numpy as np
@@ -57,13 +57,13 @@ def test_an_empty_background_beside_a_thing_gets_no_depth(model, light_dn):
 def test_without_the_check_the_background_gets_the_things_depth():
     light = np.zeros((_HEIGHT, _WIDTH))
     light[:, 180:230] = _dots(6.0, 0.0)[:, 180:230]
-    assert _fill("D435", light, np.s_[:, :140], min_correlation=0) > 0.5
+    assert _fill("D435", light, np.s_[:, :140], min_detection_sigma=0) > 0.5
 
 
 @pytest.mark.parametrize("room_dn", [45.0, 0.0])
 @pytest.mark.parametrize("model", ["D415", "D435"])
 def test_dots_of_a_recordings_strength_keep_their_pixels(model, room_dn):
     light_dn = _dots(1.9, room_dn)  # of the D415 at 2 m
-    without = _fill(model, light_dn, min_correlation=0)
+    without = _fill(model, light_dn, min_detection_sigma=0)
     assert without > 0.5
     assert _fill(model, light_dn) > without - 0.005
