@@ -121,7 +121,7 @@ class StereoSGM:
                 f"disparity must be an int16 array to fill, or None, not {getattr(disparity, 'dtype', disparity)!s}"
             )
         height, width = left.shape
-        parameters = self._parameters() | {"bit_depth": 8 * left.itemsize}
+        parameters: dict[str, Any] = self._parameters() | {"bit_depth": 8 * left.itemsize}
         if self._engine is None or self._size != (width, height):
             # Any camera will do: depth is not computed.
             camera, left_to_right = Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]]), np.eye(4)

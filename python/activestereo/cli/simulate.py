@@ -150,6 +150,7 @@ def run(args: argparse.Namespace) -> None:
         raise CommandError(f"{args.scene}: there is no such file")
     view = _view_of_capture(args) if args.scene.is_dir() else None
     from activestereo.cli.scene_report import warn_of_materials
+    from activestereo.common.accuracy import accuracy_by_material
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.sensor.sensor import StereoDepthSensor
 
@@ -163,7 +164,8 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar(f"rendering on {sensor.device.info.name}") as bar:
         sensor.take_picture(progress=bar)
     sensor.compute_depth()
-    rows = _accuracy(sensor)
+    depth, truth, ids = sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids()
+    rows = accuracy_by_material(depth, truth, ids, sensor.scene.material_name, config.max_depth_m)
     _write(args, sensor, rows)
     _report(args, sensor, rows, added)
 
@@ -311,15 +313,6 @@ def _sensor_pose(
     if count:
         return body_pose(scene.camera(args.camera or 0).camera_to_world)
     return body_pose(overall_view(scene.summary, config.min_depth_m))
-
-
-def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
-    from activestereo.common.accuracy import accuracy_by_material
-
-    name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth_m
-    return accuracy_by_material(
-        sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids(), name_of, max_depth
-    )
 
 
 def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:

@@ -119,15 +119,12 @@ def _notes(result: Mapping[str, Any]) -> list[str]:
     if result.get("reason") and verdict != "undetermined":
         notes.append(result["reason"])
     notes += rival_words(result) if verdict in ("effect", "undetermined") else []
-    if verdict != "none" or not engine.get("added"):
-        notes += [f"depth engine: {_engine_words(engine)}."] if engine else []
+    if engine and (verdict != "none" or not engine.get("added")):
+        said = f"it has {', '.join(engine['added'])}" if engine.get("added") else "nothing is missing"
+        if engine["verdict"] == "undetermined":
+            said = f"not judged, for {engine['reason']}" if engine["reason"] else "not judged"
+        notes.append(f"depth engine: {said}.")
     return [*notes, *geometry_words(result), *(advice[1:] if verdict != "effect" else advice)]
-
-
-def _engine_words(engine: Mapping[str, Any]) -> str:
-    if engine["verdict"] == "undetermined":
-        return f"not judged, for {engine['reason']}" if engine["reason"] else "not judged"
-    return f"it has {', '.join(engine['added'])}" if engine["added"] else "nothing is missing"
 
 
 def _table(result: Mapping[str, Any]) -> list[str]:
@@ -141,19 +138,16 @@ def _table(result: Mapping[str, Any]) -> list[str]:
     ]
     lines = [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}"] if told else []
     for place, entry in told:
-        values, part = _values(entry), entry["explained_share"]
+        part = entry["explained_share"]
         share = "-" if part is None else f"{100 * part:.0f} %"
         lines.append(f"{place:>2}  {entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}")
-        lines += [line for words in (values, *_row_notes(result, entry)) for line in wrapped(words, " " * 4)]
+        words, others = [_values(entry)], alike(result, entry)
+        words += [f"cannot be told from {', '.join(others)}"] if others else []
+        words += [f"yours: {own[entry['effect']]}"] if entry["effect"] in own else []
+        lines += [line for said in words for line in wrapped(said, " " * 4)]
     placed = {entry["effect"] for entry in ranking}
     lines += [NATS_WORDS, EXPLAINS_WORDS, FLOOR_WORDS] if told else []
     return lines + [f" -  {name:26}yours: {why}" for name, why in own.items() if name not in placed]
-
-
-def _row_notes(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
-    others, own = alike(result, entry), result.get("own", {})
-    notes = [f"cannot be told from {', '.join(others)}"] if others else []
-    return notes + ([f"yours: {own[entry['effect']]}"] if entry["effect"] in own else [])
 
 
 def _values(entry: Mapping[str, Any]) -> str:

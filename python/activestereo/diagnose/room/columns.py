@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
-from activestereo.calibrate.world.views import Image, normals_of, points_of
+from activestereo.calibrate.world.views import Image, normals_of, pixel_grid, points_of
 from activestereo.diagnose.room.bands import BANDS, Looks
 from activestereo.diagnose.room.light import RoomLight
 from activestereo.effects import Effect, Light, Stage, View
@@ -39,6 +39,7 @@ _TONE = "response_gamma"
 _LADDER = np.geomspace(0.02, 1.0, 9)
 
 Change = Callable[[int, Image], Image | None]
+Flow = Callable[[int], tuple[Image, Image]]
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class Column:
     """The change of a room's images by one effect or by one error of the calibration. change(image's number, light
     above black): the change in DN at coefficient 1, or None for no change. sd: deviation of the coefficient's prior.
     effect, parameter, step: of the library, and the parameter's change at coefficient 1; None for a nuisance. bands:
-    those in which it counts."""
+    those in which it counts. flow(image's number): the pixels by which light moves along x and y at coefficient 1; None
+    if the column moves nothing."""
 
     name: str
     change: Change
@@ -55,6 +57,7 @@ class Column:
     parameter: Parameter | None = None
     step: float = 1.0
     bands: tuple[str, ...] = BANDS
+    flow: Flow | None = None
 
 
 def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: float) -> list[Column]:
@@ -138,17 +141,31 @@ def _flow(
     side: str | None = None,
 ) -> Column:  # fmt: skip
     """Returns a column of light that moves by scale * of(k) pixels along x and y. view, side: None = all."""
+    nowhere = np.zeros(room.shape, np.float32)
 
-    def change(k: int, image: Image) -> Image | None:
+    def flow(k: int) -> tuple[Image, Image]:
         seen = room.images[k]
         of_all = range(room.judged) if view is None else (view,)  # a good session has its own common errors
         if seen.view not in of_all or side not in (None, seen.side):
-            return None
-        down, across = np.gradient(image)
+            return nowhere, nowhere
         dx, dy = of(k)
-        return np.asarray(-np.float32(scale) * (dx * across + dy * down), np.float32)
+        return np.asarray(np.float32(scale) * dx), np.asarray(np.float32(scale) * dy)
 
-    return Column(name, change, sd, bands=_MOVED)
+    return Column(name, _moving(flow), sd, bands=_MOVED, flow=flow)
+
+
+def _moving(flow: Flow) -> Change:
+    def change(k: int, image: Image) -> Image | None:
+        dx, dy = flow(k)
+        return moved_by(image, dx, dy) if dx.any() or dy.any() else None
+
+    return change
+
+
+def moved_by(image: Image, dx: Image, dy: Image) -> Image:
+    """Returns the change of an image whose light moves by (dx, dy) pixels, to first order."""
+    down, across = np.gradient(image)
+    return np.asarray(-(dx * across + dy * down), np.float32)
 
 
 def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[Column]:
@@ -166,9 +183,10 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
             image = light.room[0]
             if p is not lead and not np.any(acting(effect, {p.name: p.typical_value}, image, views[0], 0.0) != image):
                 continue  # it needs another value of the effect's first parameter
-            change = _difference(effect, p, value, share, views, light.black_dn)
+            flow = _flow_of(effect, p, value, share, views) if share < 1.0 else None
+            change = _moving(flow) if flow is not None else _difference(effect, p, value, views, light.black_dn)
             bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
-            out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands))
+            out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands, flow))
             if effect.id == _TONE:
                 bend = _bend(change, light, room.rig.max_dn)
                 out.append(Column(f"{effect.id}.bend", bend, _REACH, effect, p, value / share, bands))
@@ -210,17 +228,28 @@ def _in_camera(effect: Effect) -> bool:
     return own and effect.channel is Channel.EXPECTED_IMAGE
 
 
-def _difference(effect: Effect, p: Parameter, value: float, share: float, views: list[View], black_dn: float) -> Change:
+def _difference(effect: Effect, p: Parameter, value: float, views: list[View], black_dn: float) -> Change:
     def change(k: int, image: Image) -> Image | None:
-        moved = acting(effect, {p.name: value}, image, views[k], black_dn)
-        if not np.any(moved != image):
-            return None
-        if share == 1.0 or p.low == p.neutral:
-            return np.asarray((moved - image) / share, np.float32)
-        back = acting(effect, {p.name: -value}, image, views[k], black_dn)
-        return np.asarray(0.5 / share * (moved - back), np.float32)  # cancels the blur of resampling, even in the step
+        acted_on = acting(effect, {p.name: value}, image, views[k], black_dn)
+        return np.asarray(acted_on - image, np.float32) if np.any(acted_on != image) else None
 
     return change
+
+
+def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: list[View]) -> Flow:
+    """Returns the Flow of a warp: what it makes of images that hold each pixel's own column and row."""
+    known: dict[int, tuple[Image, Image]] = {}
+
+    def flow(k: int) -> tuple[Image, Image]:
+        if k not in known:
+            dx, dy = (
+                np.asarray((ramp - acting(effect, {p.name: value}, ramp, views[k], 0.0)) / share, np.float32)
+                for ramp in pixel_grid(views[k].depth_m.shape)
+            )
+            known[k] = dx, dy
+        return known[k]
+
+    return flow
 
 
 def acting(effect: Effect, values: dict[str, float], image: Image, view: View, black_dn: float) -> Image:

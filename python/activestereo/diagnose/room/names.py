@@ -148,7 +148,8 @@ def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Seq
     if room.judged == room.views:
         return own
     lasting = [c for c in own if c.effect is not None and c.effect.id not in ("black_level", "flicker_banding")]
-    return own + [Column(f"unit's {c.name}", c.change, OF_A_UNIT[_key(c)] / c.step, bands=c.bands) for c in lasting]
+    return own + [Column(f"unit's {c.name}", c.change, OF_A_UNIT[_key(c)] / c.step, bands=c.bands, flow=c.flow)
+                  for c in lasting]  # fmt: skip
 
 
 def _looked_at(columns: Sequence[Column]) -> list[int]:

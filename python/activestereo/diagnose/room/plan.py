@@ -5,7 +5,7 @@ they would bring, and commands for effects that no view of a room shows."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
 from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, beside_columns, known_of, with_take
 from activestereo.diagnose.room.sessions import OF_A_UNIT, SAME_PLACE
-from activestereo.effects import Effect, Stage
 
 Sizes = Mapping[str, float]
 
@@ -34,21 +33,22 @@ _VIEWS = (
     ("one more view, turned by 15 degrees, exposure fixed", Take(turn_deg=(0.0, 15.0, 0.0))),
     ("one more view, rolled by 90 degrees where the first one was taken", Take(turn_deg=(0.0, 0.0, 90.0))),
 )
-_COVERED = "cover both lenses and record twenty frames: activestereo calibrate noise --dark"
-_COVERED_DN = 0.05
 _MUCH_LESS = 0.75
 _NEEDS_NO_MORE = ("vignetting", "row_noise")  # any two views show them
 _REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
 
-# Effects that views of one room never show, and the commands that measure them.
-_BY_DRIFT = ("thermal_drift", "laser_power_drift", "chromatic_drift", "pattern_scale_drift", "baseline_drift")
-_COMMANDS = (
-    ("ten minutes of a still scene from switching on: activestereo calibrate drift", 10.0),
-    ("twenty frames of a still scene at two exposures: activestereo calibrate noise", 2.0),
-    ("a flat wall at two distances, twenty frames each: activestereo calibrate pattern", 3.0),
-    ("fifteen pairs of a board, projector off: activestereo calibrate rig", 3.0),
-    ("a scene of known shape: activestereo diagnose renders it", 10.0),
-)
+# Commands for effects that views of a room leave open, with minutes and the effects whose values they measure. The last
+# one is for all others.
+_COMMANDS: tuple[tuple[str, float, tuple[str, ...]], ...] = (
+    ("ten minutes of a still scene from switching on: activestereo calibrate drift", 10.0,
+     ("thermal_drift", "laser_power_drift", "chromatic_drift", "pattern_scale_drift", "baseline_drift")),
+    ("twenty frames of a still scene: activestereo calibrate noise", 2.0, ("shot_noise", "read_noise")),
+    ("a flat wall at two distances, twenty frames each: activestereo calibrate pattern", 3.0,
+     ("dot_gain_spread", "dim_dots", "projector_vignetting")),
+    ("fifteen pairs of a board, projector off: activestereo calibrate rig", 3.0,
+     ("principal_point_offset", "radial_distortion", "tangential_distortion", "stereo_pitch", "stereo_roll")),
+    ("a scene of known shape, twenty frames of each view: activestereo diagnose renders it", 10.0, ()),
+)  # fmt: skip
 
 
 def plan_of(seen: Seen) -> list[Recording]:
@@ -60,13 +60,6 @@ def plan_of(seen: Seen) -> list[Recording]:
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, known_of(r, OF_A_UNIT))) for text, take in _VIEWS
               for r in [with_take(seen, take)]]  # fmt: skip
-    black = np.diag([
-        (c.step / _COVERED_DN) ** 2 if c.name.startswith("black") else 0.0 for c in seen.scores.columns
-    ])  # fmt: skip
-    covered = replace(
-        seen.scores, information=seen.scores.information + black, covariance=seen.scores.covariance + black
-    )
-    offers.append((_COVERED, 1.0, _tells(seen, covered, known_of(covered, OF_A_UNIT))))
     good = with_take(seen, Take(is_good=True))
     offers.append((_REFERENCE, 2.0, _tells(seen, good, known_of(good, SAME_PLACE))))
     plan, enough = [], set(now)
@@ -77,10 +70,12 @@ def plan_of(seen: Seen) -> list[Recording]:
         plan.append(Recording(text, minutes, {e: tells[e] for e in tells if e in more | (usual - now)}))
         enough |= usual
     plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
-    beside: list[dict[str, None]] = [{} for _ in _COMMANDS]
-    for e in (e for e in seen.asked if e.id not in enough):
-        beside[_command(e)][e.id] = None
-    commands = [Recording(text, minutes, own) for (text, minutes), own in zip(_COMMANDS, beside, strict=True) if own]
+    left = {e.id for e in seen.asked} - enough
+    commands: list[Recording] = []
+    for text, minutes, measured in _COMMANDS:
+        if own := sorted(left.intersection(measured) if measured else left):
+            commands.append(Recording(text, minutes, dict.fromkeys(own)))
+            left.difference_update(own)
     return [Recording(_THIS, 0.0, this), *plan, *commands]
 
 
@@ -109,16 +104,6 @@ def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
     """Returns whether all sizes are at most typical, or the effect needs no other recording."""
     typical = {p.name: p.typical for e in seen.asked if e.id == effect for p in e.parameters}
     return effect in _NEEDS_NO_MORE or all(size <= typical.get(name, np.inf) for name, size in told.items())
-
-
-def _command(effect: Effect) -> int:
-    if effect.id in _BY_DRIFT:
-        return 0
-    if effect.stage in (Stage.CHARGE, Stage.READOUT, Stage.DIGITAL):
-        return 1
-    if effect.stage is Stage.PROJECTOR or effect.family == "speckle":
-        return 2
-    return 3 if effect.family == "camera geometry" else 4
 
 
 def plan_text(plan: Sequence[Recording]) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws
@@ -122,7 +123,8 @@ class Search:
         self._rows = self._whole.residuals(self._solution)
         self._noise, self._unjudged = self._name_noise()
         has_steps = any(isinstance(j, CodeSteps) for n in self._names for j in n.effect.judged)
-        self._comb, self._rounded = comb_in(evidence) if has_steps else None, {}
+        self._comb = comb_in(evidence) if has_steps else None
+        self._rounded: dict[ImageKey, NDArray[np.float64]] = {}
         self._less_rounding()
         self._structure = self._structure_before = local_structure(self._rows)
 

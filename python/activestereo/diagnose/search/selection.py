@@ -88,7 +88,7 @@ def _candidate(hits: list[Hit]) -> Candidate:
     best = hits[0]
     evidence = best.log_factor + np.log(np.exp([h.log_factor - best.log_factor for h in hits]).sum() / len(hits))
     if best.atom.effect.starts is not None:  # each of its points is a narrow peak of its own
-        return Candidate(best, float(evidence), tuple(h.values() for h in hits if h.gain > 0.0))
+        return Candidate(best, float(evidence), tuple((h.atom, h.values()) for h in hits if h.gain > 0.0))
     points = sorted((h for h in hits if h.gain > _NEAR * best.gain and h.at_point > 0.0), key=lambda h: -h.at_point)
     starts = [(h.atom, h.values()) for h in hits[:_LINES] if h.gain > 0.0]
     starts += [(h.atom, h.point()) for h in points[:_POINTS]]

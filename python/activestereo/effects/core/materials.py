@@ -56,6 +56,7 @@ def reflected(light: Light, view: View, material: kuafu.Material, unrendered: di
 def _glossy(light: Light, view: View, material: kuafu.Material) -> Light:
     """Returns the light with a highlight of the projector's dots and a sheen of the surroundings."""
     shading, share = Shading.of(light, view), material.specular
+    assert material.ir_roughness is not None and material.ir_ior is not None  # the effect has set them
     layer = material.ir_roughness, material.ir_ior
     lit = light.flat > 0
     cosines = np.maximum(shading.camera_cosine, 1e-3), np.maximum(shading.projector_cosine, 1e-3)
@@ -75,6 +76,7 @@ def _scattered_below(light: Light, view: View, material: kuafu.Material, core: f
     """Returns the light whose dots' irradiance spreads below the surface; reflectance and shadows stay where they are.
     core: the share of the profile with a bright core."""
     fraction = material.subsurface
+    assert material.ir_subsurface_radius_m is not None and material.ir_subsurface_color is not None
     length_m = material.ir_subsurface_radius_m / paths_per_length(material.ir_subsurface_color)
     spread, share = (
         core * peaked + (1.0 - core) * smooth

@@ -200,6 +200,7 @@ class _Image:
         poses += [(added, world_to_camera @ added.light_to_world) for added in inputs.lights]
         for added, to_camera in poses:
             if added.kind == "projector":
+                assert added.ir_intensity is not None  # the effect has set it
                 shine = Shading.of(light, view).light_of_unit(added.ir_intensity, to_camera)
             else:
                 shine = radiance_under(added, to_camera, light, view)

@@ -49,11 +49,11 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     if len(places) == 0:
         return [{}]
     found = SphereMatch(view, *_COARSE).best(few, places)
-    coarse, fine = PlaneMatch(view, *_COARSE), PlaneMatch(view, *_FINE)
+    coarse, exact = PlaneMatch(view, *_COARSE), PlaneMatch(view, *_FINE)
     poses = [pose for _, pose in _first(found, _ROUGHLY_POLISHED)]
     rough = [coarse.polished(few, pose, 0.02) for pose in poses]
     rough = [pose for _, pose in _first([(coarse.best(seen, pose)[0], pose) for pose in rough], _POLISHED)]
-    starts = [fine.best(seen, fine.polished(seen, coarse.polished(seen, pose, 0.02), 0.01)) for pose in rough]
+    starts = [exact.best(seen, exact.polished(seen, coarse.polished(seen, pose, 0.02), 0.01)) for pose in rough]
     names = "x_m", "y_m", "z_m", "azimuth_rad", "elevation_rad", "roll_rad"
     return [
         {"intensity_m2": strength} | dict(zip(names, map(float, pose), strict=True))

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +80,7 @@ def capture_inputs(
     shutter."""
     rig, summary, own = capture.rig, scene.summary, capture.rig.projector
 
-    def moved(left_to_it: NDArray[np.float64]) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    def moved(left_to_it: NDArray[np.float64]) -> tuple[NDArray[np.float64], dict[str, Any]]:
         """Returns the pose of a part of the rig in the world, and its velocities in its own frame."""
         linear, angular = carried_twist(left_to_it, frame.camera_velocity).reshape(2, 3)
         pose = frame.camera_to_world @ np.linalg.inv(left_to_it)
