@@ -91,7 +91,8 @@ def _changed(rooms: Room, light: RoomLight, column: Column, k: int, bands: Seque
         flow, left = column.flow(k), k - k % 2
         if k != left:
             there, own = rooms.places(left, k), column.flow(left)
-            flow = tuple(np.where(there.seen, there.read(d), o) for d, o in zip(flow, own, strict=True))
+            along, across = (np.where(there.seen, there.read(d), o) for d, o in zip(flow, own, strict=True))
+            flow = along, across
         out["pair"] = light.looks[left].pair(np.float32(_SHOWN) * moved_by(light.both[left], *flow))
     elif "pair" in asked and (both := column.change(k, light.both[k])) is not None:
         out["pair"] = looks.pair(both)
