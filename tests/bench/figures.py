@@ -50,7 +50,10 @@ FIGURES = (
         "others' images to infrared, noise and matched depth, fixed exposure, 4096 environments of 64x64, H200",
         "{gbuffer_gpu.0:4096 of 64x64:0} pairs/s (a traced z-buffer alone {gbuffer_gpu.0:4096 of 64x64:1} frames/s)",
     ),
-    ("the same for 256 environments of 128x128", "{gbuffer_gpu.0:256 of 128x128:0} pairs/s"),
+    (
+        "the same for 256 and 1024 environments of 128x128",
+        "{gbuffer_gpu.0:256 of 128x128:0} and {gbuffer_gpu.0:1024 of 128x128:0} pairs/s",
+    ),
     (
         "a frame of `generate` without a GPU: RGB of 640x480, a D435, 16 samples",
         "{generate.0:one frame:0} processor seconds",
@@ -76,7 +79,7 @@ FIGURES = (
     ("nothing hidden: `none`", "{suite:no effect: said so}"),
     ("a fault of the depth engine named first", "{suite:depth engine's fault first:share}"),
     ("90 % intervals of parameters hold the truth", "{suite:90 % intervals hold the truth}"),
-    ("weak effects, 0.4 of the noise, named", "{suite-81119:weak:named and right}"),
+    ("weak effects, 0.4 of the noise, named", "{suite-86743:weak:named and right}"),
     ("worlds of another renderer: first name right", "{mitsuba:another renderer: first name}"),
     ("twins told apart by the frames that were asked for; by random ones", "{next:asked}; {next:random}"),
     ("effects put into real recordings: named and right", "{rooms:named}"),
