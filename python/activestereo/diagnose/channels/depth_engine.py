@@ -63,7 +63,8 @@ class DepthEvidence:
 
 @dataclass(frozen=True)
 class DepthFinding:
-    """An effect on disparity or depth with its fitted parameters. is_named: whether the device has it."""
+    """An effect on disparity or depth with its fitted parameters and its evidence (own). is_named: whether the device's
+    depth shows it."""
 
     effect: Effect
     parameters: dict[str, Interval]
@@ -98,7 +99,8 @@ def judged_depth(
     workers: int,
     memory: FitCache | None = None,
 ) -> Depth:
-    """Judges effects on disparity and depth by the train frames. rows: the train images under the model."""
+    """Fits effects on disparity and depth to the device's depth on the train frames, and judges which it shows. rows:
+    residuals of the train images under the model. effects: those to judge."""
     pixels = sum(row.observation.pixels for row in rows)
     left = sum(float((row.observation.weight * row.residual**2).sum()) for row in rows) / pixels - 1.0
     known, agree = {e.id for e, _ in model.effects}, left < numbers.structure
@@ -118,7 +120,8 @@ def judged_depth(
 def _fits(
     judge: "_Judge", effects: Sequence[Effect], numbers: Numbers, workers: int, memory: FitCache | None
 ) -> dict[str, "_DepthFit"]:
-    """Fits every effect by forward selection: while an effect of the matcher alone gains most, it is removed first."""
+    """Fits every effect to the device's disparity errors; returns {effect: fit}. While an effect that only depends on
+    the choice of the matcher gains most, it is subtracted first, and the others are fitted again."""
     fits: dict[str, _DepthFit] = {}
     waiting = list(effects)
     while waiting:
@@ -137,9 +140,10 @@ def _fits(
 
 @dataclass(frozen=True)
 class _DepthFit:
-    """The fit of one effect. values: its parameters in order.
+    """The fit of one effect to the device's disparity errors. values: its parameters in the effect's order.
 
-    limits: {parameter: (value, low, high)}. is_filter: whether differences of neighbours showed it.
+    limits: {parameter: (value, low, high)}. is_filter: whether it was fitted as a smoothing filter, by the roughness of
+    the errors.
     """
 
     own: DepthEvidence
@@ -179,7 +183,7 @@ class _DepthFrame:
     focal_baseline: float
 
     def shift(self, effect: Effect, values: np.ndarray, noise_px: float) -> np.ndarray:
-        """Returns the change that an effect makes to disparities that are off the truth by noise_px, px
+        """Returns the change that an effect makes to the true disparities plus a constant noise_px, px
         [height][width]."""
         truth = np.where(self.truth > 0, np.maximum(self.truth + noise_px, 1e-3), 0.0)
         moved = self.applied(effect, values, truth)
@@ -239,7 +243,8 @@ class _Judge:
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
 
     def without(self, effect: Effect, fit: _DepthFit) -> "_Judge":
-        """Returns a judge of the errors that remain without an effect; itself for a filter, which cannot be undone."""
+        """Subtracts a fitted effect from the device's errors; returns a _Judge of the rest. For a filter it returns
+        itself, since smoothing cannot be undone."""
         if fit.is_filter:
             return self
         shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
@@ -270,7 +275,8 @@ class _Judge:
     def _squares(
         self, effect: Effect, values: np.ndarray, frames: Sequence[_DepthFrame] | None = None
     ) -> list[np.ndarray]:
-        """Returns the capped squared errors of each frame's valid pixels, px^2 [height][width]. frames: None = all."""
+        """Returns, for each frame, the squared difference between the device's and our engine's disparity errors less
+        an effect's shift, px^2 [height][width], capped. Invalid pixels are 0. frames: None = all."""
         out = []
         for frame in self._frames if frames is None else frames:
             rest = frame.device - 0.5 * (frame.engine[0] + frame.engine[1]) - self._shift(effect, values, frame)
@@ -367,8 +373,8 @@ def _leading(effect: Effect, value: float) -> np.ndarray:
 
 
 def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) -> float:
-    """Returns the part of a gain of log-likelihood that errors of the poses may explain. The gain is quadratic in the
-    displacement; displacements by the poses are normal with the deviation pose_error_px."""
+    """Returns the part of a log-likelihood gain that errors of the measured poses may explain instead. offset_px:
+    fitted displacement. pose_error_px: standard deviation of the displacements that pose errors cause."""
     gained = 2.0 * max(nats, 0.0) * pose_error_px**2
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
 

@@ -29,8 +29,8 @@ def pose_key(o: Observation) -> tuple[bytes, bool]:
 
 
 def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray:
-    """Returns the factor on a random draw in an image: DN per draw of deviation 1 at parameter value 1,
-    [height][width]."""
+    """Returns by how many DN a random draw of standard deviation 1 changes each pixel at parameter value 1,
+    [height][width]. lever: the signal that scales the draw."""
     if lever is Lever.SIGNAL:
         return row.expected - black_dn
     if lever is Lever.PROJECTOR:
@@ -43,16 +43,17 @@ def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray
 
 
 def frames_that_share(term: RandomTerm, o: Observation) -> Hashable:
-    """Returns the key of the group of frames that an observation belongs to. A group's draws are predicted from the
-    other groups only, because frames of one pose share other errors, such as misplaced edges.
+    """Returns a key of the group that an observation belongs to. Random draws of one group's images are predicted only
+    from other groups, because frames of one pose also share other errors, such as misplaced edges.
 
-    Draws that last only while the rig stands still are predicted from other frames of that view.
+    Draws that last only while the rig stands still exist in one view alone, so other frames of that view predict them.
     """
     return o.frame.id if term.shared_by is SharedBy.VIEW else o.frame.camera_to_world.tobytes()
 
 
 class DrawIndex:
-    """Numbers the draws of a term: pixels with the same number share one."""
+    """Numbers the random draws of a field: pixels with the same number share one draw (of a pixel, row, column or
+    dot)."""
 
     def __init__(self) -> None:
         self._views: dict[Hashable, int] = {}
@@ -96,10 +97,11 @@ def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int
 
 
 def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.ndarray]], float]) -> float:
-    """Returns estimated over true variance of gains that are drawn for every dot by itself.
+    """Returns estimated over true variance for gains that vary independently from dot to dot.
 
-    The estimate by cells of the pattern is too small, because neighbouring dots share pixels and cells. variance_of:
-    estimates the variance from residuals of the train images (method of simulated moments: McFadden 1989).
+    The estimate bins dots into cells of the pattern; neighbouring dots share pixels and cells, so it is too small. The
+    factor comes from simulated gains (method of simulated moments: McFadden 1989). variance_of: estimates the variance
+    from the train images' residuals.
     """
     drawn = None
     residuals = []

@@ -29,11 +29,11 @@ _CLEAR_OF_ENDS = 2.0
 
 @dataclass(frozen=True)
 class FieldFit:
-    """The fit of an effect's random fields.
+    """The fit of an effect's random fields (one random number, a draw, for each pixel, row, dot or so).
 
-    residuals: of the train images, DN [height][width], less the draws that other images predict. sigma, error:
-    {parameter: deviation of a draw, its standard error}. share: of the places that have a sparse draw. unforeseen:
-    squared error of the predicted draws, noise variances per pixel.
+    residuals: of the train images, DN [height][width], after the draws predicted from other images are subtracted.
+    sigma, error: {parameter: standard deviation of the draws, its standard error}. share: part of the places that have
+    a draw in a sparse field. unforeseen: expected squared error of the predicted draws, noise variances per pixel.
     """
 
     residuals: tuple[np.ndarray, ...]
@@ -62,10 +62,10 @@ def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
 def fit_fields(
     effect: Effect, train: Sequence[ImageResidual], curves: Sequence[np.ndarray], black_dn: float, numbers: Numbers
 ) -> FieldFit | None:
-    """Fits the random fields of an effect one after another, each to the residual of those before it.
+    """Fits an effect's random fields one after another, each to what the earlier ones leave.
 
     Returns None if there are fewer than two groups of frames, or the residual neither repeats nor is random. curves:
-    level_means() of train, subtracted first: a function of the expected value alone (a wrong tone curve) is no field.
+    level_means() of each train image, subtracted first: an error that depends on brightness alone is no random field.
     """
     train = _with_residuals(train, [row.residual - curve for row, curve in zip(train, curves, strict=True)])
     index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False
@@ -130,7 +130,8 @@ def _stands_out(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Row:
-    """One image as normal equations of its draws b: a = w z^2 and b = w z r, summed over the pixels of each draw."""
+    """Holds one image's sums for predicting its draws b: a = w z^2 and b = w z r over each draw's pixels, with weight
+    w, lever z (DN per draw) and residual r. index: each pixel's draw. group: of frames, as in frames_that_share()."""
 
     group: Hashable
     index: np.ndarray
@@ -216,8 +217,8 @@ def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
 def _corrected(
     row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
 ) -> np.ndarray:
-    """Returns the residual less the draws that the other groups predict; in a sparse field, only less draws that stand
-    out."""
+    """Returns an image's residual minus the draws that other groups of frames predict, DN. hot_sigma: in a sparse
+    field, only draws beyond so many noise deviations are subtracted; None: all."""
     others = _of_others(row, rows, totals)
     a, b = others
     if hot_sigma is None:
@@ -228,5 +229,6 @@ def _corrected(
 
 
 def _of_others(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
-    """Returns the sums of all groups but the row's own."""
+    """Returns the sums (a, b) of all groups of frames except the image's own, [2][draw]. totals: the sums of all
+    groups."""
     return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)

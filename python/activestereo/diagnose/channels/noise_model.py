@@ -87,7 +87,8 @@ def _fit(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> 
 
 
 def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
-    """Fits digital numbers that come in steps."""
+    """Fits the step between the digital numbers that occur, for a converter with coarse steps. parameter: the step's
+    name."""
     comb = comb_in(evidence)
     if comb is None:
         return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
@@ -97,7 +98,7 @@ def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
 
 
 def comb_in(evidence: Evidence) -> Comb | None:
-    """Returns the steps of the train images' digital numbers; None if they are whole numbers."""
+    """Finds the coarse steps of the train images' digital numbers; None if all whole numbers occur."""
     return comb_of((o.measured for o in evidence.train), evidence.capture.rig.max_dn)
 
 
@@ -158,7 +159,8 @@ def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit |
 def _column(
     lever: Lever, gain: float | np.ndarray, mean: np.ndarray, square: np.ndarray, black_dn: float
 ) -> np.ndarray:
-    """Returns how a term's variance grows at given means [n] and mean squares [n] of DN, per unit coefficient."""
+    """Returns the variance that a noise term adds per unit of its coefficient, DN^2, at given means [n] and mean
+    squares [n] of DN. lever: the signal that the term grows with."""
     signal = np.maximum(mean - black_dn, 0.0)
     return _TRANSFER[lever](gain, signal, np.maximum(square - 2 * black_dn * mean + black_dn**2, 0.0))
 
@@ -166,7 +168,8 @@ def _column(
 def _fit_levers(
     rows: Sequence[tuple[float, ...]], levers: Sequence[Lever], black_dn: float
 ) -> tuple[float, float, float]:
-    """Returns (chi2 of the fit by all levers, the first lever's coefficient, its standard error)."""
+    """Fits the variances of repeats by a sum of noise terms, one per lever. Returns (chi2, the first term's
+    coefficient, its standard error). rows: as in transfer_rows()."""
     gain, mean, square, variance, weight = np.array(rows).T
     target = variance - ROUNDING_VARIANCE
     if not levers:

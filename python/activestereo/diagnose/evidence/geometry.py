@@ -93,7 +93,8 @@ class Geometry:
         return np.array([train.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
 
     def places(self) -> dict[int, NDArray[np.intp]]:
-        """Returns {frame id: indices into twists() of the twelve numbers on which its images depend}."""
+        """Returns {frame id: indices into twists() of the twelve numbers that move its images}: the projector's six and
+        its pose's six."""
         of_projector, own = np.arange(TWIST), TWIST + np.arange(TWIST)
         numbers = _numbers_of_poses(self.stated)
         return {id: np.concatenate([of_projector, own + TWIST * row]) for id, row in numbers.items()}
@@ -150,10 +151,11 @@ def geometry_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> di
 
 
 def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
-    """Returns the derivatives of the projector's light and of the ambient light by both twists, [2][12][height][width].
+    """Returns the derivatives of the projector's light and of the ambient light by the projector's and the pose's
+    twist, [2][12][height][width].
 
-    Both lights are linear in the motion of a pixel's surface point, so each has a gradient by that motion, [..., 3].
-    The derivatives by a twist follow as forces and moments do: v . g + (w x p) . g = v . g + w . (p x g).
+    A surface point's motion changes both lights linearly, with a gradient g [..., 3] by that motion. The derivatives by
+    a twist (v, w) at point p follow as forces and moments do: v . g + (w x p) . g = v . g + w . (p x g).
     """
     view, layers, dots = image.view, image.layers, DotView.of(image.view)
     points, normal, there = view.points(), view.normal, view.projector_points()
@@ -226,7 +228,8 @@ def _pattern_slope(dots: DotView, view: View) -> np.ndarray:
 
 
 def _not_grazing(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Returns the dot product, or infinity if the two are nearly at right angles."""
+    """Returns the dot product of normal and direction; infinity where they are nearly at right angles, so that dividing
+    by it gives 0."""
     product = _dot(normal, direction)
     return np.where(np.abs(product) > _GRAZING * np.linalg.norm(direction, axis=-1), product, np.inf)
 

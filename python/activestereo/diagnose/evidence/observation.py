@@ -58,9 +58,10 @@ class Observation(MeasuredImage):
 
 @dataclass(frozen=True)
 class NuisancePrior:
-    """A normal prior of the nuisances after scales and black level: both focal lengths, albedos, then
-    Geometry.twists(). value, sigma: mean and deviation, [n]. materials: the number of albedos. black_dn: the measured
-    black level and its deviation; None leaves it free. weighed_up: the stated variances were divided by this."""
+    """The normal prior of the nuisances that follow scales and black level: both focal lengths (relative), albedos
+    (relative), then Geometry.twists(). value, sigma: mean and standard deviation, [n]. materials: number of albedos.
+    black_dn: (measured black level, its deviation); None leaves it free. weighed_up: factor by which the prior
+    variances were divided."""
 
     value: np.ndarray
     sigma: np.ndarray

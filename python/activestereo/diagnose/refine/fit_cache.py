@@ -58,8 +58,8 @@ class FitCache:
                 self._known.update(done.result())
 
     def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
-        """Returns the arrays kept under a key; if there are none, those of make(), which it keeps. key None: it keeps
-        nothing."""
+        """Returns the arrays cached under a key; if there are none, calls make() and caches its result. key None:
+        always calls make() and caches nothing."""
         if key in self._known:
             return self._known[key]
         made = make()

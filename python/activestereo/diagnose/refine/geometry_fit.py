@@ -58,8 +58,9 @@ Render = Callable[[Capture], LayersOfFrames]
 
 @dataclass(frozen=True)
 class _Step:
-    """Corrections of the geometry that the evidence was rendered with, in the order of Geometry.moved(), and their
-    standard errors. misfit: as in Geometry. left: the remaining mean square, noise variances."""
+    """One correction of the geometry, with its standard errors in the same order. focal: relative changes of the focal
+    lengths; twists: as in Geometry.twists(). misfit: factor by which the likelihood counts too many pixels. left: the
+    remaining mean square, noise variances."""
 
     focal: np.ndarray
     twists: np.ndarray
@@ -233,7 +234,8 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
 
 
 def _look(evidence: Evidence, blur_px: float) -> Callable[[Observation], Observation]:
-    """Returns a function that prepares observations for a search: it blurs them, or picks some of their pixels."""
+    """Returns a function that thins out an Observation for a geometry search: it blurs it, or for blur_px = 0 picks a
+    random part of its pixels."""
     return partial(coarse, sigma_px=blur_px) if blur_px else partial(_some, seed=evidence.seed)
 
 
@@ -306,8 +308,8 @@ def standing(evidence: Evidence, solution: Solution) -> Geometry:
 
 
 def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
-    """Returns which poses belong to moving frames and would be corrected by far more than those of frames at rest,
-    [poses]."""
+    """Returns a mask [poses] of the moving frames' poses whose correction is far larger than those of frames at
+    rest."""
     sigma = evidence.nuisance_prior().sigma[len(SIDES) + evidence.materials :]
     strain = np.abs((evidence.geometry.twists() + twists) / sigma).reshape(-1, TWIST)[1:].max(axis=1)
     moves = evidence.geometry.moving()
@@ -315,7 +317,7 @@ def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
 
 
 def _of_poses(chosen: np.ndarray) -> np.ndarray:
-    """Returns which numbers of Geometry.twists() belong to the chosen poses."""
+    """Returns a mask of the numbers in Geometry.twists() that belong to the chosen poses. chosen: mask [poses]."""
     return np.repeat(np.concatenate([[False], chosen]), TWIST)
 
 

@@ -36,11 +36,13 @@ _ONE_PIXEL = np.zeros(1, np.intp)
 
 
 class _AskedForFrame(Exception):
-    """Raised when an effect reads an attribute in which the frames of one group differ."""
+    """Signals that an effect reads a frame's attribute that differs within a group of frames, so they cannot share
+    light."""
 
 
 class _SharedFrame:
-    """A frame that shows effects only the attributes that several frames have in common."""
+    """Stands for a group of frames: gives effects the attributes that all have in common, and raises _AskedForFrame for
+    others."""
 
     def __init__(self, frame: Frame, shared: tuple[str, ...]) -> None:
         self._frame, self._shared = frame, shared
@@ -52,8 +54,8 @@ class _SharedFrame:
 
 
 class LightMemory:
-    """Computes the light of observations under models, and keeps it. If a later effect changes, earlier ones in the
-    pipeline are not applied again. Frames that differ in nothing that an effect reads share its light."""
+    """Computes and caches the light on the sensor for each observation under a model. Only effects after the first
+    changed one are applied again. Frames that are equal in all that an effect reads share one result."""
 
     def __init__(self, observations: Sequence[MeasuredImage]) -> None:
         self._observations = observations
@@ -140,8 +142,8 @@ class AllPixels:
 def exposed(
     model: Model, pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray, with_slopes: bool = False
 ) -> tuple[np.ndarray, list[np.ndarray] | None]:
-    """Returns (expected DN [n] before focal lengths and geometry move it, its derivatives [n] by projector scale,
-    ambient scale and black level). The derivatives are None without with_slopes."""
+    """Returns (expected DN [n] before corrections of focal lengths and geometry; its derivatives [n] by projector
+    scale, ambient scale and black level, or None without with_slopes)."""
     if not model.is_linear:
         return _through_sensor(model, pixels, light, phi, with_slopes)
     view = pixels.observation.view
@@ -157,8 +159,8 @@ def exposed(
 
 
 def _sent(pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray) -> list[np.ndarray]:
-    """Returns the projector's and the ambient light [n], DN per unit scale. Each material's relative albedo correction
-    scales all light that it sends."""
+    """Returns the projector's and the ambient light at the pixels, [n] each, DN per unit scale. Each is multiplied by
+    the fitted correction of its material's albedo."""
     levels, lights = scales(pixels.observation.view.frame), light.seen(pixels.index)
     if not phi[DENSE:].any():
         return [level * seen for level, seen in zip(levels, lights, strict=True)]

@@ -16,9 +16,10 @@ _PLAIN = ("gram", "moment", "tile_chi2")
 
 
 class Pixels:
-    """The pixels of an Observation that count, ordered by material. All arrays are [n].
+    """The pixels of an Observation that count, ordered by material; all arrays are [n].
 
-    index: flat indices; measured: DN; root_weight: 1 / deviation; material: as in the observation, -1 = none; tile.
+    index: into the flat image. measured: DN. root_weight: 1 / standard deviation, 1/DN. material: albedo index, -1 =
+    none. tile: number of the image tile.
     """
 
     def __init__(self, observation: Observation, materials: int) -> None:
@@ -130,7 +131,8 @@ class Sums:
             self.gram[np.ix_(diagonal, rows)] += both.T
 
     def _own_rows(self, pixels: Pixels, columns: list[np.ndarray]) -> np.ndarray:
-        """Returns the rows of an observation's geometry. columns: as in add()."""
+        """Returns the indices into the normal equations of the twelve geometry parameters that move an observation.
+        columns: as in add()."""
         return len(columns) - len(SIDES) + pixels.observation.geometry_places
 
     def add_blocks(

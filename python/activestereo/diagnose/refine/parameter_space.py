@@ -65,12 +65,12 @@ class ParameterSpace:
 
     @property
     def given(self) -> np.ndarray:
-        """Which entries are choices, which no fit changes, bool [n]."""
+        """Returns which parameters are choices, such as a set of surfaces, which no fit changes, bool [n]."""
         return self.of_parameters("choice").astype(bool)
 
     @property
     def in_light(self) -> np.ndarray:
-        """Which entries act on the light up to the lens, bool [n]."""
+        """Returns which parameters belong to effects on the light before the sensor, up to the lens, bool [n]."""
         return np.array([e.stage <= Stage.OPTICS for e, _ in self.pairs], dtype=bool)
 
     def model(self, theta: np.ndarray) -> Model:

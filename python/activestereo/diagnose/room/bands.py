@@ -30,9 +30,9 @@ def blur(image: Image, sigma_px: float) -> Image:
 
 @dataclass(frozen=True)
 class Looks:
-    """The filters that split images of one RoomImage's pixels into bands, [height][width]. dots: the projector's
-    pattern there; fast_dots: its fine part; dots_square: the mean square of that. usable: 1 where the image counts;
-    share: the mean of that."""
+    """Filters that split one camera's image into bands; all arrays are [height][width] of a RoomImage. dots: the
+    projector's pattern on the surfaces, 0..1; fast_dots: its high-pass part; dots_square: the local mean square of
+    fast_dots. usable: 1 for pixels that count, else 0; share: the local mean of usable."""
 
     dots: Image
     fast_dots: Image
@@ -47,17 +47,19 @@ class Looks:
         return cls(image.dots, fast, square, usable, np.maximum(blur(usable, _SLOW_PX), _LEAST_USABLE))
 
     def amplitude(self, image: Image) -> Image:
-        """Returns the local amplitude of the dots, DN per unit of the pattern."""
+        """Returns the local amplitude of the dots in an image [height][width], DN per unit of the pattern, by local
+        regression on fast_dots."""
         fast = image - blur(image, _FAST_PX)
         return blur(fast * self.fast_dots * self.usable, _AMPLITUDE_PX) / self.dots_square
 
     def split(self, image: Image) -> tuple[Image, Image]:
-        """Splits an image into (room light, the dots' amplitude)."""
+        """Splits an image in DN into (the room's light without dots, DN; the dots' local amplitude, DN per unit of the
+        pattern)."""
         amplitude = self.amplitude(image)
         return image - amplitude * self.dots, amplitude
 
     def of_room(self, room: Image) -> dict[str, Image]:
-        """Returns the bands slow and fine of an image without dots."""
+        """Returns {"slow": low-pass part, "fine": band-pass part} of an image that holds no dots."""
         slow = blur(room * self.usable, _SLOW_PX) / self.share
         return {"slow": slow, "fine": blur(room, _FINE_PX) - slow}
 
@@ -65,10 +67,10 @@ class Looks:
         return blur(image, _PAIR_PX) - blur(image, _SLOW_PX)
 
     def even(self, amplitude: Image) -> Image:
-        """Returns an amplitude averaged over the same neighbourhood as slow light."""
+        """Returns a dot amplitude [height][width] averaged with the blur of the band "slow"."""
         return blur(amplitude * self.usable, _SLOW_PX) / self.share
 
     def all(self, image: Image) -> dict[str, Image]:
-        """Returns all four bands of an image by name."""
+        """Splits an image in DN into all four bands; returns {band: [height][width]}."""
         room, amplitude = self.split(image)
         return self.of_room(room) | {"dots": self.even(amplitude), "pair": self.pair(image)}

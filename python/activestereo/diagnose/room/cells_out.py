@@ -35,9 +35,10 @@ _STUDENT, _ROUNDS, _RIDGE = 3.0, 3, 1e-9
 
 @dataclass
 class Block:
-    """The surface cells of one view in one band: residual [image][cell] (recorded values, the cells' radiances still in
-    them), columns [column][image][cell], gain and error variance [image][cell] (infinite if an image does not see a
-    cell), and each cell's tile [cell]."""
+    """Holds one view's surface cells (pixels with a surface behind them) in one band. residual [image][cell]: recorded
+    values, from which the cells' radiances are not yet removed. columns [column][image][cell]: image changes by each
+    effect or calibration error. gain and error variance [image][cell]; the variance is infinite if an image does not
+    see a cell. tile [cell]: each cell's image tile."""
 
     residual: NDArray[np.float32]
     columns: NDArray[np.float32]
@@ -48,9 +49,9 @@ class Block:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of the columns' coefficients, cell radiances projected out: information [tile][c][c] and score
-    [tile][c], over the tiles of all bands. spread: {band: deviation of residuals over the expected one}. trust: {band:
-    weight that cells kept over the expected one}."""
+    """Holds the normal equations for the columns' coefficients, after the cells' radiances are projected out.
+    information [tile][column][column], score [tile][column]; tiles of all bands. spread: {band: standard deviation of
+    the residuals over the expected one}. trust: {band: mean of the cells' final weights over 1 / variance}."""
 
     names: tuple[str, ...]
     information: NDArray[np.float64]
@@ -60,8 +61,8 @@ class Normal:
 
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
-    """Returns the Block of each view and band that has cells: recorded values, and the columns' image changes, 0 where
-    a column does not reach (an effect reaches only judged views)."""
+    """Returns a Block for each view and band that has cells. It holds the recorded values, and each column's change of
+    each image: 0 for images that the column does not change. Effects change only views of the camera under test."""
     frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
     frames = {key: frame for key, frame in frames.items() if frame.cells}
     blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
@@ -76,9 +77,9 @@ def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Se
 
 
 def _changed(rooms: Room, light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
-    """Returns {band: the change of image k by a column}, for the bands in which the column counts. Pairs that move are
-    computed on the left camera's pixels: both cameras move alike but for a tenth, in which the gradients of two images
-    would differ more by their errors."""
+    """Returns {band: change of image number k by a column at coefficient 1}, for the bands in which the column counts.
+    In the band "pair", a displacement is computed on the left camera's pixels for both images. Gradients of two images
+    would differ more by their errors than the two cameras' displacements do."""
     looks, asked = light.looks[k], [band for band in bands if band in column.bands]
     out: dict[str, Image] = {}
     room = column.change(k, light.room[k])
@@ -101,8 +102,9 @@ def _changed(rooms: Room, light: RoomLight, column: Column, k: int, bands: Seque
 
 @dataclass(frozen=True)
 class _Frame:
-    """The cells of one view in one band, and their places in the images that see them. images: numbers of these images.
-    at: {image: column and row of each cell}. seen: [image][cell]. tile: [cell]."""
+    """Lists the cells of one view in one band and where images see them. images: numbers of the images that count. at:
+    {image number: (column, row) of each cell in it, px}. seen: whether an image sees a cell, [image][cell]. tile:
+    [cell]."""
 
     room: Room
     view: int
@@ -153,8 +155,8 @@ class _Frame:
         return out
 
     def block(self, light: RoomLight, columns: int) -> Block:
-        """Returns the Block of these cells: residual, gain and variance read from `light`, and room for so many
-        columns, all 0 until blocks_of() fills them."""
+        """Returns the Block of these cells with residual, gain and variance read from `light`. `columns` is the number
+        of columns; they stay 0 until blocks_of() fills them."""
         floor, share = _ERROR[self.band]
         residual, gain, level = (np.empty(self.seen.shape, np.float32) for _ in range(3))
         for n, k in enumerate(self.images):
@@ -171,11 +173,11 @@ class _Frame:
 
 
 def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: Sequence[int]) -> Normal:
-    """Sums the blocks' cells into normal equations of the columns' coefficients. beside: numbers of the columns that
-    are fitted before cells are weighed; other effects count as outliers.
+    """Sums the blocks' cells into the normal equations of the columns' coefficients. beside: indices of the columns
+    that are fitted before cells get robust weights; the other columns' effects then count as outliers.
 
-    Cells weigh by their own residual (Student's distribution), and a band by the spread of its cells. Information is
-    divided by how much more the tiles' scores vary than those of independent cells (a tempered likelihood).
+    A cell's weight falls with its own residual (Student's distribution); a band is scaled by its cells' spread.
+    Information and scores are divided by the overdispersion of the tiles' scores, at least 1 (a tempered likelihood).
     """
     prior, spread, trust = np.array([c.sd**-2.0 for c in columns]), {}, {}
     information, score = _empty(room, columns)
@@ -191,8 +193,8 @@ def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], besid
 
 
 def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], trust: Mapping[str, float]) -> Normal:
-    """Sums blocks that were not recorded yet into normal equations, with all scores 0. trust: the weight of cells, as a
-    recording's Normal has it."""
+    """Sums blocks of a planned recording into normal equations. Nothing is measured yet, so all scores are 0. trust:
+    {band: factor on the cells' weights}, from the Normal of a real recording."""
     information, score = _empty(room, columns)
     for band, _, own in _by_band(room, blocks):
         weights = [np.float32(trust.get(band, 0.0)) / b.variance for b in own]
@@ -211,7 +213,7 @@ def _tiles(room: Room) -> int:
 
 
 def _by_band(room: Room, blocks: Sequence[Block]) -> Iterator[tuple[str, slice, list[Block]]]:
-    """Yields (band, slice of its tiles, its blocks) for every band with blocks."""
+    """Yields (band, slice of the tile axis that belongs to it, its blocks) for every band with blocks."""
     tiles = _tiles(room)
     for number, band in enumerate(BANDS):
         if own := [b for b in blocks if len(b.tile) and b.tile[0] // tiles == number]:
@@ -222,7 +224,8 @@ def _sum_tiles(
     blocks: Sequence[Block], weights: Sequence[NDArray[np.float32]], information: NDArray[np.float64],
     score: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Writes the information and the scores of the blocks' tiles into the arrays given."""
+    """Writes each tile's information [tile][c][c] and score [tile][c], summed over its cells, into the arrays given.
+    weights: [image][cell] of each block."""
     for b, w in zip(blocks, weights, strict=True):
         z = _projected(np.concatenate([b.residual[None], b.columns]), w, b.gain)
         order = np.argsort(b.tile, kind="stable")
@@ -233,7 +236,8 @@ def _sum_tiles(
 
 
 def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Returns z [c][image][cell] less the cell's best radiance (weighted least squares) times the gain."""
+    """Projects the cells' radiances out of z [c][image][cell]. For each cell it fits z = radiance x gain over the
+    images by weighted least squares, and returns z minus that fit."""
     square = np.maximum((weight * gain * gain).sum(axis=0), 1e-9)
     mean = np.einsum("ij,cij->cj", weight * gain, z) / square
     return z - gain * mean[:, None]
@@ -242,7 +246,9 @@ def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArra
 def _student(
     blocks: Sequence[Block], weights: list[NDArray[np.float32]], beside: Sequence[int], prior: NDArray[np.float64]
 ) -> tuple[list[NDArray[np.float32]], float]:
-    """Returns (weights of whole cells by their residuals beside the columns `beside`, spread of these residuals)."""
+    """Returns (robust weights [image][cell] of each block, standard deviation of the residuals in units of the expected
+    one). A weight falls with the cell's residual after a fit of the columns `beside`. prior: the columns' prior
+    precisions."""
     first, scale, of = [w.copy() for w in weights], 1.0, np.asarray(beside)
     for _ in range(_ROUNDS):
         z = [_projected(np.concatenate([b.residual[None], b.columns[of]]), w, b.gain)

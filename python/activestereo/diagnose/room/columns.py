@@ -44,11 +44,11 @@ Flow = Callable[[int], tuple[Image, Image]]
 
 @dataclass(frozen=True)
 class Column:
-    """The change of a room's images by one effect or by one error of the calibration. change(image's number, light
-    above black): the change in DN at coefficient 1, or None for no change. sd: deviation of the coefficient's prior.
-    effect, parameter, step: of the library, and the parameter's change at coefficient 1; None for a nuisance. bands:
-    those in which it counts. flow(image's number): the pixels by which light moves along x and y at coefficient 1; None
-    if the column moves nothing."""
+    """Describes how one effect, or one calibration error, changes all images of a room at coefficient 1. change(image
+    number, light above black in DN): returns the change in DN, None for none. sd: prior standard deviation of the
+    coefficient. effect, parameter: None for a nuisance; step: the parameter's change at coefficient 1. bands: those in
+    which the column counts. flow(image number): displacement (x, y) of the light in px, each [height][width]; None if
+    nothing moves."""
 
     name: str
     change: Change
@@ -61,15 +61,16 @@ class Column:
 
 
 def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: float) -> list[Column]:
-    """Returns columns of the calibration's errors, with the deviations of `calibrate world`, and of smooth light
-    without a model. black_sd: of the black level, DN. vignetting_sd: of the falloff's exponent."""
+    """Returns the nuisance columns: errors of exposure, falloff, geometry and black level left by `calibrate world`,
+    and smooth light that no model explains. black_sd: prior deviation of the black level, DN. vignetting_sd: of the
+    exponent of the falloff cos^n."""
     out = [*_of_exposure(room), *_of_falloff(room, vignetting_sd), *_of_geometry(room)]
     even = [np.ones(room.shape, np.float32)] * len(room.images)
     out.append(Column("black", lambda k, image: even[k], black_sd))
 
     def between_dots(k: int, image: Image) -> Image | None:
-        """Returns the smooth light that an error of the pattern's darkness between dots adds; it belongs to the room's
-        light only."""
+        """Returns the smooth light, DN, that a wrong dark level of the pattern between dots adds to the room's light;
+        None for other images."""
         return light.looks[k].even(light.looks[k].amplitude(light.seen[k])) if image is light.room[k] else None
 
     out.append(Column("light between dots", between_dots, _DOTS_LIGHT))
@@ -140,7 +141,8 @@ def _flow(
     room: Room, name: str, of: Callable[[int], tuple[Image, Image]], scale: float, sd: float, view: int | None = None,
     side: str | None = None,
 ) -> Column:  # fmt: skip
-    """Returns a column of light that moves by scale * of(k) pixels along x and y. view, side: None = all."""
+    """Makes a nuisance column that displaces the light by scale * of(k) pixels (x, y) in image number k. sd: prior
+    deviation of its coefficient. view, side: the images it moves; None = all views, both cameras."""
     nowhere = np.zeros(room.shape, np.float32)
 
     def flow(k: int) -> tuple[Image, Image]:
@@ -163,7 +165,8 @@ def _moving(flow: Flow) -> Change:
 
 
 def moved_by(image: Image, dx: Image, dy: Image) -> Image:
-    """Returns the change of an image whose light moves by (dx, dy) pixels, to first order."""
+    """Returns the change in DN of an image whose light moves by (dx, dy) pixels [height][width], from its gradient
+    (first order)."""
     down, across = np.gradient(image)
     return np.asarray(-(dx * across + dy * down), np.float32)
 
@@ -194,8 +197,9 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
 
 
 def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
-    """Returns the change by a soft saturation, x (1 - x), less its best fit by exponent and exposure. It stands for
-    responses that differ in the dark, which would otherwise pass for a black level."""
+    """Returns the image change by a soft saturation x (1 - x), minus the parts that an exponent (`power`) or an
+    exposure explains. It stands for responses that differ in the dark, which would otherwise pass for a black level.
+    full_dn: the largest DN."""
     x = light.both[0]
     laws = [lambda k, image: image * (1.0 - image / full_dn), power, lambda k, image: image]
     saturated, *others = (np.asarray(law(0, x)).ravel() for law in laws)
@@ -210,7 +214,7 @@ def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
 
 
 def _share(effect: Effect) -> float:
-    """Returns the share of the typical value by which a column steps."""
+    """Returns the finite-difference step of an effect's columns, as a share of the parameter's typical value."""
     is_warp = effect.stage is Stage.CAMERA and not effect.id.endswith(("psf", "mismatch"))
     return _STEP_OF_A_WARP if is_warp else 1.0
 
@@ -237,7 +241,8 @@ def _difference(effect: Effect, p: Parameter, value: float, views: list[View], b
 
 
 def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: list[View]) -> Flow:
-    """Returns the Flow of a warp: what it makes of images that hold each pixel's own column and row."""
+    """Returns the displacement field of a warp effect: a function of the image number. It applies the effect to images
+    that hold each pixel's own column and row. value: of parameter p; share: value over its typical value."""
     known: dict[int, tuple[Image, Image]] = {}
 
     def flow(k: int) -> tuple[Image, Image]:
@@ -253,7 +258,7 @@ def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: li
 
 
 def acting(effect: Effect, values: dict[str, float], image: Image, view: View, black_dn: float) -> Image:
-    """Returns the light above black after an effect, DN."""
+    """Applies one effect to an image of light above black, DN [height][width]; returns the changed light."""
     given = effect.values(values)
     if effect.stage <= Stage.OPTICS:
         nothing = np.zeros_like(image, np.float64)
@@ -265,8 +270,9 @@ def acting(effect: Effect, values: dict[str, float], image: Image, view: View, b
 
 
 def size_of(room: Room, light: RoomLight, column: Column, linear: float) -> tuple[float, float]:
-    """Returns (the parameter's value whose change of the images is `linear` units along the column, its derivative by
-    `linear`). They are not proportional: a blur, for example, grows as the square of its width."""
+    """Converts a fitted coefficient (`linear`) to the parameter's value whose true image change is as large along the
+    column. Returns (that value, its derivative by `linear`). The two are not proportional: a blur grows as the square
+    of its width."""
     effect, p = column.effect, column.parameter
     assert effect is not None and p is not None
     acts, name = partial(acting, effect), p.name
@@ -303,7 +309,8 @@ def _view(room: Room, k: int) -> View:
 
 
 def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
-    """Returns columns of a black level that differs from view to view."""
+    """Returns one column per view for a black level that differs between views; [] if `effects` lack the black
+    level."""
     effect = next((e for e in effects if e.id == "black_level"), None)
     if effect is None:
         return []
@@ -315,8 +322,8 @@ def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
 
 
 def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
-    """Returns {rows of a period in whole images: columns of light that flickers row by row}; the phase of each view is
-    free."""
+    """Returns {period in rows of the whole image: columns of lamp flicker at this period}. Each view has a sine and a
+    cosine column, so that its phase is free."""
     effect = next((e for e in effects if e.id == _PERIODIC), None)
     if effect is None:
         return {}

@@ -19,9 +19,9 @@ _LEAST_SEEN, BLURRED_LOG = 0.4, 0.5
 
 @dataclass(frozen=True)
 class Blurred:
-    """The places where one camera is less sharp than the other in every view that shows them (two at least). depth: how
-    far the worst place lies below the map's median, in deviations of the map; log_ratio: the same distance as a
-    logarithm of fine energy. share: of the image that is blurred."""
+    """Describes how blurred one camera (side) is in places, against the other one. Only places count that two or more
+    views show. depth: how far the worst place lies below the median sharpness, in robust deviations; log_ratio: the
+    same distance as a log ratio of high-frequency energy. share: blurred part of the image, 0..1."""
 
     side: str
     depth: float
@@ -30,8 +30,8 @@ class Blurred:
 
 
 def blurred_places(room: Room, exponent: float) -> list[Blurred]:
-    """Returns the Blurred of both cameras. exponent: of the falloff cos^exponent, since the two see a place at
-    different angles."""
+    """Returns a Blurred for each camera that two or more views allow to judge. exponent: n of the lens falloff cos^n,
+    which is corrected because the cameras see a place at different angles."""
     maps = [_per_view(room, view, exponent) for view in range(room.views)]
     out = []
     for s, side in enumerate(("left", "right")):
@@ -49,7 +49,8 @@ def blurred_places(room: Room, exponent: float) -> list[Blurred]:
 
 
 def _per_view(room: Room, view: int, exponent: float) -> tuple[Image, Image]:
-    """Returns two maps [height][width], left and right: log(fine energy here / in the other camera); NaN = unknown."""
+    """Returns one sharpness map [height][width] for each camera (left, right): log of the high-frequency energy here
+    over that of the same place in the other camera. NaN = unknown."""
     images, places = room.images[2 * view : 2 * view + 2], room.places(2 * view, 2 * view + 1)
     energy = [blur((blur(i.dn, _FINE_PX) - blur(i.dn, _COARSE_PX)) ** 2, _AROUND_PX) for i in images]
     other = places.read(energy[1])

@@ -28,8 +28,8 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reduced:
-    """The scores of some columns (the derivatives of the log-likelihood by their coefficients), all other nuisances
-    projected out: score [c], its information and covariance [c][c]."""
+    """Holds the scores of selected columns: derivatives of the log-likelihood by their coefficients. All other columns
+    are projected out. score [c]; information and covariance of the score [c][c]."""
 
     columns: tuple[Column, ...]
     score: Matrix
@@ -39,9 +39,10 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Found:
-    """An effect's evidence against none in nats (tempered, by Student's likelihood), and its parameters {name: (value,
-    deviation)} in a fit beside all other columns. least: {parameter: the size at which five of six recordings name the
-    effect, by its column}. finding: a sentence that replaces the effect's own; empty = none."""
+    """Holds how well one effect explains a room's images. nats: log-likelihood gain over no effect (Student's
+    likelihood). parameters: {name: (value, deviation)}, fitted together with all other columns. least: {parameter: the
+    smallest size that five of six such recordings would detect}. finding: a sentence that replaces the effect's own; ""
+    = none."""
 
     effect: Effect
     nats: float
@@ -51,7 +52,8 @@ class Found:
 
 
 def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> Reduced:
-    """Projects all columns out of the normal equations except those numbered `asked`; returns the scores of these."""
+    """Projects all columns except those numbered `asked` out of the normal equations, and returns the scores of the
+    asked ones."""
     E = np.array(sorted(asked))
     N = np.setdiff1d(np.arange(len(columns)), E)
     H, s = normal.information.sum(axis=0), normal.score.sum(axis=0)
@@ -82,11 +84,12 @@ def _semidefinite(information: Matrix, scale: Matrix) -> Matrix:
 
 
 def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], needed: float) -> list[Found]:
-    """Judges every effect by the columns' scores; returns the Found, likeliest first. An effect may show by one of its
-    parameters or by all of them.
+    """Compares every effect with no effect by the columns' scores; returns a Found for each, likeliest first. An effect
+    is tried by each of its parameters alone and by all together.
 
-    spread: {column: deviation between good sessions, in units}; columns that are missing there may have any value.
-    looked: {effect: logarithm of the number of places searched}. needed: the nats that an effect needs to be named.
+    spread: {column: standard deviation of its coefficient between sessions of good cameras}; a column that is missing
+    may have any value within its prior. looked: {effect: log of the number of alternatives tried, such as flicker
+    periods}. needed: the nats that name an effect.
     """
     names = [c.name for c in room.columns]
     D = _between_sessions(room.columns, spread)
@@ -132,7 +135,8 @@ def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.
 
 
 def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
-    """Returns the prior variances [c] that an effect gives to the coefficients of its columns; 0 elsewhere."""
+    """Returns the prior variances [c] of all coefficients if an effect acts through the columns `own`; 0 for the
+    others."""
     out = np.zeros(len(columns))
     out[own] = [columns[j].sd ** 2 for j in own]
     return out
@@ -152,18 +156,21 @@ def _between_sessions(columns: Sequence[Column], spread: Mapping[str, float]) ->
 
 
 def _one_sided(column: Column) -> bool:
-    """Returns whether a column's parameter is never below its neutral value. Waves have either sign by their phase."""
+    """Returns whether a column's coefficient cannot be negative, because its parameter starts at its neutral value.
+    Flicker columns may have either sign."""
     p = column.parameter
     return p is not None and p.low == p.neutral and not column.name.endswith("sine")
 
 
 def student(nats: float, few: float) -> float:
-    """Converts nats of a normal likelihood to those of Student's with `few` degrees of freedom; negative nats stay."""
+    """Converts a log-likelihood gain under a normal distribution to that under Student's with `few` degrees of freedom.
+    Negative gains stay as they are."""
     return 0.5 * (few + 1.0) * float(np.log1p(2.0 * nats / few)) if nats > 0 else nats
 
 
 def gaussian(nats: float, few: float) -> float:
-    """Converts nats of Student's likelihood, above 0, to those of a normal one."""
+    """Converts a positive log-likelihood gain under Student's distribution with `few` degrees of freedom to that under
+    a normal one."""
     return 0.5 * few * float(np.expm1(2.0 * nats / (few + 1.0)))
 
 

@@ -18,8 +18,9 @@ _BORDER_PX, _LEAST_GEOMETRY, _MOST_GEOMETRY = 3, 0.02, 5.0
 
 @dataclass(frozen=True)
 class Take:
-    """One more pair of images from the first view's place: turned about the axes x, y, z (degrees), at a factor of its
-    exposure, or by the camera when it was good. If neither turned nor good, it belongs to the first view."""
+    """Describes one planned pair of images from the first view's place: turned by degrees about the camera's x, y, z,
+    at a factor on the exposure, or recorded when the camera was good (is_good). If it is neither turned nor good, it is
+    one more recording of the first view."""
 
     turn_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     exposure: float = 1.0
@@ -27,13 +28,13 @@ class Take:
 
     @property
     def is_further(self) -> bool:
-        """Whether the take is a view of its own."""
+        """Returns whether the planned pair is a view of its own, beside the first view."""
         return any(self.turn_deg) or self.is_good
 
 
 class ImaginedRoom(Room):
-    """A Room with one more Take. Only its images and their places differ; columns and cells are computed as for any
-    room."""
+    """A Room to which the images of one planned Take are added, simulated without noise from the first view. Columns
+    and cells are computed as for any room."""
 
     def __init__(self, room: Room, light: RoomLight, take: Take) -> None:
         self.capture, self.rig, self._room = room.capture, room.rig, room
@@ -46,7 +47,7 @@ class ImaginedRoom(Room):
         self.images = [*room.images, *(self._taken(light, side, view, take) for side in (0, 1))]
 
     def _taken(self, light: RoomLight, side: int, view: int, take: Take) -> RoomImage:
-        """Returns one camera's image of the take, made from its image of the first view."""
+        """Simulates the planned image of one camera (side 0 = left, 1 = right) from its image of the first view."""
         old = self._room.images[side]
         column, row = self._moved(side, *pixel_grid(old.dn.shape))
         read = lambda image: cv2.remap(np.asarray(image, np.float32), column, row, cv2.INTER_LINEAR)  # noqa: E731
@@ -63,8 +64,8 @@ class ImaginedRoom(Room):
         )  # fmt: skip
 
     def _moved(self, side: int, column: Image, row: Image, back: bool = False) -> tuple[Image, Image]:
-        """Returns the places of a take's pixels in the first view's image; with back, the places of the first view's
-        pixels in the take."""
+        """Maps pixels (column, row) of the planned image to the first view's image, by rotation; `back` maps in the
+        other direction."""
         H = np.linalg.inv(self._turn[side]) if not back else self._turn[side]
         u, v, w = (H[i, 0] * column + H[i, 1] * row + H[i, 2] for i in range(3))
         z = np.where(w > 0.1, w, np.inf)

@@ -18,10 +18,10 @@ _MOST_GEOMETRY, _LEAST_WEIGHT = 5.0, 1e-6
 
 @dataclass(frozen=True)
 class RoomLight:
-    """The light in a room's images: lists of images [height][width], DN above black at half size. gain: exposure times
-    falloff. seen: as recorded. room: expected without dots. dots: expected from the projector alone. both: mean of the
-    two cameras of the view, as recorded. looks: the filters of each image. lens: the exponent n of the falloff cos^n in
-    the gain."""
+    """Holds the light of a room's images: lists over image numbers, [height][width], DN above black at half size. gain:
+    exposure times lens falloff, without unit. seen: recorded. room: expected without dots. dots: expected dots alone.
+    both: mean of the view's two cameras, as recorded. looks: each image's band filters. lens: n of the falloff
+    cos^n."""
 
     gain: list[Image]
     seen: list[Image]
@@ -70,9 +70,9 @@ def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
 def _mean(
     room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None
 ) -> tuple[Image, Image]:
-    """Returns (the mean of images `of` at the places of image k, scaled to its gain; 1 where it is known, else 0). All
-    images are weighed alike for every k: a column with an image's own errors in it would find these errors. images:
-    numbers of those to use, None = all."""
+    """Averages the images `of` at the pixels of image number k, and scales the mean to the gain of image k. Returns
+    (mean; mask, 1 where it is known). All images weigh alike for every k: otherwise each column would hold its image's
+    own errors and find them again. images: the numbers to average, None = all."""
     total, weight = np.zeros_like(of[k]), np.zeros_like(of[k])
     for j in range(len(of)) if images is None else images:
         if j == k:

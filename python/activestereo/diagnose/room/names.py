@@ -41,7 +41,8 @@ LOOKED = {"flicker_banding": float(np.log(21.0))}
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that was named. members: {effect: probability} of those that this recording cannot tell apart."""
+    """An effect that the room is found to have. members: {effect: probability} of all effects that this recording
+    cannot tell apart, itself included."""
 
     found: Found
     members: Mapping[str, float]
@@ -49,8 +50,8 @@ class Named:
 
 @dataclass(frozen=True)
 class Names:
-    """The result of names_of(). named: the effects that were named, in order. ranking: all judged effects before the
-    first was named. seen: the scores of the room alone."""
+    """The result of names_of(). named: the effects found, in the order of finding. ranking: all effects, likeliest
+    first, as judged before the first was found. seen: the analysis of the room without reference sessions."""
 
     named: tuple[Named, ...]
     ranking: tuple[Found, ...]
@@ -59,8 +60,9 @@ class Names:
 
 @dataclass(frozen=True)
 class Seen:
-    """A room with its light and its scores. asked: the effects to judge. scores: of the columns with a known spread and
-    of the camera's own. period_rows: period of the flicker bands that were judged, None = none. trust: as in Normal."""
+    """Holds one analysis of a room. asked: the effects to judge. scores: of the effects' columns and of the camera's
+    own (black level, falloff, row offset). period_rows: period of the flicker tried, in rows of the whole image; None =
+    none. trust: {band: factor on cell weights}, as in cells_out.Normal."""
 
     room: Room
     light: RoomLight
@@ -71,9 +73,9 @@ class Seen:
 
 
 def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
-    """Names the effects that a room shows beside a given model. reference: rooms of the same unit from when it was
-    good. A reference of the same views is analysed together with the room. From others, the errors that they show
-    themselves are subtracted."""
+    """Finds the effects that a room shows beyond a given model. reference: rooms recorded with the same camera when it
+    was good. A reference of the same views is fitted together with the room. References of other views give the
+    camera's lasting errors, which are subtracted."""
     asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
     seen = seen_of(room, asked)
     scores, spread, rows = seen.scores, OF_A_UNIT, _rows(room, asked)
@@ -110,7 +112,8 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
 
 
 def known_of(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
-    """Returns {column: deviation of its coefficient between sessions} for the columns of effects."""
+    """Returns {column: standard deviation of its coefficient between sessions of good cameras} for all effect columns.
+    spread: the same in the parameters' units, by "effect.parameter"."""
     return {c.name: spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
@@ -127,8 +130,8 @@ def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
 
 
 def with_take(seen: Seen, take: Take) -> Reduced:
-    """Returns the scores that a room would have with one more pair of images, before it is recorded. Their covariance
-    is raised by the same ratio over independent cells as in the room at hand."""
+    """Returns the scores that a room would have with one more pair of images that is only planned. Their covariance is
+    raised over that of independent cells as much as in the recorded room."""
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []
@@ -157,8 +160,8 @@ def _looked_at(columns: Sequence[Column]) -> list[int]:
 
 
 def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
-    """Returns the scores less the lasting errors of the unit: those fitted to good sessions, times the share that
-    sessions have in common."""
+    """Subtracts the camera's lasting errors from the scores of a room. These errors are fitted to the scores of good
+    sessions (`others`), then shrunk by the share that sessions have in common."""
     lasting = [c.name for c in seen.columns if c.effect is not None and c.effect.id not in _OF_ONE_VIEW]
     H, s = np.zeros((len(lasting),) * 2), np.zeros(len(lasting))
     for other in others:
@@ -176,8 +179,8 @@ def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
 
 
 def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> list[Found]:
-    """Returns the evidence that one camera's rows have moved since the unit was good, from the rigs that `calibrate
-    world` measured."""
+    """Compares the row offset between the two cameras with that of the good sessions, in the rigs that `calibrate
+    world` measured. Returns its evidence as [Found], [] if the effect is not asked for."""
     effect = next((e for e in effects if e.id == "stereo_pitch"), None)
     if effect is None:
         return []
@@ -195,9 +198,9 @@ def _row_offset(room: Room) -> float:
 
 
 def glare_of(found: Found, seen: Seen) -> Found | None:
-    """Returns a finding of veiling glare if it explains the black levels of single views; else None. Glare lifts each
-    view by a share of its light. With a good session it must fit better than a common level. Without one, the first
-    view's level is in the measured black level, so that differences to the first view count."""
+    """Reinterprets black levels that differ between views as veiling glare: a share of each view's mean light. Returns
+    the finding, None if glare does not fit. With a good session, glare must fit better than a common level. Without
+    one, only differences to the first view count: its level is in the measured black level."""
     effect = next((e for e in seen.asked if e.id == "veiling_glare"), None)
     if effect is None or found.effect.id != "black_level":
         return None
@@ -226,8 +229,8 @@ def _key(column: Column) -> str:
 def _wave(
     room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
 ) -> tuple[int | None, list[Column]]:
-    """Returns (rows of the period, columns) of the flicker bands that fit the slow light best; (None, []) if not asked
-    for."""
+    """Finds the flicker period that best fits the low-pass band; returns (period in rows of the whole image, its
+    columns). Returns (None, []) if flicker is not asked for. still: nuisance columns fitted along."""
     sets = waves(room, effects)
     if not sets:
         return None, []
@@ -245,8 +248,8 @@ def _wave(
 
 
 def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found]:
-    """Returns the evidence for a blur of one camera in places, if it is enough to be named. Its size is the mean over
-    the image."""
+    """Returns [Found] for drops or dirt on a camera's window, [] if the evidence is too small. The parameter is the
+    blur averaged over the image, px."""
     effect = next((e for e in effects if e.id == "focus_mismatch"), None)
     worst = max(blurred_places(room, exponent), key=lambda b: b.share, default=None)
     if effect is None or worst is None:
@@ -262,7 +265,7 @@ def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found
 
 
 def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
-    """Returns the evidence for noise that rows share."""
+    """Returns [Found] for row noise (an offset that all pixels of a row share), [] if it is not asked for."""
     effect = next((e for e in effects if e.id == "row_noise"), None)
     if effect is None:
         return []
@@ -276,8 +279,8 @@ def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
 
 
 def beside_columns(room: Room, effects: Sequence[Effect]) -> dict[str, Mapping[str, float]]:
-    """Returns {finding: its least sizes} for findings without a column: row noise, the lens's falloff, and drops on a
-    window (share of the image and blur)."""
+    """Returns {finding: {parameter: smallest size detected}} for the findings that have no Column: row noise, lens
+    falloff, and drops on a window (share of the image, and blur)."""
     out = {found.effect.id: found.least for found in _rows(room, effects)}
     ids = {e.id for e in effects}
     falloff = room.capture.measured.get("exposure", {}).get("vignetting_exponent")

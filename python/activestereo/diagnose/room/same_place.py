@@ -38,7 +38,8 @@ class RoomBeside(Room):
 
 
 def room_beside(room: Room, good: Room) -> RoomBeside | None:
-    """Joins two sessions whose first views are at the same place; None if they are not."""
+    """Joins a room with a session of the good camera, as a RoomBeside. Returns None if their first views do not lie at
+    the same pose and share enough pixels."""
     rng = np.random.default_rng(0)
     first, second = (_surface(session, rng) for session in (good, room))
     overlap = find_overlap(0, 1, first, second, room.capture.rig.left.K)

@@ -31,11 +31,12 @@ _MOST_SHAPES, _MOST_PROPOSED = 6, 4
 
 @dataclass(frozen=True)
 class Atom:
-    """One way to add an effect: one or more columns of the dictionary with free coefficients.
+    """One trial shape of an effect, whose image changes form one or more columns of the dictionary, each with a free
+    coefficient.
 
-    values: the effect's parameters at coefficient 1 of the first column and 0 of the others. steps: (parameter, its
-    change per coefficient) of each column. signed: whether a coefficient may be negative. sigma: deviation of its
-    prior. first: the index of the first column.
+    values: the effect's parameters at coefficient 1 of the first column and 0 of the others. steps: for each column,
+    the parameter that it moves and by how much per unit of coefficient. signed: whether a coefficient may be negative.
+    sigma: prior standard deviation of each coefficient. first: index of the first column in the dictionary.
     """
 
     effect: Effect
@@ -53,9 +54,9 @@ class Atom:
 def atoms_of(
     linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
 ) -> list[Atom]:
-    """Returns the atoms of effects: their changes of the images to try, at a few amplitudes and shapes. reach:
-    deviation of an amplitude's prior, in typical values. memory: keeps the points that built-in effects propose;
-    `workers` processes compute them."""
+    """Returns the trial shapes (atoms) of effects, at a few amplitudes and shape parameters each. reach: prior
+    deviation of an amplitude, in typical values. memory: caches the points that built-in effects propose
+    (Effect.starts), which `workers` processes compute."""
     atoms: list[Atom] = []
     proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
     first = 0
@@ -70,8 +71,8 @@ def atoms_of(
 def _proposals(
     linear: Linear, effects: Sequence[Effect], workers: int, memory: FitCache | None
 ) -> dict[str, NDArray[np.float64]]:
-    """Returns {effect: [n][parameters]}: the points that effects propose, near narrow peaks of their likelihood; NaN =
-    neutral."""
+    """Returns {effect: parameters [n][parameter]}: the points near narrow likelihood peaks that the effects propose
+    themselves. NaN stands for a parameter's neutral value."""
     contents = {e.id: effect_content(e) for e in effects}
     keys = {name: c and content_key("starts", linear.residual, c) for name, c in contents.items()}
     seen = cache(lambda: start_images(linear))
@@ -93,8 +94,8 @@ def _proposals(
 
 
 def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
-    """Computes the image changes of atoms as columns [columns][n] in noise deviations, in so many processes. memory:
-    keeps those of built-in effects."""
+    """Computes the image changes of all trial shapes, [columns][n], at the pixels of all observations, in noise
+    standard deviations. workers: number of processes. memory: caches the columns of built-in effects."""
     contents = {a.effect.id: effect_content(a.effect) for a in atoms}
     known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
     if memory is None:
@@ -115,8 +116,7 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
 
 
 def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
-    """Computes the columns of atoms [columns][n], in so many processes, as float16: its rounding is far below the
-    noise."""
+    """Computes columns_of() without a cache, [columns][n]; float16 rounds far below the noise."""
     if not atoms:
         return np.zeros((0, len(linear.residual)), np.float16)
     model = linear.solution.model
@@ -149,8 +149,8 @@ def _in_halves(change: Columns) -> NDArray[np.float16]:
 
 
 def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
-    """Returns columns over one fitter's pixels as columns over another one's, whose order and weights differ. Pixels
-    that the first fitter did not use get 0."""
+    """Converts columns [columns][n] from the pixels and weights of one fitter to those of another one. Pixels that the
+    first fitter lacks get 0."""
     out = np.zeros((len(columns), sum(len(p.index) for p in after.pixels())), np.float32)
     first = start = 0
     for old, new in zip(before.pixels(), after.pixels(), strict=True):
@@ -165,7 +165,7 @@ def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
 
 
 def start_images(linear: Linear) -> list[StartImage]:
-    """Returns the images from which effects propose their own points, one for each observation."""
+    """Returns a StartImage for each observation: the inputs from which effects propose their own trial points."""
     fitter, solution, images = linear.fitter, linear.solution, []
     phi, lights = solution.phi, fitter.lights(solution.space, solution.theta)
     for (o, expected, _, residual), light in zip(fitter.residuals(solution), lights, strict=True):
@@ -181,8 +181,8 @@ _Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]
 
 
 def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> Iterator[_Plan]:
-    """Yields (values, steps, sigma) of each Atom of an effect. starts: its own proposals [n][parameters], NaN =
-    neutral."""
+    """Yields (parameter values, steps, prior deviations) for each Atom of an effect. starts: the points that the effect
+    proposes itself, [n][parameter], NaN = neutral."""
     if starts is not None:
         yield from _proposed(effect, starts)
         return
@@ -210,7 +210,8 @@ def _proposed(effect: Effect, starts: NDArray[np.float64]) -> Iterator[_Plan]:
 
 
 def _levels(p: Parameter, stage: Stage) -> list[float]:
-    """Returns steps of an amplitude from neutral: one if images are linear in it, several if dots move or clip."""
+    """Returns the amplitudes to try, as differences from neutral: one if images are linear in it, several if dots move
+    or pixels clip."""
     up, down = p.high - p.neutral, p.neutral - p.low
     if Stage.MEDIUM <= stage <= Stage.SURFACE or stage in (Stage.OPTICS, Stage.DIGITAL):
         return [min(p.typical, up)] if up > 0 else [-min(p.typical, down)]

@@ -18,9 +18,9 @@ from activestereo.effects.core.judging import Channel, SharedBy
 def fields_of(
     effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
 ) -> dict[str, tuple[float, FieldFit]]:
-    """Fits random fields whose draws (gains of pixels, dots or rows, speckle) other frames predict; returns {effect:
-    (share of chi2 that its draws explain, its fit)}. Draws that last only while the rig stands still are fitted only if
-    the residuals are white over the image."""
+    """Fits lasting random fields: one random number (a draw) for each pixel, row, column or dot, which other frames
+    predict. Returns {effect: (share of chi2 that the predicted draws explain, its fit)}. Fields that last only while
+    the rig stands still need residuals that are white over the image."""
     chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
     if not chosen:
         return {}
@@ -41,8 +41,9 @@ def _chi2(rows: Sequence[ImageResidual]) -> float:
 
 
 def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
-    """Returns whether residuals that repeats of a view share are white over the image, edges left out. Speckle grains
-    are white; shifted, dimmed or blurred dots are not."""
+    """Returns whether the residuals that repeats of a view share are uncorrelated between neighbouring pixels, edges
+    left out. Speckle grains are; shifted, dimmed or blurred dots are not. neighbours: the largest correlation
+    allowed."""
     by_view: dict[object, list[np.ndarray]] = {}
     for o, _, _, r in rows:
         view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side

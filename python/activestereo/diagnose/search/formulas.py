@@ -21,9 +21,9 @@ from activestereo.effects import Effect
 
 
 def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
-    """Adds nuisances for errors of the effects' formulas to the linear model and returns it. They are each effect's
-    image change weighed by squared distance from the image's centre, weighed by brightness, and averaged over tiles.
-    share: the prior variance of each, as a share of the squared change."""
+    """Returns the linear model with extra nuisances that absorb the error of each named effect's formula. They are the
+    effect's image change times squared distance from the image centre, times brightness, and averaged over tiles.
+    share: prior variance of each coefficient."""
     model = linear.solution.model
     here = linear.images(model)
     fields = [p.observation.view.field() for p in linear.fitter.pixels()]
@@ -43,7 +43,8 @@ def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
 
 
 def gain_beyond(linear: Linear, fit: Solution) -> float:
-    """Returns the fall of chi2 by a fit's change of the images beyond all nuisances of the linear model."""
+    """Returns the fall of chi2 by a fit's image change, counting only the part that no nuisance of the linear model can
+    imitate."""
     left = linear.fitter.residuals(fit)
     pairs = zip(linear.fitter.pixels(), left, strict=True)
     change = linear.residual - np.concatenate([p.of(row.residual) * p.root_weight for p, row in pairs])
@@ -52,9 +53,9 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
 
 
 def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: float, numbers: Numbers) -> list[str]:
-    """Returns the other effects that explain nearly all that a shape parameter of a named effect changes within its
-    typical range. A black level that moves with temperature, for example, stands in for a dark signal's doubling.
-    floor: a smaller fall of chi2 is ignored."""
+    """Returns the ids of other effects that can imitate a change of a shape parameter of a named effect by its typical
+    value. A black level that moves with temperature can imitate a dark signal's doubling temperature. floor: changes
+    with a smaller chi2 are ignored."""
     space, model = linear.solution.space, linear.solution.model
     own, values = next((e, values) for e, values in model.effects if e.id == effect.id)
     shapes = [i for i, (e, p) in enumerate(space.pairs) if e.id == effect.id and p.neutral != 0.0 and not p.choice]

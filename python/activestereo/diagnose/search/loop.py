@@ -52,9 +52,10 @@ Fields = dict[str, tuple[float, FieldFit]]
 
 @dataclass(frozen=True)
 class Round:
-    """The findings of one round of a search. candidates, fields, fits: by effect, from scores, random fields and fits.
-    chi2: before the round. structure: of the residual. members: {effect: probability} of the likeliest set. gain: fall
-    of chi2 by the best effect; floor, chance: the falls that it needs to be named; all three as shares of chi2."""
+    """Holds the results of one round of the search, by effect id: candidates (scores), fields (random fields) and fits.
+    chi2, structure: of the residual before the round. members: {effect: probability} of the effects that fit alike.
+    gain: fall of chi2 by the best effect; floor, chance: the falls that it must exceed. All three are shares of
+    chi2."""
 
     candidates: dict[str, Candidate]
     fields: Fields
@@ -69,10 +70,10 @@ class Round:
 
 @dataclass(frozen=True)
 class Name:
-    """An effect that was named as missing. members: {effect: probability} of the set that this recording cannot tell
-    apart, itself first. gain: the fall of the mean square, noise variances. missed: the share of it that the effect's
-    formula may have missed. field: the fit of its random draws, or None. seen: the round that named it; None if repeats
-    of frames showed it."""
+    """An effect that the search named as missing. members: {effect: probability} of all that this recording cannot tell
+    apart, the effect first. gain: fall of the mean squared residual, in noise variances. missed: share of the gain that
+    the effect's formula may have failed to explain. field: fit of its random field, or None. seen: the round that named
+    it; None if repeated frames showed it."""
 
     effect: Effect
     members: dict[str, float]
@@ -88,9 +89,9 @@ class Name:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a search. first, solution: the fits without and with the named effects, over the fitter's pixels.
-    rows: the train images under the solution, less the draws of named random fields. noise: {effect: its noise term}.
-    unjudged: {effect: why it was not judged}. rest: the numbers of the verdict."""
+    """The result of a search. first, solution: fits without and with the named effects, on a random part of the pixels.
+    rows: residuals of all train images under `solution`, less the predicted random fields. noise: {effect: fitted noise
+    term}. unjudged: {effect: reason}. rest: the numbers behind the verdict."""
 
     evidence: Evidence
     fitter: Fitter
@@ -167,8 +168,8 @@ class Search:
         return self._chi2 / self._pixels - 1.0
 
     def _name_noise(self) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
-        """Names effects of temporal noise that repeats show; returns ({effect: its noise term}, {effect: why it was not
-        judged})."""
+        """Fits the effects of temporal noise to repeated frames, and names those that are significant. Returns
+        ({effect: fitted noise term}, {effect: why it was not judged})."""
         effects = [e for e in self._effects if e.channel is Channel.NOISE_MODEL]
         terms, unjudged = noise_terms(self._measured, self._given, effects, self._numbers)
         chance = np.log(len(self._effects) / self._numbers.alpha)
@@ -178,9 +179,9 @@ class Search:
         return terms, unjudged
 
     def _strain(self) -> float:
-        """Returns how far the named effects move the rig or an albedo from its stated value, in stated deviations; 0
-        beside an effect of air or surfaces, which changes the meaning of albedos. If none is named, it is the distance
-        of the second farthest albedo: one may be measured wrong, several show a surface effect."""
+        """Returns the farthest that the named effects move a pose, focal length or albedo from its stated value, in
+        stated deviations. Beside effects of air or surfaces it is 0: they change what an albedo means. If none is
+        named, it is the distance of the second farthest albedo, since one albedo may be measured wrong."""
         if not self._names:
             return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
@@ -188,14 +189,14 @@ class Search:
         return self._fitter.prior_sigmas(self._solution, self._first)
 
     def _look_at(self, evidence: Evidence) -> None:
-        """Replaces the evidence and makes its fitters."""
+        """Replaces the evidence, and makes new fitters of all train pixels and of a random part."""
         self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
         self._whole = Fitter(evidence.train, *sized)
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
-        """Names the effect that is likeliest to be missing, if it passes; returns whether it did. atoms, columns: all
-        effects' changes of the images."""
+        """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether one was
+        named. atoms, columns: all trial shapes of effects and their image changes."""
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
@@ -246,8 +247,8 @@ class Search:
         return True
 
     def _widen_last_set(self, linear: Linear) -> None:
-        """Adds effects that stand in for a part of the effect named last to its set. Together they get the probability
-        that a set leaves out."""
+        """Adds effects to the last named one's set that can imitate a part of its image change (stand_ins()). Together
+        they get the probability 1 - Numbers.credible."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
@@ -284,7 +285,7 @@ class Search:
         return gain_beyond(linear, fit.solution) > max(self._floor(), self._missed(own))
 
     def _missed(self, shares: Sequence[float]) -> float:
-        """Returns the fall of chi2 that corresponds to these shares of the named effects' gains."""
+        """Returns the fall of chi2 that the named effects' formulas may have missed. shares: of each effect's gain."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
 
     def _fields(self) -> Fields:
@@ -329,8 +330,8 @@ class Search:
         return calibrated(credible(both, self._numbers.credible))
 
     def _take(self, fit: Solution) -> bool:
-        """Continues from a fit with one more named effect: estimates weights and the rig's geometry again. Returns
-        whether the rig moved."""
+        """Continues the search from a fit with one more named effect: estimates the poses and the weights again under
+        it, and refits. Returns whether the poses changed."""
         evidence = before = self._evidence
         if self._settings.located is not None and not evidence.geometry.is_as_stated():
             there, self._rendering = self._settings.located(with_own_functions(fit.model, self._effects), evidence)
@@ -347,8 +348,8 @@ class Search:
         return evidence is not before
 
     def _less_rounding(self) -> None:
-        """Takes the mean error of rounding to coarse steps off the images, as far as the fit so far predicts it:
-        frames of one view share it, and so it looks like an effect of light."""
+        """Subtracts the mean rounding error of coarse digital steps from the images, as the current fit predicts it.
+        Frames of one view share this error, so it would look like an effect of light."""
         if self._comb is None:
             return
         noise, rounded = self._evidence.noise_model, {}
@@ -360,8 +361,8 @@ class Search:
         self._fit_again(self._solution)
 
     def _swap_last(self) -> None:
-        """Names a rival in place of the effect named last if it explains clearly more now that the rig moved: where the
-        rig was measured without the effect, it had taken a part of it."""
+        """Replaces the effect named last by a rival of its round that explains clearly more after the poses were
+        corrected. The earlier poses, found without the rival, had absorbed a part of its image change."""
         name = self._names[-1]
         assert name.seen is not None
         model, fits = self._solution.model.without_effect(name.id), []
@@ -378,8 +379,8 @@ class Search:
             self._take(best)
 
     def _at_best_peaks(self, fit: Solution) -> Solution:
-        """Returns the fit with effects of narrow peaks (Effect.starts) at the best ones beside the effect named
-        last."""
+        """Refits earlier effects that have several narrow likelihood peaks (Effect.starts) at their best peak beside
+        the effect named last; returns the fit."""
         for effect in [e for e in fit.effects[:-1] if e.starts is not None]:
             without = fitted_model(self._fitter, fit.model.without_effect(effect.id), fit.phi)
             own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
@@ -394,13 +395,13 @@ class Search:
         return fit
 
     def _take_draws(self, fit: FieldFit) -> None:
-        """Continues with the images less the draws of a random field."""
+        """Subtracts the predicted draws of a random field from the images, and refits."""
         pairs = zip(self._rows, fit.residuals, strict=True)
         self._take_off({row.observation.key: row.residual - left for row, left in pairs})
         self._fit_again(self._solution)
 
     def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
-        """Takes what effects add to single images off them. drawn: {image key: DN [height][width]}."""
+        """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""
         self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
         self._look_at(self._less_draws(self._evidence, drawn))
 

@@ -43,8 +43,9 @@ def refits(
     rendering: Rendering | None,
     workers: int,
 ) -> dict[str, Refit]:
-    """Fits candidates one by one beside a model whose own fit leaves base_chi2; returns {effect: Refit}. phi: the
-    nuisances to start from. rendering: renders effects of light transport; None keeps their formulas."""
+    """Fits each chosen effect beside a model, one at a time; returns {effect: Refit}. phi: nuisances to start from.
+    base_chi2: chi2 of the model alone. rendering: renders effects of light transport in place of their formulas; None
+    keeps the formulas."""
     starts = {c.best.atom.effect.id: c.starts for c in chosen}
     spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
     found: dict[str, Refit] = {}
@@ -97,9 +98,9 @@ def _from_starts(
     phi: np.ndarray,
     base_chi2: float,
 ) -> Solution:
-    """Returns the best fit from the starts and from neutral, which leaves base_chi2. One evaluation of each start
-    decides which of them are fitted: the best and one of another atom, or all good ones of an effect with narrow
-    peaks."""
+    """Fits an effect from several starts and from neutral; returns the best fit. Each start is evaluated once, and only
+    the promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks.
+    base_chi2: chi2 at neutral."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for _, start in starts]

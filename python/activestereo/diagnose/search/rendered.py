@@ -43,8 +43,8 @@ def is_transport(effect: Effect) -> bool:
 
 @dataclass(frozen=True)
 class _Rendered:
-    """An effect with rendered images for its image function: its change of the light [3][height][width] at theta, and
-    the slopes of that change by each parameter ({} if it has none)."""
+    """Replaces an effect's formula by rendered images: its change of the light [3][height][width] at parameters theta,
+    and the slopes of that change by each parameter ({} if it has none)."""
 
     effect: Effect
     theta: np.ndarray
@@ -75,7 +75,8 @@ class _Rendered:
 
 
 def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> Solution:
-    """Fits a solution's last effect to the engine's images of it; returns the solution itself if that is no better."""
+    """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the new
+    fit, or `start` if it is no better."""
     effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
     without = _images(rendering(Model()))
 

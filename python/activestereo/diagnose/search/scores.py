@@ -26,12 +26,13 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scores:
-    """Sums over groups of pixels, one for each large surface and a last one for the rest: gram [groups][c][c] of the
-    columns, cross [groups][k][c] of nuisances and columns, moment [groups][c] of columns and remaining residual.
-    by_block [groups][c][blocks] and nuisance_by_block [k][blocks] are moments by image block.
+    """Holds inner products over pixels for c columns, k nuisances and each group of pixels: one group for each large
+    surface, the last for the rest. gram [groups][c][c]: columns with columns; cross [groups][k][c]: nuisances with
+    columns; moment [groups][c]: columns with the residual after the nuisances' fit. by_block [groups][c][blocks],
+    nuisance_by_block [k][blocks]: the latter by image block.
 
-    surfaces: the number of each group's surface. inverse: K. total: chi2 of the remaining residual. pixels: their
-    number.
+    surfaces: the number of each group's surface. inverse: K of this file's head. total: chi2 of that residual. pixels:
+    their number.
     """
 
     gram: Matrix

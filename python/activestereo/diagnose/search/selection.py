@@ -31,9 +31,10 @@ _SHARPER = 5.0
 
 @dataclass(frozen=True)
 class Hit:
-    """The fit of one atom (an effect at one shape, with its image changes as columns) to the residual. surfaces: the
-    surfaces that show it, None = all. coefficients: of its columns. log_factor: its Bayes factor against no effect,
-    nats. gain: the fall of chi2 at these coefficients; at_point: the fall at the dictionary's own point."""
+    """Holds the linear fit of one atom (a trial shape of an effect) to the residual. surfaces: the surfaces it acts on,
+    None = all. coefficients: of the atom's columns, under their priors. log_factor: log Bayes factor against no effect,
+    nats. gain: fall of chi2 by the best coefficients without priors; at_point: the fall at the atom's own parameter
+    values."""
 
     atom: Atom
     surfaces: tuple[int, ...] | None
@@ -43,18 +44,18 @@ class Hit:
     at_point: float
 
     def values(self) -> dict[str, float]:
-        """Returns the effect's parameters at the coefficients."""
+        """Returns the effect's parameters at the fitted coefficients."""
         return _values(self.atom, self.coefficients, self.surfaces)
 
     def point(self) -> dict[str, float]:
-        """Returns the effect's parameters at the dictionary's own point."""
+        """Returns the effect's parameters at the atom's own values, without a fit."""
         return _values(self.atom, np.eye(1, len(self.coefficients))[0], self.surfaces)
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect with its best fit to the residual, its evidence over all shapes (nats), and parameters where fits may
-    start, each with the atom that they come from."""
+    """Holds an effect's linear fits over all its trial shapes. best: the fit with the largest Bayes factor. evidence:
+    log of the mean Bayes factor, nats. starts: parameters from which a full fit may start, each with its atom."""
 
     best: Hit
     evidence: float
@@ -136,8 +137,8 @@ def _values(atom: Atom, coefficients: NDArray[np.float64], surfaces: tuple[int, 
 
 
 def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
-    """Returns the fall of chi2 that the best of all atoms exceeds with probability alpha if no effect is missing. It is
-    estimated by a wild bootstrap: the scores of image blocks get random signs."""
+    """Returns the fall of chi2 that chance alone exceeds with probability alpha, for the best of all atoms, if no
+    effect is missing. It is a quantile of a wild bootstrap, which gives the scores of image blocks random signs."""
     rng = np.random.Generator(np.random.PCG64(_SEED))
     signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
     largest = np.zeros(_DRAWS)
@@ -152,8 +153,8 @@ def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
 
 
 def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
-    """Returns {name: probability}, likeliest first, of the smallest set with this probability mass. nats: log evidence
-    of each name."""
+    """Returns {name: probability}, likeliest first, of the smallest set whose probabilities reach `mass`. nats: {name:
+    log evidence}."""
     names = sorted(nats, key=lambda name: -nats[name])
     p = np.exp([nats[name] - nats[names[0]] for name in names])
     p /= p.sum()

@@ -23,7 +23,7 @@ _NODES, _STEPS = 10, 4
 
 @dataclass(frozen=True)
 class _Curve:
-    """An effect on single values, and what a curve adds to its result at nodes, DN above black."""
+    """A response effect with a correction curve: `added` DN at the levels `nodes`, DN above black."""
 
     effect: Effect
     nodes: NDArray[np.float64]
@@ -51,7 +51,8 @@ def is_response(effect: Effect) -> bool:
 
 
 def with_any_curve(fitter: Fitter, solution: Solution) -> Solution:
-    """Returns the fit with the best curve added, if the last named effect is a response; else the solution itself."""
+    """Adds a free correction curve to the last named effect if it is a response curve, and fits again; other fits are
+    returned unchanged."""
     if not solution.effects or not is_response(solution.effects[-1]):
         return solution
     effect = solution.effects[-1]

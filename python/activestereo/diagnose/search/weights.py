@@ -20,7 +20,8 @@ from activestereo.effects import Model
 
 
 def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:
-    """Returns the Evidence with noise and weights of train images estimated under a model. rows: its train images."""
+    """Estimates noise and pixel weights of the train images again under a model, and returns the Evidence with them.
+    rows: the train images' residuals under the model."""
     train, expected = evidence.train, {row.observation.key: row.expected for row in rows}
     dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in train}
     noise_model, variances = evidence.noise_model, evidence.noise_variances
