@@ -65,7 +65,7 @@ def scene_digest(scene_path: str | Path) -> str:
 
 
 def request_key(request: RenderRequest, renderer_version: str) -> str:
-    """Returns a hash of all that decides the pixels: equal keys mean equal layers."""
+    """Returns a hash of a RenderRequest and the renderer's version. Requests with equal keys give equal layers."""
     digest = hashlib.sha256()
 
     def add(value: Any) -> None:
@@ -108,8 +108,9 @@ class CacheEntry:
 
 
 class LayerCache:
-    """A folder of files `<key>.npz`. Each holds the layers of one rig pose, a set of images, or the fits to one
-    capture. Beyond limit_bytes (None: default_limit_bytes()) the least recently used entries are removed."""
+    """A folder of cache files `<key>.npz`. A file holds the rendered layers of one rig pose, a set of images, or the
+    fits to one capture. If the files exceed limit_bytes (None: default_limit_bytes()), the least recently used are
+    removed."""
 
     def __init__(self, folder: str | Path | None = None, limit_bytes: int | None = None) -> None:
         self.folder = Path(folder) if folder else default_cache_folder()

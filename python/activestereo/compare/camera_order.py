@@ -23,9 +23,10 @@ _SWAPPED = 0.8
 
 @dataclass(frozen=True)
 class CameraOrder:
-    """The result for one capture. patches: number of patches found again. nearer_right: share of them that lie further
-    right in the right image than any surface can, as with exchanged images. row_offset_px: median by which the right
-    image's rows lie lower. row_spread_px: half the width of that offset's middle 68 %."""
+    """Tells whether a pair's images are exchanged and its rows match. patches: number of patches of one image found in
+    the other. nearer_right: share of them that lie further right in the right image than any surface allows: large if
+    the images are exchanged. row_offset_px: median of (row in the right image - row in the left one). row_spread_px:
+    half the width of the middle 68 % of that difference."""
 
     patches: int
     nearer_right: float

@@ -15,16 +15,16 @@ _OCCLUSION = 0.02  # above this relative difference of depth the cameras see dif
 
 @dataclass(frozen=True)
 class Warp:
-    """Maps each left pixel to its place in the right camera's image: u, v, pixels [height][width]. seen: both cameras
-    see the surface."""
+    """Maps each left pixel to its place (u, v) in the right camera's image, px [height][width]. seen: mask of the left
+    pixels whose surface the right camera sees, too."""
 
     u: NDArray[np.float64]
     v: NDArray[np.float64]
     seen: NDArray[np.bool_]
 
     def read(self, right: NDArray[np.generic], shift_px: float = 0.0, order: int = 1) -> NDArray[np.float64]:
-        """Samples the right image at the places shifted by shift_px to the right; returns [height][width] in the left
-        camera's pixels. order: of the spline."""
+        """Samples the right image at each left pixel's place, shifted right by shift_px; returns [height][width].
+        order: degree of the interpolating spline."""
         return map_coordinates(np.asarray(right, np.float64), [self.v, self.u + shift_px], order=order, mode="nearest")
 
 

@@ -117,8 +117,8 @@ def compare(
 
 
 def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors | None = None) -> Comparison:
-    """Computes the Comparison from a model's image errors; renders nothing. made: the settings of the render. without:
-    the errors of the model without effects; None leaves them out."""
+    """Makes a Comparison from a model's image errors, without rendering. made: the render's settings. without: the
+    errors of the model without effects, for comparison; None leaves them out."""
     capture, model, seed = errors.capture, errors.model, made.seed
     layers, views, measured, predictions = errors.layers, errors.views, errors.measured, errors.predictions
     noise_model = errors.noise_model

@@ -40,8 +40,8 @@ _HINTS = (
 def expose(
     expected_dn: np.ndarray, gain: float, noise_model: NoiseModel, max_dn: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draws one noisy exposure of an expected image, whole DN in float32. The noise model's quadratic term becomes
-    gamma speckle, the other terms normal noise."""
+    """Draws one noisy image from an expected one, DN [height][width]; returns whole DN in float32, at most max_dn. The
+    noise model's quadratic term becomes gamma-distributed speckle, the other terms normal noise."""
     signal = np.maximum(expected_dn - noise_model.black_dn, 0.0)
     variance = np.maximum(noise_model.offset - ROUNDING_VARIANCE + noise_model.shot * gain * signal, 0.0)
     noise = np.sqrt(variance) * rng.standard_normal(signal.shape)
@@ -95,7 +95,7 @@ class DepthModel:
 
 
 def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the engine's parameters, set by the hints that it understands."""
+    """Returns simsense's parameters, set by the capture's depth_engine hints that it knows."""
     known = {name: hints[name] for name in _HINTS if isinstance(hints.get(name), int | float)}
     parameters = {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
     if _MAX_DISPARITY.range is not None:
@@ -223,8 +223,8 @@ def _floor(depths: Sequence[DepthFrame], repeats: Sequence[Any]) -> dict[str, An
 
 
 def _error(pairs: Sequence[Any]) -> dict[str, Any]:
-    """Returns the errors of (DepthFrame, depth, reference), pooled over pixels at which both are valid; each is None
-    without such pixels."""
+    """Computes error statistics of depth maps. pairs: (DepthFrame, depth, reference) in metres; the pixels of all
+    frames that have both are pooled. A statistic is None without such pixels."""
     in_metres, in_pixels = [], []
     for d, depth, reference in pairs:
         error, both = d.disparity_error(depth, reference)

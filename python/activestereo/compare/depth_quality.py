@@ -84,8 +84,8 @@ def quality_table(quality: DepthQuality) -> str:
 def _of_frame(
     z: np.ndarray, rays: np.ndarray, focal_baseline: float, true_distance_m: float | None
 ) -> tuple[float, float, float, float]:
-    """Computes (fill rate %, Z accuracy %, plane-fit RMS mm, subpixel RMS px) of one frame. z, rays: depths and rays (z
-    = 1) of the region."""
+    """Computes (fill rate %, Z accuracy %, plane-fit RMS mm, subpixel RMS px) of one frame. z: depths of the region, m.
+    rays: its pixels' rays, scaled to z = 1. focal_baseline: px m."""
     measured = z > 0
     points = rays[measured] * z[measured][:, None]
     fill = 100.0 * measured.mean()

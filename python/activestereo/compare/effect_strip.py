@@ -41,8 +41,8 @@ _NOISE = NoiseModel(offset=1.0, shot=0.02, relative=0.01, black_dn=5.0)
 
 @dataclass(frozen=True)
 class EffectStrip:
-    """One picture without an effect and with it, [height][width], in `unit`: DN, metres of depth or pixels of disparity
-    (0 = none)."""
+    """Holds a pair of pictures [height][width], without an effect and with it (with_it), to show the effect. unit of
+    both: "DN", "m" of depth or "px" of disparity (0 = none). parameters: the effect's values."""
 
     effect: Effect
     parameters: dict[str, float]
@@ -56,8 +56,8 @@ class EffectStrip:
 
 
 class StripView:
-    """Shows effects on one frame, from its rendered layers {side: Layers}. base: a Model of effects that act in all
-    pictures; None: none."""
+    """Makes EffectStrips of one frame from its rendered layers {side: Layers}. base: a Model whose effects act in both
+    pictures; None: none. side: the camera that is shown."""
 
     def __init__(
         self, capture: Capture, frame: Frame, layers: Mapping[str, Layers], nuisances: Nuisances, side: str = _SIDE,
@@ -70,8 +70,8 @@ class StripView:
         self._matched: list[NDArray[np.float64]] = []
 
     def strip(self, effect: Effect, given: Mapping[str, float] | None = None) -> EffectStrip:
-        """Computes the pictures without and with the effect. given: parameters that differ from the effect's typical
-        values."""
+        """Computes the pictures without and with the effect. given: {parameter: value} that replace the effect's
+        typical values."""
         values = effect.typical_values | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
         values = effect.values(values | dict(given or {}))
         if effect.stage > Stage.DIGITAL:
@@ -98,8 +98,9 @@ class StripView:
         return np.asarray(model.signal(light, view, self._nuisances, True), dtype=np.float64)
 
     def _of_depth(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
-        """Computes the pictures of an effect on disparity or depth. It acts on the true depth. If its typical values
-        change nothing there, it acts on simsense's depth of noisy pairs, after as many frames as it needs to settle."""
+        """Computes both pictures for an effect on disparity or depth, from the true depth. If its typical values change
+        nothing there, it is applied to simsense's depth of noisy pairs instead, after as many frames as it needs to
+        settle."""
         view, stream = self._views["left"], dict[str, np.ndarray]()
         frames = [np.where(np.isfinite(view.depth_m), view.depth_m, 0.0).astype(np.float64)]
         if np.allclose(Model().with_effect(effect, **effect.typical_values).depth(frames[0], view), frames[0]):

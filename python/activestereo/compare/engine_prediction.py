@@ -59,7 +59,8 @@ class EngineImages:
 
 
 class LightOnly(NamedTuple):
-    """The radiance that a camera sees, float32 [height][width] each, as in CameraLight."""
+    """The radiance behind a camera's optics, float32 [height][width] each: direct and indirect (one reflection, more)
+    under projector power 1, ambient under ambient radiance 1."""
 
     direct: NDArray[np.float32]
     indirect: NDArray[np.float32]
@@ -71,8 +72,9 @@ def kept_lights(
     scene_measurement: SceneMeasurement | None = None, progress: Callable[[float], object] | None = None,
     half: int | None = None,
 ) -> dict[ImageKey, LightOnly]:  # fmt: skip
-    """Returns renderer.lights() of the frames, from the cache if it is there. The cache's key covers all that decides
-    the light, including the code that renders it. half: 0 or 1, which half of the samples; None: all samples."""
+    """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): light}. The
+    cache's key covers all that decides the light, including the renderer's code. half: 0 or 1 renders one half of the
+    samples; None: all samples."""
     code = [inspect.getsource(module) for module in (capture_renderer, scene_renderer)]
     own = renderer.lights_key(model, frames, scene_measurement, half), code
     of_world = scene_digest(renderer.capture.scene_path), scene_renderer.engine_version(renderer.device)
@@ -90,9 +92,9 @@ def engine_lights(
     layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[ImageKey, Light]]:  # fmt: skip
-    """Renders {(frame id, side): light on the imager} under a model. Returns a list of three: the mean, and each of two
-    independent halves of the samples. Effects without engine fields act on the rendered light. layers: the base
-    model's; cache: stores the light."""
+    """Renders a model's light on the imager, {(frame id, side): Light}. Returns three such dicts: the mean, and each of
+    two independent halves of the samples. Effects that the engines lack are applied to the rendered light by their
+    formulas. layers: of the base model; only `flat` is used. cache: stores the light."""
     outside, halves = model.outside_engines(), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)
@@ -108,7 +110,8 @@ def engine_lights(
 
 
 def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
-    """Returns whether the model's light is the base model's, except for the shares that surfaces reflect."""
+    """Returns whether a model and the measured scene leave all rays of the base model as they are. Then its rendered
+    layers can be reused, scaled by the surfaces' albedos."""
     near = all(abs(factor - 1.0) <= _NEAR_ALBEDO for factor in scene_measurement.albedo.values())
     moved = any(scene_measurement.focal) or scene_measurement.surfaces
     return near and not moved and all(effect.engine is None for effect, _ in model.on_light())
@@ -120,8 +123,8 @@ def reflected_lights(
     layers: Mapping[int, Mapping[str, Layers]],
     views: Mapping[ImageKey, View],
 ) -> dict[ImageKey, Light]:
-    """Computes {(frame id, side): light on the imager} for a model that changes no ray, from the base model's
-    layers."""
+    """Computes a model's light on the imager from the base model's layers, scaled by the measured albedos; returns
+    {(frame id, side): Light}. Only for a model that changes no ray (changes_no_ray())."""
 
     def light(number: int, side: str, view: View) -> Light:
         own = layers[number][side]

@@ -34,9 +34,9 @@ _LEAST_SHARE = 0.25
 
 @dataclass(frozen=True)
 class ErrorShape:
-    """The shape that explains most of an error. kind: "brightness", "dots", "sharpness", "place" or "other". share:
-    fraction of the squared error beyond noise that it explains. amount: measured less modelled: DN of brightness, a
-    share of the dots' contrast, px² of blur, or px of displacement (unsigned)."""
+    """Names the kind of change that explains most of an image error. kind: "brightness" (smooth), "dots" (contrast),
+    "sharpness", "place" (displacement) or "other". share: part of the squared error beyond noise that it explains.
+    amount: measured minus modelled, in DN, share of the dots' contrast, px² of blur, or px (unsigned)."""
 
     kind: str
     share: float
@@ -201,8 +201,8 @@ def image_errors(
 
 
 def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Pools the errors of images, DN: RMSE without the renderer's noise, bias, that noise, the measurement's noise
-    floor, and the explainable rest above it (None without a floor)."""
+    """Pools the errors of images, in DN: RMSE without the renderer's noise, bias, that noise, the measurement's noise
+    floor, and the RMSE beyond this floor (None without a floor)."""
     pixels, squares, noise = (sum(image[name] for image in images) for name in ("pixels", "squares", "noise_squares"))
     rmse = rmse_without_noise(squares, pixels, noise)
     pooled = {

@@ -29,9 +29,9 @@ _KEPT_SQUARES = 25_000_000
 
 
 class _FirstSurfaces(NamedTuple):
-    """The first surfaces that a matt world's cameras see. light: for each camera, the light reflected there with the
-    pattern and without it. albedo: [camera][height][width][1] at FINER times the resolution; seen: images named in
-    matt_world.SURFACE."""
+    """Caches the surfaces that a matt world's cameras see first. light: for each camera, (the pattern's light reflected
+    there, the same under a pattern that is 1 everywhere). albedo: [camera][height][width][1] at FINER times the
+    resolution. seen: images of these surfaces, named in matt_world.SURFACE."""
 
     light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
     albedo: NDArray[np.float32]
@@ -40,7 +40,7 @@ class _FirstSurfaces(NamedTuple):
 
 class _World(NamedTuple):
     """A loaded scene. digest: hash of its files. is_matt: whether all its surfaces are matt (matt_world.py). first: the
-    latest requests' first surfaces by a key without their seed, because they have no noise."""
+    first surfaces of the latest requests, by a key without the seed, because they have no noise."""
 
     digest: str
     renderer: SceneRenderer
@@ -66,8 +66,8 @@ class KuafuRenderer:
         self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, {way}"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
-        """Renders a request and returns one Layers per camera. progress: called as progress(fraction). Threads wait for
-        one another; after an error the scene is loaded again."""
+        """Renders a request; returns one Layers per camera. progress: called as progress(fraction done). Only one
+        thread renders at a time; after an error the scene is loaded again."""
         with self._one_at_a_time:
             world = self._load(request)
             with world.renderer.alone():

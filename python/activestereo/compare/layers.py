@@ -84,9 +84,11 @@ class PixelLayers(Layers):
 
 @dataclass(frozen=True)
 class Sampling:
-    """The resolution of rendered light: scale x scale image samples per pixel, and margin_px pixels beyond the frame.
+    """The resolution of rendered images: scale x scale image points in each camera pixel, and a margin of margin_px
+    camera pixels around the frame.
 
-    The samples per pixel stay the same, spread over the supersampled image."""
+    The number of light samples per camera pixel stays the same; they are spread over its image points.
+    """
 
     scale: int = 1
     margin_px: int = 0
@@ -132,7 +134,8 @@ class Sampling:
 
 
 def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Undistorts pixels (column, row) of a capture's Camera to those of an ideal pinhole with the same K."""
+    """Removes lens distortion: returns the (column, row) in an ideal pinhole image with the same K for pixels of a
+    Camera."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
     x, y = undistort(x, y, camera.distortion)
@@ -140,8 +143,8 @@ def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[n
 
 
 def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Distorts pixels (column, row) of an ideal pinhole to those of the Camera with the same K, [2][...]. Inverse of
-    ideal_pixels(); NaN beyond the point where the lens model folds over."""
+    """Applies lens distortion to pixels (column, row) of an ideal pinhole with the camera's K; returns [column or
+    row][...]. Inverse of ideal_pixels(); NaN beyond the point where the lens model folds over."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
     is_seen = is_drawn(x, y, camera.distortion)

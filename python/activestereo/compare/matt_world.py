@@ -39,7 +39,7 @@ VERSION = 4
 
 
 class MattSurfaces(NamedTuple):
-    """The surfaces that a camera sees, without regard to their paint, and their albedo [height][width]."""
+    """Holds the surfaces that a camera sees, regardless of their paint, and their infrared albedo [height][width]."""
 
     surfaces: Surfaces
     albedo: NDArray[np.float32]
@@ -122,7 +122,8 @@ def bounced_light(
 
 
 def _neighbours(count: int, wide: int) -> tuple[tuple[NDArray, NDArray], tuple[NDArray, NDArray]]:
-    """Returns for each fine pixel along an axis: ((wide pixel before it, weight), (wide pixel after it, weight))."""
+    """Returns, for each fine pixel along an axis, the two wide pixels between which it lies with their linear
+    interpolation weights: ((index before, weight), (index after, weight))."""
     at = (np.arange(count) + 0.5) / FINER - 0.5
     before = np.floor(at).astype(int)
     share = at - before

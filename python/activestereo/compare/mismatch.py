@@ -37,8 +37,9 @@ Image = NDArray[np.generic]
 
 @dataclass(frozen=True)
 class Match:
-    """Correlations of dots, -1..1: rendered with measured (pattern), between the cameras (geometry), and with the
-    cameras exchanged (swapped). possible: the largest that noise allows. All are None without dots or a frame."""
+    """Holds correlations of dot images, -1..1. pattern: rendered with measured dots. geometry: left with right measured
+    image at the scene's depth. swapped: the same with the cameras exchanged. possible: the largest correlation that
+    noise allows. frames: ids of the frames used. Without dots or a frame all are None."""
 
     pattern: float | None
     geometry: float | None
@@ -98,7 +99,7 @@ def _one(
     frame: Frame, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
     measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
 ) -> tuple[float, ...] | None:  # fmt: skip
-    """Computes (frame id, pattern, geometry, swapped, possible) of one frame; None without dots."""
+    """Computes (frame id, pattern, geometry, swapped, possible) of one frame, as in Match; None if it shows no dots."""
     keys = (frame.id, "left"), (frame.id, "right")
     left, right = (_fast(measured[key]) for key in keys)
     warp = warp_between(views[keys[0]], views[keys[1]])

@@ -62,8 +62,8 @@ _Item = TypeVar("_Item")
 
 
 def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
-    """Groups items by static view and camera, in order; frames without repeats are left out. items: (frame, camera,
-    item of the frame)."""
+    """Groups (frame, camera, item) by static view and camera; returns the items of each group in order. Frames without
+    repeats are left out."""
     groups: dict[tuple[int, str], list[_Item]] = {}
     for frame, side, item in items:
         if frame.repeat_group is not None:
@@ -95,8 +95,8 @@ class NoiseModel:
 
 @dataclass(frozen=True)
 class Comb:
-    """Coarse steps of digital numbers. steps_dn: the steps that fit. levels: the values that occur, ascending. pixels:
-    the number of pixels that are not clipped."""
+    """Describes digital numbers that occur only at coarse steps. steps_dn: the steps that explain them. levels: the
+    values that occur, ascending. pixels: number of unclipped pixels."""
 
     steps_dn: np.ndarray
     levels: np.ndarray
@@ -108,8 +108,8 @@ class Comb:
         return float(self.steps_dn.mean())
 
     def mean_error(self, image: np.ndarray, variance: np.ndarray) -> np.ndarray:
-        """Returns by how much rounded values exceed an expected image on average, DN. variance: of noise and
-        rounding."""
+        """Returns, for each pixel of an expected image in DN, by how much its rounded values exceed it on average, DN.
+        variance: of noise and rounding, DN^2."""
         sigma = np.sqrt(np.maximum(variance - ROUNDING_VARIANCE * self.step_dn**2, ROUNDING_VARIANCE))
         mean = np.full(image.shape, float(self.levels[0]))
         for low, high in zip(self.levels, self.levels[1:], strict=False):
@@ -118,7 +118,7 @@ class Comb:
 
 
 def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
-    """Finds the widest comb of values that holds nearly all pixels; None if the values are whole numbers."""
+    """Finds the coarsest steps at which nearly all pixels of the images lie; None if all whole numbers occur."""
     size = int(max_dn) + 1
     counts = np.sum([np.bincount(np.rint(i).astype(int).ravel(), minlength=size) for i in images], axis=0)
     counts[0] = counts[-1] = 0  # clipped
@@ -145,8 +145,8 @@ def _step_dn(capture: Capture) -> float:
 
 
 def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
-    """Returns the variance of noise and rounding, DN^2, from the mean variance of repeats. Repeats of a value whose
-    place between two steps is unknown miss a part of the rounding's (Widrow and Kollar 2008, Quantization Noise)."""
+    """Adds the part of the rounding variance that repeats miss to their mean variance; returns DN^2. If the noise is
+    small, repeats round alike, so that their scatter does not show it (Widrow and Kollar 2008, Quantization Noise)."""
     waves = np.exp(-((2.0 * np.pi * np.outer(_NOISE_STEPS, _TERMS)) ** 2))
     missed = (waves / _TERMS**2).sum(axis=1) / (2.0 * np.pi**2)
     seen, square = _NOISE_STEPS**2 + ROUNDING_VARIANCE - missed, step_dn**2
@@ -279,12 +279,12 @@ def noise_model_at_other_gains(
     noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray],
     shown_gains: set[float],
 ) -> NoiseModel:  # fmt: skip
-    """Returns the noise model with more shot noise, if frames at gains without repeats show it between neighbouring
-    pixels of nearly equal expected value. observations: objects with frame, view, measured (DN) and key (frame id,
-    side). images: expected DN. shown_gains: gains with repeats.
+    """Returns the noise model with more shot noise, if frames at gains without repeats need it. There the variance is
+    taken between neighbouring pixels of nearly equal expected value. observations: objects with frame, view, measured
+    (DN) and key (frame id, side). images: expected DN. shown_gains: gains with repeats.
 
-    A missing effect adds a variance that grows with the square of the signal at all gains alike; frames at the shown
-    gains measure it.
+    A missing effect adds a variance that grows with the square of the signal, alike at all gains. It is measured at the
+    shown gains and subtracted.
     """
     shown = [o for o in observations if o.frame.gain in shown_gains and o.frame.projector_power > 0]
     others = [o for o in observations if o.frame.gain not in shown_gains]
@@ -302,8 +302,9 @@ def _slope(
     noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray], lever_of: Callable,
     missing: float,
 ) -> float:  # fmt: skip
-    """Fits how much the variance between neighbouring pixels of nearly equal expected value grows with
-    lever_of(observation, signal), beyond the noise model and missing x signal^2."""
+    """Returns the coefficient of an extra variance proportional to lever_of(observation, signal). It is fitted to
+    differences of neighbouring pixels of nearly equal expected value, after the noise model and missing x signal^2 are
+    subtracted."""
     top = bottom = 0.0
     for o in observations:
         image = images[o.key]
@@ -331,8 +332,8 @@ Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
 
 
 def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | None:
-    """Fits a NoiseModel to the cameras' differences in frames (left view, right view, left DN, right DN); None if too
-    little of them is smooth."""
+    """Fits a NoiseModel to the differences between the two cameras. pairs: for each frame (left view, right view, left
+    DN, right DN). Returns None if too few pixels lie in smooth parts of the image."""
     rows = [row for pair in pairs for row in _rows(*pair)]
     if not rows:
         return None

@@ -67,16 +67,16 @@ class Fit:
 
 
 def regressors(frame: Frame, light: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns the derivatives of an unclipped prediction with respect to projector scale, ambient scale and black
-    level, each [height][width]. light: Layers, or a Light."""
+    """Returns the derivatives of the expected DN, without clipping, by projector scale, ambient scale and black level,
+    each [height][width]. light: Layers or a Light."""
     projector, ambient = scales(frame)
     images = light.projector.astype(np.float64) * projector, light.ambient.astype(np.float64) * ambient
     return *images, np.ones(light.ambient.shape)
 
 
 def slopes(image: Callable[..., np.ndarray], nuisances: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Returns image(projector scale, ambient scale, black) at the nuisances [3], and its derivatives by them, from
-    finite differences."""
+    """Evaluates image(projector scale, ambient scale, black) at the nuisances [3]; returns (image, its three
+    derivatives by finite differences)."""
     here, columns = image(*nuisances), []
     for j, value in enumerate(nuisances):
         moved = nuisances.copy()
@@ -144,9 +144,9 @@ def fit_with_exposures(
     capture: Capture, model: Any, lights: Mapping[ImageKey, Any], views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
 ) -> tuple[Fit, dict[ImageKey, View]]:  # fmt: skip
-    """Fits the nuisances to the train frames under a model and returns (Fit, views). If the capture states exposures as
-    inexact, it also fits these, of test frames, too, and the views have them. lights: {(frame id, side): the light on
-    the sensor}. Raises CaptureError if there is nothing to fit."""
+    """Fits the nuisances to the train frames under a model; returns (Fit, views). If the capture states its exposures
+    as inexact, the exposures of all frames are fitted, too, and the returned views hold them. lights: {(frame id,
+    side): light on the sensor}. Raises CaptureError if there is nothing to fit."""
     seen = dict(views)
 
     def fit() -> Fit:
@@ -239,8 +239,9 @@ def _deviation(solution: np.ndarray, gram: np.ndarray, moment: np.ndarray, energ
 def _normal_equations(
     observations: Sequence[Any], line: _Line, solution: np.ndarray | None, deviation: float, max_dn: float
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Returns (Gram matrix, moments, sum of squares, count) over pixels away from the range's ends. Without a solution
-    the measurement decides which these are, later the prediction, which does not select on the measurement's noise."""
+    """Returns (Gram matrix, moments, sum of squares, count) over pixels that do not clip. Without a solution the
+    measured values decide which clip; later the prediction does, which is free of the measurement's noise. deviation:
+    RMS residual, DN."""
     gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for seen, light, measured in observations:
         columns, offset = line(seen, light, solution)

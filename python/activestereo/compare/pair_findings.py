@@ -136,7 +136,8 @@ class Blocks:
         self._weights = np.vstack([np.ones(self._count), rng.poisson(1.0, (_DRAWS, self._count))])
 
     def sums(self, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        """Returns the sums of an image over a mask under each draw, [draws + 1]."""
+        """Returns the sum of an image's values over a mask for each bootstrap draw, [draws + 1]; the first is the plain
+        sum."""
         of_block = np.bincount(self._index, np.where(mask, values, 0.0).ravel(), minlength=self._count)
         return self._weights @ of_block
 
@@ -171,8 +172,8 @@ Image = NDArray[np.float64]
 
 
 def residual_image(left: Image, right: Image, disparity: NDArray[np.floating]) -> tuple[Image, NDArray[np.bool_]]:
-    """Returns (left less right at the disparity, high-pass filtered, DN; a mask of the pixels that both cameras
-    see)."""
+    """Subtracts the right image, read at the disparity, from the left one. Returns (the difference, high-pass filtered,
+    DN; a mask of the pixels that both cameras see)."""
     v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
     seen = (disparity > 0) & (u - disparity >= 1)
     there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")

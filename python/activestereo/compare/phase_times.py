@@ -28,14 +28,14 @@ def megapixels(capture: Capture) -> float:
 
 
 class PhaseTimes:
-    """Durations of a command's phases in its last runs, with the megapixels they worked on. A file that cannot be read
-    or written is ignored."""
+    """Stores how many seconds each phase of a command took in its last runs, and the megapixels of these runs. A file
+    that cannot be read or written is ignored."""
 
     def __init__(self, command: str, folder: str | Path | None = None) -> None:
         self._command, self._path = command, (Path(folder) if folder else default_cache_folder()) / _FILE
 
     def usual(self, first_guess: Mapping[str, UsualTime]) -> dict[str, UsualTime]:
-        """Returns {phase: first_guess's UsualTime with the durations of the last runs}, in the order of first_guess."""
+        """Returns {phase: UsualTime}: the first guess with the stored runs added, in the order of first_guess."""
         own = self._stored().get(self._command)
         runs = own if isinstance(own, dict) else {}
         return {phase: replace(guess, runs=_runs(runs.get(phase))) for phase, guess in first_guess.items()}

@@ -80,7 +80,7 @@ class Trial:
 
 
 class _Run:
-    """The small test world, rendered under one seed."""
+    """The small test world's images under one seed, by the engines and by formulas."""
 
     def __init__(self, capture: Capture, folder: Path, device: str | int, seed: int) -> None:
         self._engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
@@ -92,8 +92,8 @@ class _Run:
         self._without = {way: self._images(Model(), way) for way in (True, False)}
 
     def change(self, model: Model, by_engine: bool) -> NDArray[np.float64]:
-        """Returns the change that a model makes in the engines' images, or by its formulas, DN
-        [image][height][width]."""
+        """Returns the images under a model minus those without effects, DN [image][height][width]. by_engine: rendered
+        by the engines, else by the effects' formulas."""
         images = self._images(model, by_engine)
         return np.stack([images[key].astype(np.float64) - base for key, base in self._without[by_engine].items()])
 

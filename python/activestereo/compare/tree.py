@@ -23,8 +23,8 @@ _ORDER = {covariate.name: covariate for covariate in COVARIATES}
 
 @dataclass
 class _Node:
-    """One region of the covariates. a, b: indices of its pixels in the two halves; conditions: {covariate: set of bin
-    codes}."""
+    """A node of the tree: one region of the covariates. a, b: indices of its pixels in the halves A and B. conditions:
+    {covariate: codes of the bins that belong to the region}."""
 
     a: np.ndarray
     b: np.ndarray
@@ -39,7 +39,8 @@ class _Node:
 
 
 class HonestTree:
-    """A tree that is grown on half A of the samples, and pruned and evaluated on half B."""
+    """A regression tree of the excess error over the covariates. Half A of the pixel blocks chooses the splits; half B
+    prunes them and estimates all figures."""
 
     def __init__(self, samples: Samples, seed: int = 0) -> None:
         self._samples = samples
@@ -95,8 +96,8 @@ class HonestTree:
             node.children = []
 
     def _best_split(self, node: Any) -> Any:
-        """Returns (covariate, codes of one side, codes of the other) of the split that reduces the squared deviation
-        most, or None."""
+        """Returns (covariate, bin codes of one side, bin codes of the other) of the split of half A that most reduces
+        the squared deviation; None if none does."""
         target = self._target[node.a]
         total = target.sum()
         best_gain, best = total**2 / max(len(target), 1), None
@@ -121,7 +122,8 @@ class HonestTree:
         return best
 
     def _is_confirmed(self, inside: Any, outside: Any) -> bool:
-        """Returns whether half B's excess per pixel differs between inside and outside, by a 95 % interval."""
+        """Returns whether the excess per pixel of half B differs between two regions: the 95 % interval of the
+        difference leaves out 0."""
         if not len(inside.b) or not len(outside.b):
             return False
         means = []

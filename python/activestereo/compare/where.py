@@ -142,8 +142,8 @@ def interval(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def max_t(value: np.ndarray, draws: np.ndarray) -> tuple[float, np.ndarray]:
-    """Returns (largest |t| of value [bins] against 0, its draws under the hypothesis that all values are 0). draws:
-    [draws][bins]."""
+    """Computes the max-t test that all values [bins] are 0. Returns (the largest |value / standard error|; the same of
+    each draw under this hypothesis, [draws]). draws: bootstrap values, [draws][bins]."""
     deviation = np.nanstd(draws, axis=0)
     usable = np.isfinite(value) & np.isfinite(draws).all(axis=0) & (deviation > 0)
     if not usable.any():
@@ -179,8 +179,9 @@ SMALLEST_SHARE = 0.05
 
 @dataclass(frozen=True)
 class ResidualImage:
-    """The pixels of one image. residual, floor (expected squared residual of a perfect model) and mask:
-    [height][width]; maps: {covariate: map}; pose: equal for repeats, whose blocks are resampled together."""
+    """Holds one image's residual, floor (expected squared residual of a perfect model) and mask of pixels that count,
+    each [height][width]. maps: {covariate: [height][width]}. pose: equal for repeats, whose blocks are resampled
+    together."""
 
     residual: np.ndarray
     floor: np.ndarray
@@ -191,8 +192,8 @@ class ResidualImage:
 
 @dataclass(frozen=True)
 class Bins:
-    """A covariate's bins. code: each pixel's bin, 1..count, 0 = not defined. edges: [count + 1], of intervals (low,
-    high]; or values: one per code. The other is None."""
+    """Holds the bins of a covariate. code: each pixel's bin, 1..count, 0 = not defined. edges [count + 1] of intervals
+    (low, high], or values [count] if each bin is one value; the other is None."""
 
     code: np.ndarray
     edges: np.ndarray | None
@@ -247,8 +248,8 @@ def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | 
 
 
 def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.ndarray:
-    """Returns each kept pixel's group for resampling. Blocks of 16 px are assigned to the groups at random; blocks at
-    the same place of one pose and camera are one."""
+    """Assigns each kept pixel to a resampling group; returns their numbers [n]. Blocks of 16 px get random groups;
+    repeats of one pose and camera share them."""
     first, firsts, parts = 0, {}, []
     for image, kept in zip(images, keep, strict=True):
         rows, columns = (np.arange(n) // BLOCK_PX for n in kept.shape)

@@ -70,8 +70,9 @@ def residual_channels(
     infrared: Sequence[tuple[ImageKey, np.ndarray, np.ndarray, np.ndarray | None, bytes]], depths: Sequence[DepthFrame],
     maps: Mapping[ImageKey, dict[str, np.ndarray]], seed: int = 0,
 ) -> dict[str, tuple[Samples, str, bool]]:  # fmt: skip
-    """Collects {channel: (Samples, unit, whether there is error to explain)}. infrared: [(key, residual, floor, mask of
-    the known scene or None, pose)]; maps: {(frame id, side): covariates}."""
+    """Collects the samples of each channel (infrared, disparity, validity); returns {channel: (Samples, unit, whether
+    there is error to explain)}. infrared: [(key, residual, floor, mask of the known scene or None, pose)]. maps:
+    {(frame id, side): {covariate: [height][width]}}."""
     images = {
         "infrared": [
             ResidualImage(r, floor, np.ones(r.shape, bool) if known is None else known, maps[key], pose)
