@@ -22,8 +22,8 @@ class Devices:
         self._threads = ThreadPoolExecutor(len(names), "device") if len(names) > 1 else None
 
     def each(self, call: Callable[[int], _Result]) -> list[_Result]:
-        """Returns [call(k) for every device number k], all run at once; after close() one after another. Raises the
-        first error after all calls have ended."""
+        """Calls call(k) for every device number k, all at once, and returns the results in this order. After close()
+        the calls run one after another. Raises the first error after all calls have ended."""
         if self._threads is None:
             return [call(k) for k in range(len(self._names))]
         running = [self._threads.submit(call, k) for k in range(len(self._names))]
@@ -42,8 +42,8 @@ class Devices:
         return [one.result() for one in running]
 
     def join(self, images: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        """Joins the devices' images [environments, ...] along the first axis: returns the array that all are views of,
-        or a copy."""
+        """Joins one array [environments, ...] from each device along the first axis. Returns their common base array if
+        all are views of it, else a copy."""
         if len(images) == 1:
             return images[0]
         shape, dtype = (sum(len(image) for image in images), *images[0].shape[1:]), images[0].dtype

@@ -29,13 +29,13 @@ from activestereo.sensor.rig_inputs import RigInputs
 
 
 class SensorEngine:
-    """Renders and matches equal sensors in one scene.
+    """Renders the pictures of equal depth sensors in one scene, and computes their depth.
 
-    environments: the environment of each sensor. [None] is one sensor in a scene without environments. Only that one
-    has a velocity, conditions, 'converging' exposure and effects outside the engines. shape: (), (E,) or (E, S).
-    source: the path that the scene was loaded from, or any other object. first_view: number of this engine's first
-    sensor among all devices' sensors. results: (memory for maps, this engine's part of it), as Maps takes them.
-    matcher: computes disparities.
+    environments: number of the environment of each sensor. [None]: one sensor in a scene without environments. Only
+    that one may have a velocity, conditions, 'converging' exposure and effects that change its images. shape: leading
+    axes of results: () for one sensor, (E,) or (E, S). source: path of the scene's file, or any other object.
+    first_view: number of this engine's first sensor among all devices' sensors. results: (memory for maps, this
+    engine's part of it), as Maps takes them. matcher: computes disparities, see foreign_matcher.py.
 
     Raises ValueError for a model or an exposure mode that does not fit the scene or the sensors. Nothing has changed
     then."""
@@ -89,8 +89,8 @@ class SensorEngine:
     # ---- pictures ----
 
     def turn(self) -> None:
-        """Waits for the pictures that were begun and makes them current; without a pipeline, drops the current ones.
-        Call it before take_pictures()."""
+        """Makes room for new pictures; call it before take_pictures(). A pipelined engine waits for the pictures that
+        it has begun, and results are theirs from now on. Any other engine drops its pictures."""
         self.wait()
         if self.pipelined:
             self._make_current()
@@ -101,11 +101,11 @@ class SensorEngine:
     def take_pictures(
         self, rigs: NDArray[np.float64], place: NDArray[np.float64], infrared_only: bool, progress: Progress | None
     ) -> None:
-        """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. Call turn() first. A
-        pipelined engine only begins them.
+        """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined engine only
+        begins the renders. Call turn() first.
 
-        rigs: poses of the RGB cameras, [sensors, 4, 4], body axes. place: poses of all sensors; if this array differs
-        from the last call's, the static speckle is drawn anew. A failed picture, here or in wait(), leaves no
+        rigs: poses of the RGB cameras, [sensors, 4, 4], body axes. place: poses of all devices' sensors; if they differ
+        from the last call's, new static laser speckle is drawn. A failed picture, here or in wait(), leaves no
         result."""
         picture = self._next
         # Exposure, emitter, and static speckle if a sensor has moved.
@@ -211,7 +211,8 @@ class SensorEngine:
         self._keep_times("depth", self.matcher)
 
     def compute(self, outputs: Any) -> dict[str, NDArray[Any]]:
-        """Computes {name: map} of the current pictures. outputs: names, or {name: array to write into}."""
+        """Computes {name: map} of the current pictures by the depth engine. outputs: names such as 'disparity', or
+        {name: array to write into}."""
         picture = self._present
         taken = picture.taken or Taken()
         self._set_signals(picture.signals)  # the next picture may have another exposure already
@@ -226,8 +227,9 @@ class SensorEngine:
     def compute_from(
         self, pair: tuple[Any, Any], outputs: tuple[str, ...], lasers: dict[str, Any], frame_index: int
     ) -> dict[str, NDArray[Any]]:
-        """Computes {name: map} from a given (left, right) pair of radiance, with the noise of picture frame_index.
-        lasers: the engine's keyword arguments for the projector's part."""
+        """Computes {name: map} by the depth engine from given radiance images (left, right) instead of rendered ones.
+        frame_index: number of the picture whose noise is used. lasers: simsense.Engine.compute()'s arguments for the
+        projector's part of the light."""
         self.wait()
         self.maps.complete()
         self._set_signals(self.rig.signals())
@@ -237,8 +239,9 @@ class SensorEngine:
     # ---- settings between pictures ----
 
     def set(self, matcher: Mapping[str, Any], signal: dict[str, float]) -> None:
-        """Sets parameters of the matcher and the imagers' signal for present and later pictures; each picture keeps its
-        own exposure. Maps that are already matched stay. simsense.ArgumentError changes nothing."""
+        """Changes parameters of the matcher and of the imagers (signal), by simsense's names. They hold for pictures
+        that exist and for later ones, which keep their own exposure and gain. Maps computed before keep their values.
+        Raises simsense.ArgumentError for an invalid value; nothing has changed then."""
         self.wait()
         self.maps.complete()
         now = self.rig.setting
@@ -255,21 +258,21 @@ class SensorEngine:
         self._set_signals(self.rig.signals())
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
-        """Waits for pictures under way, then sets the sensor's velocity: [6], m/s and rad/s, as
-        RigInputs.set_twist()."""
+        """Waits for renders under way, then sets the left infrared camera's velocity in its own axes: [6], 3 in m/s and
+        3 in rad/s."""
         self.wait()
         self.rig.set_twist(twist)
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        """Waits for pictures under way, then sets the conditions by RigInputs.set_conditions(); maps of matched
-        pictures stay."""
+        """Waits for renders under way, then sets the sensor's temperature and the seconds since it was switched on, on
+        which effects may depend. Maps of matched pictures stay."""
         self.wait()
         self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
-        """Makes the next picture frame 0 under this seed and drops the current one. noise_seeds: a seed for each
-        sensor's imagers; None: all use `seed`."""
+        """Drops the current pictures and numbers the next ones 0; this seed then repeats their render and noise.
+        noise_seeds: a noise seed for each sensor; None: all use `seed`."""
         self.wait()
         self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
@@ -294,14 +297,16 @@ class SensorEngine:
         return self.image_effects.depth(self.matcher, pair, outputs, **lasers)
 
     def _settings(self, outputs: Any, frame: int) -> dict[str, Any]:
-        """Returns the arguments of kuafu.Renderer.render that all cameras share."""
+        """Returns the arguments of kuafu.Renderer.render that RGB and infrared cameras share. outputs: names of the
+        images to render; frame: the picture's number, which seeds the render."""
         scales = {"srgb": self.plan.rgb_exposure or 0.0} if "srgb" in outputs else {}
         return self.plan.render | {"seed": (self.plan.render_seed << 32) + frame, "scales": scales}
 
     def _render(
         self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, progress: Any, seen: dict[str, Any]
     ) -> None:
-        """Renders the cameras into targets now; a pipelined engine only submits the render."""
+        """Renders the cameras into targets, {output: image}; a pipelined engine only submits the render. group: 'rgb'
+        or 'ir'. seen: render()'s arguments for these cameras alone."""
         options = self._settings(targets, taken.frame) | seen
         if self.pipelined:
             self._under_way.add(group, self._renderer.submit(self.scene, cameras, targets, **options))
@@ -310,8 +315,8 @@ class SensorEngine:
             self._keep_times(group, self._renderer)
 
     def _finish(self) -> None:
-        """Finishes rendered pictures: switches the projectors off, scales the pairs to their exposures and hands them
-        to the depth engine."""
+        """Waits for the pictures' renders, then switches the projectors off, scales each infrared pair to its exposure
+        and hands the pairs to the depth engine."""
         picture = self._next
         try:
             try:
@@ -342,7 +347,8 @@ class SensorEngine:
             raise
 
     def _make_current(self) -> None:
-        """Makes the rendered pictures current; a pipelined engine's next pictures take the memory of the last ones."""
+        """Lets results be those of the pictures rendered last. A pipelined engine renders its next pictures into the
+        memory of the previous ones."""
         if self._next.taken is None:
             return
         self.maps.clear()

@@ -157,9 +157,9 @@ def foreign_maps(
     matcher: Matcher, engine: simsense.Engine, plan: SensorPlan, pair: tuple[Any, Any], outputs: Any,
     lasers: dict[str, Any],
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
-    """Computes the outputs of simsense.Engine.compute() with this matcher; imager and rectification stay the engine's.
-    pair, lasers: compute()'s arguments. outputs: names, or {name: array to write into}. Raises ValueError if the
-    matcher returns another size."""
+    """Computes maps as simsense.Engine.compute() does, but with this matcher's disparities. The engine still simulates
+    the imagers and rectifies the images. pair, lasers: compute()'s arguments. outputs: names, or {name: array to write
+    into}. Raises ValueError if the matcher returns another size."""
     images = dict(engine.compute(*pair, _IMAGES, **lasers))
     left, right = images["rectified_left"], images["rectified_right"]
     leading = left.shape[:-2]

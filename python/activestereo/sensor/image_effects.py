@@ -34,8 +34,9 @@ class ModelCostWarning(UserWarning):
 
 
 class ImageEffects:
-    """Applies effects to a StereoDepthSensor's images. effects: pairs (Effect, {parameter: value}). make_light: whether
-    on_light() renders and writes the whole pair of radiance itself."""
+    """Applies to a StereoDepthSensor's images those effects that renderer and depth engine cannot compute. effects:
+    pairs (Effect, {parameter: value}). make_light: whether on_light() renders the infrared pair itself, in place of the
+    engine."""
 
     def __init__(self, sensor: Any, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor
@@ -45,8 +46,8 @@ class ImageEffects:
         self.make_light = bool(self._of_stages(Stage.PROJECTOR, Stage.OPTICS).effects)
 
     def on_light(self, link: IrLink, is_laser_apart: bool) -> None:
-        """Applies the effects on light and on charge to the pair of radiance in `link`. is_laser_apart: the link holds
-        the laser's part separately."""
+        """Applies the effects on light and on the pixels' charge to the infrared pair, in place in `link`.
+        is_laser_apart: the link also holds images of the projector's light alone."""
         before, charge = self._of_stages(Stage.PROJECTOR, Stage.OPTICS), self._of_stages(Stage.CHARGE, Stage.CHARGE)
         if not before.effects and not charge.effects:
             return
@@ -80,7 +81,8 @@ class ImageEffects:
     def depth(
         self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any
     ) -> dict[str, NDArray]:
-        """Returns engine.compute()'s results, with the effects on counts, disparity and depth applied."""
+        """Computes engine.compute()'s maps with effects: first on the imagers' counts, then on disparity and depth.
+        Arguments are compute()'s."""
         counts, matched = self._of_stages(Stage.READOUT, Stage.DIGITAL), self._of_stages(Stage.DISPARITY, Stage.DEPTH)
         wanted = (*outputs, "depth") if matched.effects else outputs
         if not counts.effects:
@@ -140,8 +142,9 @@ class ImageEffects:
 
 
 def _light(seen: Pictures, power: float, ambient: float) -> Light:
-    """Returns the scene's light for a projector of 1 W/sr and an ambient radiance of 1 W/(sr m^2), from kuafu's
-    outputs. `flat`, the projector's direct light on Lambertian surfaces, follows kuafu's projector outputs."""
+    """Returns one camera's light as from a projector of 1 W/sr and an ambient radiance of 1 W/(sr m^2). seen: kuafu's
+    images, rendered with `power` and `ambient` in these units. `flat` is the projector's direct light on Lambertian
+    surfaces."""
     picture = {name: image[..., 0].astype(np.float64) for name, image in seen.items()}
     room = picture["ambient"] / ambient
     if power == 0.0:

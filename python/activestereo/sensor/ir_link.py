@@ -35,8 +35,8 @@ def has_own_memory(device: kuafu.Device) -> bool:
 
 
 class IrLink:
-    """Memory of two float32 radiance images [height, width], left then right: kuafu renders into `target`, simsense
-    reads `left` and `right`. With a count above 1 each of the two is [count, height, width]."""
+    """Holds the infrared radiance images that kuafu renders into `target` and simsense reads as `left` and `right`.
+    Each side is float32 [height, width]; for a count of sensors above 1 it is [count, height, width]."""
 
     def __init__(
         self, renderer_device: kuafu.Device, engine_device: simsense.Device, width: int, height: int,
@@ -64,17 +64,18 @@ class IrLink:
         self.left, self.right = (self._sink.image(np.float32, side_shape, side * size_bytes // 2) for side in (0, 1))
 
     def laser(self) -> IrLink:
-        """Returns a second IrLink, for the laser's part of the light; it is made on first use."""
+        """Returns a second link for images of the projector's light alone; it is made on first use."""
         if self._laser is None:
             self._laser = self._beside()
         return self._laser
 
     def targets(self, is_laser_apart: bool) -> dict[str, kuafu.Image]:
-        """Returns {kuafu's output: image that a render fills}."""
+        """Returns {kuafu's output: image to render into}. is_laser_apart: also render the projector's light alone."""
         return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
-        """Returns the depth engine's keyword arguments for the laser's light; empty if all light has speckle."""
+        """Returns simsense.Engine.compute()'s arguments for the projector's light, which has speckle. Without
+        is_laser_apart it is {}: then all light has speckle."""
         return {"left_laser": self.laser().left, "right_laser": self.laser().right} if is_laser_apart else {}
 
     def images(self, count: int | None = None, first: int = 0) -> np.ndarray:
@@ -104,7 +105,8 @@ class IrLink:
                 self._source.write(images, first * self._image_bytes)
 
     def deliver(self) -> None:
-        """Makes a finished render visible in `left` and `right`. Costs nothing unless the link copies."""
+        """Makes the rendered images visible to simsense as `left` and `right`. Copies only if the link was made with
+        copy=True."""
         if self.memory == "copy":
             self._sink.write(self._source.read())
             if self._laser is not None:

@@ -24,11 +24,11 @@ _GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDE
 
 @dataclass(frozen=True)
 class LightShare:
-    """Shares of the infrared light in the middle of the left camera's picture. They cover the tenth of the pixels there
-    that the projector lights most, or all pixels without a projector.
+    """States which lights make the infrared light in the middle of the left camera's picture. It counts the tenth of
+    the pixels there that the projector lights most, or all without a projector.
 
-    distance_m: median distance there. projector: its share, 0..1. brightest, brightest_share: name and share of the
-    brightest other light; None if there is none."""
+    distance_m: median distance of these pixels. projector: the projector's share of their light, 0..1. brightest,
+    brightest_share: name and share of the brightest other light; None if there is none."""
 
     distance_m: float
     projector: float
@@ -90,7 +90,7 @@ def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]])
 
 
 def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
-    """Returns the `count` records that get(number) knows; skips the free numbers of removed ones, such as a model's
+    """Returns the `count` records that get(number) finds, and skips numbers whose record was removed, such as a model's
     lights."""
     out: list[_Record] = []
     number = 0

@@ -21,7 +21,8 @@ _MOST_FREE = 2  # free arrays kept for a result, as the caller holds one during 
 
 
 class _Lent:
-    """Keeps memory marked as in use while an array or a view of it lives."""
+    """Stands for memory that a caller uses. It lives as long as an array over the memory or a view of it; then the
+    memory is free again."""
 
     def __init__(self, memory: NDArray[Any]) -> None:
         self.__array_interface__ = memory.__array_interface__
@@ -33,8 +34,8 @@ def _give_back(free: list[NDArray[Any]], memory: NDArray[Any]) -> None:
 
 
 class JoinedResults:
-    """Arrays in which several parts (devices) store their results one after another. counts: environments in each part.
-    Parts may reserve theirs, and arrays may be released, in any thread."""
+    """Holds one array for each map, into which several devices write the parts for their environments. counts:
+    environments in each part. Parts may reserve theirs, and arrays may be released, in any thread."""
 
     def __init__(self, counts: Sequence[int]) -> None:
         ends = np.cumsum(counts).tolist()
@@ -47,17 +48,18 @@ class JoinedResults:
         self._lock = threading.Lock()
 
     def begin(self) -> None:
-        """Forgets the last picture's results before the next ones are reserved."""
+        """Forgets the last picture's arrays; the next picture's maps get others."""
         self._whole, self._taken = {}, set()
 
     def learn(self, found: Mapping[str, NDArray[Any]]) -> None:
-        """Stores the shapes and types of a part's results, {name: array}, for reserve()."""
+        """Notes the shape and type of each map in `found`, one part's {name: array [environments, ...]}, for
+        reserve()."""
         with self._lock:
             self._kinds |= {name: (image.shape[1:], image.dtype) for name, image in found.items()}
 
     def reserve(self, part: int, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-        """Returns {name: the part's slice of the common array}, with undefined contents, or {} if a result's shape is
-        not known yet. The caller owns an array as long as it or a view of it lives."""
+        """Returns {name: slice for this part of the map's array}, to be written into. Returns {} if learn() has not
+        seen one of the maps. The memory is used again once neither an array nor a view of it lives."""
         own = {(name, part) for name in names}
         with self._lock:
             if any(name not in self._kinds for name, _ in own):
@@ -76,7 +78,7 @@ class JoinedResults:
 
 
 class ComputesMaps(Protocol):
-    """The part of a SensorEngine that Maps needs."""
+    """The attributes of a SensorEngine that Maps uses. compute() returns the named maps or fills given arrays."""
 
     plan: SensorPlan
     matcher: simsense.Engine
@@ -86,8 +88,8 @@ class ComputesMaps(Protocol):
 
 
 class Maps:
-    """Computes the depth engine's maps and caches them. Maps that were read for earlier pictures are computed together;
-    others when they are first read.
+    """Computes and caches the maps (depth, disparity, measured infrared images, ...) of the current pictures. Those
+    that were read for earlier pictures are computed together; others when they are first read.
 
     on_cuda: maps lie in memory that CUDA sees, and the host reads them from there. The first computation raises
     CudaError without CUDA on this GPU. results: memory for maps, and number of this engine's part; None: new arrays."""
@@ -112,8 +114,8 @@ class Maps:
         self._has_begun = True
 
     def complete(self) -> None:
-        """Computes the missing maps of a matched picture. Call it before the engine changes, so that one engine makes
-        all maps of a picture."""
+        """Computes the maps of a matched picture that are not cached yet. Call it before the depth engine's parameters
+        change, so that all maps of a picture have the same ones."""
         names = ("disparity", "ir_left", "ir_right", *self._engine.plan.depth_maps)
         missing = [name for name in names if name not in self._found]
         if self._has_begun and missing:
@@ -152,6 +154,6 @@ class Maps:
         return found
 
     def _shape_of(self, image: Any) -> tuple[int, ...]:
-        """Returns [*shape, height, width, ...] for an image of the engine, which has one leading axis or, for one
-        sensor, none."""
+        """Returns the shape of a map for the caller, [*shape, height, width, ...]. image: the depth engine's map,
+        [sensors, height, width, ...], or without the first axis for one sensor."""
         return (*self._engine.shape, *image.shape[1 if prod(self._engine.shape) > 1 else 0 :])

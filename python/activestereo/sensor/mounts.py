@@ -45,7 +45,8 @@ class Mount:
 
 
 class RigPlace:
-    """Combines a mount's pose with `local`, the sensor's pose relative to it."""
+    """Computes a sensor's pose in the scene from its mount's pose and `local`, the sensor's pose relative to the
+    mount."""
 
     def __init__(self, mount: HasPose, local: Pose) -> None:
         self._mount, self.local = mount, local
@@ -56,8 +57,8 @@ class RigPlace:
         return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
 
     def matrix(self) -> NDArray[np.float64]:
-        """Returns pose() as a read-only 4x4. It is cached until the mount or the local pose moves, because its checks
-        take longest."""
+        """Returns pose() as a read-only 4x4. It is computed anew only after the mount or the local pose has moved,
+        because its checks are slow."""
         mount, local = as_matrix(self._mount.pose), as_matrix(self.local)
         parts = mount.tobytes() + local.tobytes()
         if parts != self._parts:
@@ -139,7 +140,8 @@ class Places:
         return broken
 
     def rigs(self, own: slice) -> NDArray[np.float64]:
-        """Returns the poses of the RGB cameras in the slice `own` of all sensors, [sensors, 4, 4], body axes."""
+        """Returns the last valid poses of the RGB cameras, [sensors, 4, 4], body axes (x forward, y left, z up). own:
+        slice of the batch's sensors."""
         return self.matrices[own] @ self._pose
 
 
@@ -156,8 +158,8 @@ def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:
 
 
 def raise_faults(name: str, environments: NDArray[np.intp], faults: Sequence[str | None]) -> None:
-    """Raises ValueError with every sensor's fault (None: no fault). environments: the environment of each sensor. name:
-    the faulty quantity."""
+    """Raises ValueError with all faults, if there are any. faults: a text for each sensor, None: no fault.
+    environments: each sensor's environment. name: the faulty quantity."""
     bad = [f"environment {at} {fault}" for at, fault in zip(environments, faults, strict=True) if fault is not None]
     if bad:
         more = f" and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""

@@ -56,7 +56,8 @@ class PictureMemory:
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
-        """Forgets the last picture's copies. Call it before a render into `targets`."""
+        """Drops the host copies of the last picture, so that read() copies the next one. Call it before a render into
+        `targets`."""
         for name in self._on_device & self._read.keys():
             image = self.targets[name]
             self.targets[name] = kuafu.Buffer(self._device, image.buffer.size_bytes).image(image.dtype, image.shape)
@@ -77,8 +78,8 @@ class PictureMemory:
 
 
 class Taken(NamedTuple):
-    """Numbers of a picture that matching depends on: its frame, its draw of static speckle, and whether the laser's
-    light was rendered separately."""
+    """Identifies a picture for matching. frame: its number, which seeds the noise. speckle_draw: number of the static
+    speckle pattern. is_laser_apart: the projector's light was also rendered alone."""
 
     frame: int = -1
     speckle_draw: int = -1
@@ -87,11 +88,11 @@ class Taken(NamedTuple):
 
 @dataclass
 class Picture:
-    """Memory of one picture, and the settings of the last one rendered there.
+    """Memory for one picture of each sensor, and the settings of the last one rendered there.
 
-    taken: None if there is no picture. has_rgb: the memory holds RGB images, perhaps of an earlier picture. signals:
-    the imagers' parameters, left and right, with exposure and gain. light_share: [sensors], factors on each sensor's
-    exposure."""
+    taken: None if there is no picture. has_rgb: the memory holds RGB images, perhaps of an earlier picture. setting:
+    exposure and gain. signals: the imagers' parameters, left and right, with exposure and gain. light_share: [sensors],
+    factors on each sensor's exposure."""
 
     link: IrLink
     rgb: PictureMemory
@@ -103,7 +104,7 @@ class Picture:
 
 
 class UnderWay:
-    """A queue of renders that were submitted and may still run, in order. It is false if it is empty."""
+    """A queue of submitted renders that may still run, oldest first. It is false if it is empty."""
 
     def __init__(self) -> None:
         self._submissions: list[tuple[str, kuafu.Submission]] = []
@@ -154,8 +155,8 @@ class PipelinedSensors(weakref.WeakSet[Any]):
 
 
 def expose_each(picture: Picture, auto: AutoExposure, inputs: EngineInputs) -> None:
-    """Scales the radiance of each rendered pair to its sensor's exposure. inputs: the engines' inputs, equal for all
-    sensors."""
+    """Multiplies each sensor's infrared pair, in place, by its light_share and, unless exposure is fixed, to the
+    exposure that it chooses. inputs: the engines' inputs, equal for all sensors."""
     link, shares = picture.link, picture.light_share
     if auto.mode == "fixed" and bool((shares == 1.0).all()):
         return

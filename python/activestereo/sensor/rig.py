@@ -21,8 +21,8 @@ LATER = 1
 
 @dataclass
 class _RigLight:
-    """One light that moves with the sensors, with a record for each sensor. on_rig: 4x4, its pose with the RGB camera
-    at the origin; visible, infrared: its intensities as in kuafu.Light."""
+    """A light that moves with the sensors: their projector or a model's light. records: one kuafu.Light for each
+    sensor. on_rig: 4x4, its pose relative to the RGB camera. visible, infrared: its intensities while it is on."""
 
     records: list[kuafu.Light]
     on_rig: NDArray[np.float64]
@@ -32,9 +32,9 @@ class _RigLight:
 
 
 class Rig:
-    """Owns the lights and materials that equal sensors add to their scene. environments: each sensor's; None: all
-    sensors see its lights. A model's materials hold until leave(). laser_power: [sensors], factors on the projector's
-    power."""
+    """Owns the lights and materials that equal sensors add to their scene. environments: each sensor's, whose cameras
+    alone see its lights; None: all do. A model's materials hold until leave(). laser_power: [sensors], factors on the
+    projector's power."""
 
     def __init__(self, scene: kuafu.Scene, environments: Sequence[int | None]) -> None:
         self._scene, self._environments = scene, environments
@@ -59,9 +59,9 @@ class Rig:
         return copy_record(self._materials[number])
 
     def enter(self, inputs: EngineInputs, laser_w_sr: float, pattern: Pattern | None) -> None:
-        """Puts the inputs' lights, materials and medium into the scene, in place of the earlier ones. Lights on the rig
-        stay dark until shine(). laser_w_sr: the projector's exact intensity before any effect, which a light's float32
-        record rounds. pattern: the projector's pattern before any effect."""
+        """Puts the lights, materials and medium of `inputs` into the scene, in place of an earlier call's. Lights that
+        move with the sensors stay dark until shine(). laser_w_sr: the projector's intensity before any effect, W/sr,
+        without a float32 record's rounding. pattern: the projector's pattern before any effect."""
         self._leave_but_pattern()
         own = [] if inputs.projector is None else [inputs.projector]
         for light in (*own, *inputs.rig_lights, *inputs.lights):
@@ -99,7 +99,8 @@ class Rig:
             self._standing.append(self._scene.add_light(light))
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches the lights on, with the RGB cameras at these poses: [sensors, 4, 4], body axes."""
+        """Switches on the lights that move with the sensors, placed for RGB cameras at these poses: [sensors, 4, 4],
+        body axes."""
         for one in self._on_rig:
             shares = self.laser_power.tolist() if one.is_laser else [1.0] * len(rigs)
             for record, place, share in zip(one.records, rigs @ one.on_rig, shares, strict=True):
@@ -108,7 +109,7 @@ class Rig:
         self._set_lights()
 
     def darken(self) -> None:
-        """Switches the lights of the rigs off until shine()."""
+        """Switches the lights that move with the sensors off until shine()."""
         for one in self._on_rig:
             for record in one.records:
                 record.intensity, record.ir_intensity = (0.0, 0.0, 0.0), 0.0

@@ -33,9 +33,9 @@ _MARGIN_M = 0.05
 
 
 class RigInputs:
-    """Computes the engines' inputs and cameras for equal sensors, and recomputes them after a change. environments,
-    model, source: as in SensorEngine. takes_image_effects: whether effects may act outside of the engines. Raises
-    ValueError for a model that does not fit."""
+    """Computes what renderer and depth engine need for equal sensors: cameras, lights, materials, parameters.
+    Recomputes it after a change. environments, model, source: as in SensorEngine. takes_image_effects: whether effects
+    are allowed that neither engine computes. Raises ValueError for a model that does not fit."""
 
     def __init__(
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None],
@@ -60,8 +60,8 @@ class RigInputs:
         self._inputs: EngineInputs | None = self._compute_inputs()
 
     def inputs(self) -> EngineInputs:
-        """Returns the engines' inputs, with the RGB camera at the origin. Recomputes them after a change of sensor or
-        conditions."""
+        """Returns the parameters of renderer and depth engine under the model, with the RGB camera at the origin.
+        Recomputes them after a change of sensor or conditions."""
         if self._inputs is None:
             inputs = self._compute_inputs()
             if not self._is_closed:
@@ -86,7 +86,7 @@ class RigInputs:
         return engine
 
     def signals(self) -> list[dict[str, float]]:
-        """Returns the parameters of the left and the right imager."""
+        """Returns the imagers' parameters, left then right, by simsense's names."""
         return [side.signal for side in self.inputs().sides]
 
     def ir_cameras(self, rigs: NDArray[np.float64]) -> list[kuafu.Camera]:
@@ -108,12 +108,13 @@ class RigInputs:
         return self._rgb_cameras
 
     def visible(self) -> dict[str, Any]:
-        """Returns the arguments of kuafu.Renderer.render that are special to the RGB cameras."""
+        """Returns the arguments of kuafu.Renderer.render that hold for the RGB cameras alone: band, environments,
+        optics."""
         return {"band": "visible", "environments": self.environments, "optics": self.plan.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
-        """Returns the arguments of kuafu.Renderer.render that are special to the infrared cameras. side: 0 (left) or 1
-        (right); None: both."""
+        """Returns the arguments of kuafu.Renderer.render that hold for the infrared cameras alone: band, environments,
+        optics. side: 0 (left) or 1 (right); None: both."""
         sides = self.inputs().sides if side is None else [self.inputs().sides[side]]
         seen = [LATER if one.delay_s else environment for one in sides for environment in self.environments]
         optics = [one.optics for one in sides for _ in self.environments]
@@ -135,8 +136,8 @@ class RigInputs:
     # ---- settings between pictures ----
 
     def begin(self, frame: int) -> EngineInputs:
-        """Starts the picture number `frame` and returns its inputs; the laser's power may alternate between
-        pictures."""
+        """Returns the inputs for picture number `frame`. They differ between pictures if the laser's power
+        alternates."""
         self._frame = frame
         if len(set(self.plan.laser_w_sr)) > 1:
             self._inputs = None
@@ -146,8 +147,8 @@ class RigInputs:
         self.plan, self._inputs = plan, None
 
     def set_exposure(self, setting: Setting) -> None:
-        """Sets exposure and gain. Inputs that effects or a scene measurement changed may depend on the exposure, so
-        these are recomputed."""
+        """Sets exposure and gain. Recomputes all inputs if there are effects or a scene measurement, which may depend
+        on the exposure."""
         if setting == self.setting:
             return
         self.setting = setting
@@ -250,8 +251,8 @@ class RigInputs:
         return carried_twist(self.plan.left_to[name], self.twist).reshape(2, 3)
 
     def _give_velocity(self, inputs: EngineInputs) -> None:
-        """Sets the velocities of the infrared cameras and the rig's lights in `inputs`, which move rigidly with the
-        left camera."""
+        """Sets the velocities of the infrared cameras and of the sensor's lights in `inputs`. They follow from the left
+        camera's, because the sensor is rigid."""
         for record, name in ((inputs.left.camera, "left"), (inputs.right.camera, "right")):
             record.linear_velocity, record.angular_velocity = self._twist_of(name)
         for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:
@@ -265,9 +266,9 @@ class RigInputs:
 def _fit_model(
     scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None
 ) -> tuple[Model, SceneMeasurement, float | None]:
-    """Binds a model to this scene's materials. Returns (effects, scene measurement, ambient infrared light of the
-    model's room in counts or None). source: the scene file's path, or any other object. If it is a path and the model
-    tells two objects of one material apart, each gets a material of its own."""
+    """Assigns a model's values to this scene's materials by name. Returns (effects, scene measurement, ambient infrared
+    light of the model's room in counts or None). source: the scene file's path, or any other object. With a path, each
+    object that the model tells from others of its material gets its own material."""
     if model is None:
         return Model(), SceneMeasurement(), None
     model = model if isinstance(model, SensorModel) else read_model(Path(model))

@@ -43,8 +43,8 @@ def gaussian(depth: Depth, sigma_m_at_1_m: float, random: np.random.Generator) -
 
 
 def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
-    """Returns depth with simkinect's noise: Handa et al. 2014, with the noise of Barron and Malik 2013 and the window
-    of Bohg et al. 2014."""
+    """Returns depth with simkinect's noise (Handa et al. 2014; Barron and Malik 2013): shifted pixels, and disparity in
+    jittered steps. Pixels that disagree with the window of Bohg et al. 2014 take a near accepted one's, else 0."""
     row, column = _places(depth.shape, _KINECT_SHIFT_PX, random)
     stack = [map_coordinates(image, at, order=1, mode="nearest") for image, *at in zip(depth, row, column, strict=True)]
     with np.errstate(divide="ignore"):
@@ -137,8 +137,8 @@ def isaac(
 def _places(
     shape: tuple[int, ...], sigma_px: float, random: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns (rows, columns) of a random place near each pixel, inside the image. sigma_px: standard deviation of its
-    offset."""
+    """Returns (rows, columns), in pixels, of a random point near each pixel of images of this shape, [E, height,
+    width]. sigma_px: standard deviation of its offset."""
     count, height, width = shape
     row, column = (random.normal(0.0, sigma_px, shape) for _ in range(2))
     row += np.arange(height)[:, None]
@@ -147,7 +147,8 @@ def _places(
 
 
 def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Returns whether simkinect's window accepts each disparity; it refuses all at the border and all infinite ones."""
+    """Returns a mask of the disparities that simkinect keeps: at least five sixths of the window around them are near
+    the window's mean. It refuses infinite ones and all at the border."""
     is_known = np.isfinite(disparity)
     known = np.where(is_known, disparity, 0.0)
     window, reach = (1, _KINECT_WINDOW, _KINECT_WINDOW), _KINECT_WINDOW // 2
@@ -164,7 +165,8 @@ def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _rounded(depth: Depth, focal_baseline_px_m: float, jitter_px: NDArray[np.float64], step_px: float) -> Depth:
-    """Adds jitter to the depth's disparities and rounds them to whole steps; returns the depth of these."""
+    """Converts depth to disparity, adds jitter_px, rounds to whole steps of step_px, and converts back.
+    focal_baseline_px_m: focal length, px, times baseline, m."""
     with np.errstate(divide="ignore", invalid="ignore"):
         disparity = np.rint((focal_baseline_px_m / depth + jitter_px) / step_px) * step_px
         return np.where((depth > 0) & (disparity > 0), focal_baseline_px_m / disparity, 0.0).astype(np.float32)

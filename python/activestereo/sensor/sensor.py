@@ -197,7 +197,7 @@ class StereoDepthSensor(SensorResults):
 
     @property
     def plan(self) -> SensorPlan:
-        """Returns the configuration in the engines' terms."""
+        """Returns the configuration as arguments of the renderer and the depth engine."""
         return self._engine.plan
 
     def make_engine(self) -> simsense.Engine:
@@ -205,8 +205,8 @@ class StereoDepthSensor(SensorResults):
         return self._engine.rig.make_matcher(1)
 
     def engine_inputs(self) -> EngineInputs:
-        """Returns the engines' inputs for this sensor under its model, with the infrared cameras at their present
-        poses."""
+        """Returns the cameras, lights and parameters that renderer and depth engine get under the model, with the
+        infrared cameras at their present poses."""
         self.ir_cameras()
         return self._engine.rig.inputs()
 
@@ -217,7 +217,7 @@ class StereoDepthSensor(SensorResults):
 
     @property
     def ir_gain(self) -> float:
-        """Returns the imagers' counts per W/(sr m^2) at the present exposure and gain."""
+        """Returns the imagers' counts (DN) for a radiance of 1 W/(sr m^2), at the present exposure and gain."""
         setting = self._engine.rig.setting
         return setting.exposure_s * setting.gain * self._config.ir_responsivity_dn
 

@@ -54,7 +54,8 @@ def hidden_from_right(
 
 
 def _right_column(config: StereoDepthSensorConfig, inverse_depth: Floats) -> Floats:
-    """Returns the columns of the right image at which the left image's pixels lie, [E, height, width]."""
+    """Returns the column, in pixels, at which the right image shows the surface of each pixel of the left image, [E,
+    height, width]. inverse_depth: the left image's, 1/m."""
     k_left, k_right = ir_intrinsics(config, False)[0], ir_intrinsics(config, True)[0]
     disparity = config.focal_baseline_px_m * inverse_depth
     return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))
@@ -65,9 +66,10 @@ def causes(
     is_lit: NDArray[np.bool_], is_hidden: NDArray[np.bool_], counts: NDArray[np.integer], reason: NDArray[np.uint8],
     black_dn: float, max_dn: float,
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """Returns the cause of each pixel, uint8 [E, height, width], an index into CAUSES. All images are the left
-    camera's. is_lit: no shadow of the projector. is_hidden: the right camera does not see it. counts: the imager's.
-    reason: the matcher's."""
+    """Returns why each pixel has no depth, or that it is measured: uint8 [E, height, width], an index into CAUSES. All
+    images are the left camera's. inverse_depth: 1/m. is_lit: the projector lights the pixel. is_hidden: a nearer
+    surface hides it from the right camera. counts: the noisy image, DN, with black level black_dn and full scale
+    max_dn. reason: the matcher's verdict, an index into simsense.REASONS."""
     own = config.focal_baseline_px_m * inverse_depth
     block = (1, config.block_height, config.block_width)
     # A block compares census words, whose windows reach beyond its border.
@@ -100,8 +102,9 @@ _NOTHING = 0xFFFFFFFF
 
 
 def traced_causes(sensor: Any, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Returns the cause of each pixel, uint8 [height, width], an index into CAUSES, for the scene as it is now. sensor:
-    a StereoDepthSensor; reason: its matcher's map. Raises ValueError for a sensor that rectifies its images."""
+    """Returns why each pixel of the left camera has no depth: uint8 [height, width], an index into CAUSES, for the
+    scene as it is now. sensor: a StereoDepthSensor; reason: its depth map 'reason'. Raises ValueError for a sensor that
+    rectifies its images."""
     config = sensor.get_config()
     if not config.rectified or any(is_distorting(ir_intrinsics(config, is_right)[1]) for is_right in (False, True)):
         raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")

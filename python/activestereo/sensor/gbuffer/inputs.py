@@ -47,7 +47,8 @@ class MaterialNumbers:
         self._ids_on_cuda: Any = None
 
     def ids(self, numbers: NDArray[Any], unknown: np.uint32 | int = _NONE) -> NDArray[np.uint32]:
-        """Returns the material ids that kuafu's light_gbuffers() takes; a number without a material gets `unknown`."""
+        """Returns the scene's material ids for kuafu's light_gbuffers(). numbers: the caller's, of any shape; those
+        without a material get `unknown`."""
         ids = self._ids[self._places(numbers)]
         return np.where(ids == _NONE, np.uint32(unknown), ids)
 
@@ -62,7 +63,7 @@ class MaterialNumbers:
         return self._ids_on_cuda[places.where((places >= 0) & (places < last), places.new_tensor(last))]
 
     def are_odd(self, numbers: NDArray[Any]) -> NDArray[np.bool_]:
-        """Returns for each number whether its material mirrors or is glass."""
+        """Returns a mask of the material numbers whose material mirrors or is glass."""
         return self._is_odd[self._places(numbers)]
 
     def require_known(self, numbers: NDArray[Any], depth: NDArray[Any]) -> None:
@@ -114,15 +115,16 @@ def _checked_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
 
 
 def _red(name: str, image: Any, shape: tuple[int, ...]) -> Any:
-    """Returns an albedo image; of RGB(A) it takes the red channel, as a guess of the infrared albedo. uint8 becomes
-    0..1."""
+    """Returns an albedo image with one value per pixel. RGB(A) gives its red channel, a guess of the infrared albedo;
+    uint8 is scaled to 0..1."""
     is_rgb = image.ndim > 2 and image.shape[-1] in (3, 4) and tuple(image.shape[-3:-1]) == shape[1:]
     image = _checked_shape(name, image[..., 0] if is_rgb else image, shape)
     return image / 255.0 if str(image.dtype).endswith("uint8") else image
 
 
 class InputImages:
-    """Memory for one camera's images [E, height, width], each allocated when it is first given."""
+    """Holds the memory from which kuafu reads one camera's images [E, height, width]: depth, normal, albedo, material.
+    Each is allocated when it is first given."""
 
     def __init__(self, device: kuafu.Device, shape: tuple[int, ...], materials: MaterialNumbers) -> None:
         self._device, self._shape, self._materials = device, shape, materials

@@ -44,8 +44,8 @@ _IMAGES = ("depth", "normal", "albedo", "material")
 
 
 class StereoImages(TypedDict):
-    """The outputs of one frame that were asked for, [E, height, width] each. With on_cuda they are arrays that torch
-    and CuPy take."""
+    """The results of one simulated frame, [E, height, width] each; those that the caller did not ask for are absent.
+    With on_cuda they are arrays that torch and CuPy take."""
 
     depth: NDArray[np.float32]  # metres in the left infrared camera, 0 = no measurement
     disparity: NDArray[np.float32]  # pixels, -1 = none
@@ -255,8 +255,8 @@ class GBufferStereo:
     # ---- inside ----
 
     def _require(self, given: Mapping[str, Any], whose: str) -> None:
-        """Raises ValueError unless depth is there in metres, and an albedo or a known material for each surface. whose:
-        the camera's name in the message."""
+        """Raises ValueError unless `given` has a depth in metres and, for each surface, an albedo or a known material
+        number. whose: the camera's name in the message."""
         if given.get("depth") is None:
             raise ValueError(f"{whose}depth is missing")
         if not getattr(given["depth"], "is_cuda", False):

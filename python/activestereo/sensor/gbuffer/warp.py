@@ -42,8 +42,9 @@ _MOST_PIXELS = 3
 
 
 class Warped(NamedTuple):
-    """A warped view, each array [E, height, width]. pixel: flat index of the source pixel that shows this surface.
-    seen: whether the source camera sees it; elsewhere the background is continued."""
+    """The view of a second camera, computed from a first camera's depth; each array is [E, height, width].
+    inverse_depth: 1/m in the second camera. pixel: index into the first camera's flattened images, of the pixel with
+    the same surface. seen: false where the first camera sees no surface; there the background beside it continues."""
 
     inverse_depth: NDArray[np.float64]
     pixel: NDArray[np.intp]
@@ -51,9 +52,9 @@ class Warped(NamedTuple):
 
 
 def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: float, shift_px: float = 0.0) -> Warped:
-    """Returns the view of a camera baseline_m to the right (negative: left) of a rectified one. Both have one focal
-    length; the new principal point lies shift_px further right. inverse_depth [E, height, width], 1/m, 0 = infinitely
-    far.
+    """Computes the view of a second camera, baseline_m to the right (negative: left) of a rectified first one. Both
+    have one focal length; the second principal point lies shift_px further right. inverse_depth: the first camera's,
+    [E, height, width], 1/m, 0 = infinitely far.
 
     If two pixels land on one and the shift is to the left, the nearer one comes later in its row. Writing in row order
     therefore keeps the nearer one (McMillan 1997, occlusion-compatible order)."""
@@ -105,8 +106,9 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
 def in_front(
     beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Returns how much nearer the surface in another view is, 1/m: its inverse depth at `column` less inverse_depth.
-    beside: the other view's inverse depth. Columns outside the image read its nearest column."""
+    """Returns by how much another camera sees a nearer surface, 1/m, 0 or less = not nearer. That is `beside`, the
+    other camera's inverse depth, at `column` of the same row, less inverse_depth. Columns outside the image read its
+    nearest column."""
     place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
     return np.take_along_axis(beside, place, axis=-1) - inverse_depth
 
