@@ -91,8 +91,8 @@ class StereoDepth(gymnasium.ObservationWrapper):
         return _with_entry(observation, self._depth, self._observed(found.reshape(self._shape[:2])), dict)
 
     def _observed(self, depth_m: NDArray[np.float32]) -> NDArray[Any]:
-        """Converts upright metres [H, W] to the observation's form; the array is contiguous, because torch takes no
-        negative strides."""
+        """Converts measured depth to the form that it has in the observation: shape or code, and orientation. depth_m:
+        upright, [H, W] metres. The array is contiguous, because torch takes no negative strides."""
         return np.ascontiguousarray(
             self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
         )
@@ -108,7 +108,7 @@ def _entry(values: Any, keys: Sequence[str]) -> Any:
 
 
 def _with_entry(values: Any, keys: Sequence[str], new: Any, kind: Callable[[dict[str, Any]], Any]) -> Any:
-    """Returns a copy of nested mappings with the value at `keys` replaced by `new`. kind: makes each mapping from a
-    dict."""
+    """Returns a copy of nested mappings in which the path `keys` leads to `new`. kind: makes the mapping of each level
+    from a dict."""
     own = new if len(keys) == 1 else _with_entry(values[keys[0]], keys[1:], new, kind)
     return kind({**dict(values.items()), keys[0]: own})

@@ -14,7 +14,8 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
-    """Returns {geom number: its material, without textures}, as GBufferStereo's materials."""
+    """Returns {number of a geom: its material without textures}, for all geoms of the model, to be given to
+    GBufferStereo as materials."""
     return {geom: kuafu.Material(**geom_surface(model, geom)) for geom in range(model.ngeom)}
 
 
@@ -26,8 +27,8 @@ def set_camera(model: mujoco.MjModel, camera: int, sensor: GBufferStereo) -> Non
 
 
 class MujocoGBuffers:
-    """Renders GBufferStereo's arguments for one environment. camera: number of a camera of the model, prepared by
-    set_camera(). The sensor's materials are geom_materials()."""
+    """Renders one environment's depth and geom numbers with mujoco.Renderer, as arguments of a GBufferStereo that was
+    made with geom_materials(). camera: number of the model's camera that set_camera() has prepared."""
 
     def __init__(self, model: mujoco.MjModel, sensor: GBufferStereo, camera: int = 0) -> None:
         self._camera, (_, height, width) = camera, sensor.shape

@@ -13,9 +13,9 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 class MujocoWarpGBuffers:
-    """Renders GBufferStereo's arguments for all worlds. context: from mjw.create_render_context(), with render_depth
-    and render_seg, for a model that set_camera() has prepared. camera: its number there. The sensor's materials are
-    geom_materials()."""
+    """Renders depth and geom numbers of all worlds, as arguments of a GBufferStereo that was made with
+    geom_materials(). context: from mjw.create_render_context(), with render_depth and render_seg, for a model that
+    set_camera() has prepared. camera: its number there."""
 
     def __init__(self, context: Any, sensor: GBufferStereo, camera: int = 0) -> None:
         self._context, self._camera, self._shape = context, camera, sensor.shape

@@ -29,10 +29,12 @@ _MOST_DISPARITY = 0.5
 
 
 class StereoDepthCameraConfig(ManiSkillConfig):
-    """A CameraConfig with further fields: model, a preset's name; samples_per_pixel; min_depth and max_depth in metres;
-    device, 'auto', 'cpu' or an index; sensor, an activestereo.StereoDepthSensorConfig, with the RGB camera's size and
-    intrinsics from the CameraConfig; pipelined, whether observations are a picture late; on_cuda, whether observations
-    stay on the rendering GPU, None: if the simulation is on CUDA."""
+    """Configures a StereoDepthCamera, with these fields beyond ManiSkill's CameraConfig.
+
+    model: a preset's name. samples_per_pixel: of rendered images. min_depth, max_depth: metres. sensor: a
+    StereoDepthSensorConfig in place of these four, with the CameraConfig's size and intrinsics for RGB. device: 'auto',
+    'cpu' or an index. pipelined: observations are a picture late. on_cuda: observations stay on the rendering GPU;
+    None: if the simulation is on CUDA."""
 
     def __init__(
         self, *args: Any, min_depth: float = 0.1, max_depth: float = 10.0, model: str = "sapien-D435",
@@ -119,8 +121,8 @@ class Observations:
         return points.clamp(-_FARTHEST_MM, _FARTHEST_MM).round().to(torch.int16)
 
     def segmentation(self, semantic_ids: NDArray[np.integer]) -> torch.Tensor:
-        """Returns ManiSkill's per_scene_id at each pixel, int16 [E, height, width, 1], 0 = nothing there. semantic_ids:
-        the id of each instance number; the last entry is for no instance."""
+        """Returns ManiSkill's per_scene_id of the object at each pixel, int16 [E, height, width, 1], 0 = nothing there.
+        semantic_ids: this id for each instance of the mirrored scene; the last entry is for no instance."""
         ids = torch.from_numpy(semantic_ids.astype(np.int16))
         instances = self._image("instance_ids").view(torch.int32)  # values above 2^31 are negative
         known = torch.where(instances < 0, len(ids) - 1, instances.clamp(max=len(ids) - 1))
@@ -156,8 +158,8 @@ class _CameraMounts:
 
 
 class _Begun(NamedTuple):
-    """A picture that a pipelined camera has begun. reset: ManiSkill's reset mask at that time, a new object after each
-    reset(). has_rgb: whether it includes RGB. params: the camera's parameters at its pose."""
+    """A picture that a pipelined camera has begun for its next observation. reset: ManiSkill's reset mask then; each
+    reset() makes a new object. has_rgb: whether it includes RGB. params: the camera's parameters at its pose."""
 
     reset: torch.Tensor
     has_rgb: bool
@@ -247,8 +249,8 @@ class StereoDepthCamera(Camera):
             return Observations(StereoDepthSensorBatch(config, mounts, pipelined=pipelined), False)
 
     def _serves(self, begun: _Begun) -> bool:
-        """Returns whether the next observation can use the picture that was begun: not after a reset(), which makes a
-        new mask, or a failure."""
+        """Returns whether the begun picture is right for the next observation: it has not failed, and no reset() came
+        after it."""
         return begun.reset is self._scene._reset_mask and self.sensors.has_next
 
     def _take_picture(self, with_rgb: bool) -> None:

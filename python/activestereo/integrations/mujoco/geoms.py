@@ -180,8 +180,8 @@ def has_own_uvs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh:
-    """Returns the mesh with coordinates of a 2D texture over x and y. repeat: [2], repetitions over the geom, or per
-    metre if is_uniform."""
+    """Returns the mesh with texture coordinates that lay a 2D texture over x and y. repeat: [2], how often it repeats
+    over the geom, or per metre if is_uniform."""
     at = mesh.positions[:, :2] * [1.0, -1.0]
     half = 1.0 if is_uniform else 2.0 * np.abs(mesh.positions[:, :2]).max(axis=0).clip(1e-9)
     return replace(mesh, uvs=np.ascontiguousarray(at / half * repeat + 0.5 * (not is_uniform), np.float32))

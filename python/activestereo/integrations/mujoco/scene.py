@@ -115,8 +115,8 @@ class MujocoScene:
         return MujocoMount(self, number, is_camera=body is None)
 
     def geom_of(self, semantic_id: int) -> str:
-        """Returns the name of a geom by its value in the picture 'semantic_id', which stores the geom's number + 1 (0 =
-        no geom)."""
+        """Returns the name of the geom that a pixel of the picture 'semantic_id' shows. semantic_id: the pixel's value,
+        the geom's number + 1 (0 = no geom)."""
         return self._name(semantic_id - 1)
 
     def _mesh(self, geom: int) -> int | None:
@@ -143,7 +143,9 @@ class MujocoScene:
 
 
 class MujocoMount:
-    """A mount on a moving MuJoCo camera or body, for StereoDepthSensor and StereoDepthSensorBatch."""
+    """Lets a depth sensor follow a camera or body of a MuJoCo model. MujocoScene.mount() makes it; StereoDepthSensor
+    (one state) and StereoDepthSensorBatch (a list of states) take it. number: the camera's or the body's in the
+    model."""
 
     def __init__(self, world: MujocoScene, number: int, is_camera: bool) -> None:
         self._world, self._number, self._is_camera = world, number, is_camera

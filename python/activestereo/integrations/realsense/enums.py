@@ -58,7 +58,8 @@ class option(_Enum):
 
 
 class camera_info:
-    """Plain integers in place of an IntEnum, whose members may not be called `name`."""
+    """Numbers of a device's information texts; plain integers, because a member of an IntEnum may not be called
+    `name`."""
 
     (
         name, serial_number, firmware_version, recommended_firmware_version, physical_port, debug_op_code,

@@ -26,8 +26,8 @@ from activestereo.integrations.realsense.options import Options, option_range
 
 
 class filter(Options):
-    """Base of the filters. ranges: each option's range. arguments: {parameter of the constructor: (option, default)},
-    in librealsense's order."""
+    """Base of the blocks that filter depth frames. ranges: {option: its range}. arguments: {parameter of the subclass's
+    constructor: (option that it sets, default)}, in librealsense's order."""
 
     ranges: dict[option, option_range] = {}
     arguments: dict[str, tuple[option, float]] = {}

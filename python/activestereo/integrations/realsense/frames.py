@@ -78,8 +78,8 @@ _NAMES = {stream.depth: "Depth", stream.color: "Color", stream.infrared: "Infrar
 
 
 def getter(path: str) -> Any:
-    """Returns a method that returns the attribute `path` of its object: pyrealsense2 has methods in place of
-    attributes."""
+    """Returns a method without arguments that returns an attribute of its object, because pyrealsense2 has methods
+    there. path: the attribute, such as 'request.fps'."""
     read = attrgetter(path)
     return lambda self: read(self)
 
@@ -90,7 +90,8 @@ def ignored(self: Any, *values: Any, **named: Any) -> None:
 
 @dataclass(frozen=True)
 class StreamRequest:
-    """A stream that a config asks for; 0 and format.any accept any value."""
+    """The stream that a pyrealsense2 config asks for: kind, index, size in pixels, format, rate in 1/s. 0 and
+    format.any accept any value."""
 
     stream: stream
     index: int = 0
@@ -141,7 +142,8 @@ class video_stream_profile:
         return extrinsics(transform[:3, :3].T.ravel().tolist(), transform[:3, 3].tolist())
 
     def seen(self, lens: intrinsics, form: pixel_format | None = None) -> video_stream_profile:
-        """Returns the profile of the same stream with other intrinsics, or in another format."""
+        """Returns this stream's profile for images of another size and K, `lens`, and of another pixel format if one is
+        given."""
         form = self.request.format if form is None else form
         request = replace(self.request, width=lens.width, height=lens.height, format=form)
         return video_stream_profile(request, lens, self.left_to_stream, self.baseline_m)
@@ -165,7 +167,8 @@ class frame:
     get_frame_number, get_timestamp = getter("frame_number"), getter("timestamp")
 
     def changed(self, pixels: NDArray[Any], profile: video_stream_profile | None = None) -> frame:
-        """Returns a frame of the same moment with other pixels, and another profile if one is given."""
+        """Returns a frame with this one's number and time, and with other pixels. profile: its stream's; None:
+        unchanged."""
         profile = self.profile if profile is None else profile
         kind = depth_frame if profile.stream_type() == stream.depth else video_frame
         if profile.format() == pixel_format.disparity32:

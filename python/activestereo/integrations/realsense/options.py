@@ -22,7 +22,8 @@ class option_range:
 
 
 class Described:
-    """An object with information texts, {number of camera_info: text}."""
+    """Base of devices and sensors that state their name, serial number and other texts. info: {number of camera_info:
+    text}."""
 
     info: dict[int, str] = {}
 
@@ -33,8 +34,9 @@ class Described:
 
 
 class Options:
-    """An object with options. ranges: range of each option that can be set. read_only: values of the others.
-    on_change(option, value): called before an option takes a value; raises an error to refuse it."""
+    """Base of sensors and filters with librealsense's options. ranges: {option that can be set: its range}. read_only:
+    {other option: its value}. on_change(option, value): called before an option takes a value; raises an error to
+    refuse it."""
 
     def __init__(
         self, ranges: Mapping[option, option_range], read_only: Mapping[option, float] | None = None,

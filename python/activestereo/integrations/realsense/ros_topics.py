@@ -52,14 +52,16 @@ Published = tuple[str, str, Any, int, int, bool]
 
 
 class Maker(Protocol):
-    """Makes a message of a kind such as sensor_msgs/msg/Image from its fields; arrays are NumPy arrays."""
+    """A function that makes a ROS message. kind: its type, such as sensor_msgs/msg/Image; fields: by name, arrays as
+    NumPy arrays."""
 
     def __call__(self, kind: str, **fields: Any) -> Any: ...
 
 
 def published(frames: composite_frame, is_first: bool, make: Maker) -> Iterator[Published]:
-    """Yields a frameset's messages. is_first: also yields the streams' extrinsics, which are published once. make:
-    makes a message from its kind and fields. Raises ValueError for a format without an encoding."""
+    """Yields a frameset's messages, each as (topic, kind, message, nanoseconds, messages kept, whether late subscribers
+    get it). is_first: also yields the streams' extrinsics, which are published once. make: makes a message from its
+    kind and fields. Raises ValueError for a format without an encoding."""
     own = {(one.profile.stream_type(), one.profile.stream_index()): one for one in frames}
     streams = {key: own[key] for key in _STREAMS if key in own}
     if is_first:

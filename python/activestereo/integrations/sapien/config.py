@@ -99,15 +99,16 @@ def native_config(config: Any) -> NativeConfig:
 
 
 def own_value(name: str, value: Any) -> Any:
-    """Converts a field's value from SAPIEN's convention to ours: a difference of 255 pixels, or a ratio of 100 % and
-    more, switches a check off there."""
+    """Converts the value of field `name` from SAPIEN's convention to ours. SAPIEN switches the left-right check off by
+    255 pixels, we by -1. Its uniqueness ratio may exceed 100 %, ours not."""
     if name == "lr_max_diff":
         return -1 if value == 255 else value
     return min(value, 100) if name == "uniqueness_ratio" else value
 
 
 def check_config(c: Any) -> None:
-    """Raises TypeError for the configurations for which SAPIEN's SimSenseComponent raises it."""
+    """Raises TypeError for each value that SAPIEN's SimSenseComponent refuses. c: a configuration with SAPIEN's field
+    names."""
     noise = ("ir_speckle_noise", "ir_thermal_noise")
     census, block = ("census_width", "census_height"), ("block_width", "block_height")
     is_quiet = c.ir_speckle_noise == 0

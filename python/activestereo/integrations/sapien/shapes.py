@@ -116,8 +116,8 @@ class Looks:
         return out
 
     def materials(self, entity: Any) -> list[int]:
-        """Returns the materials' numbers that shapes() would use, for an entity whose meshes are in the scene
-        already."""
+        """Returns the numbers in the scene of the materials of an entity's shapes, in shapes()'s order. Meshes are not
+        added: use it if they are in the scene already."""
         return [self.material(part.material) for part, _ in parts(entity)]
 
     def material(self, material: Any) -> int:
@@ -213,8 +213,8 @@ _GREY = (0.6, 0.6, 0.6, 1.0)
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh in its shape's frame with one material; scale [3] is still to be applied. normals and uvs are None if the
-    source has none."""
+    """A mesh with one material, in the frame of the visual shape that it is from. scale: [3], factors not yet applied
+    to positions. normals and uvs are None if the source has none."""
 
     positions: NDArray[np.float32]
     indices: NDArray[np.uint32]
