@@ -52,8 +52,8 @@ def binned(capture: Capture, size: int) -> Capture:
 
 
 def unbinned(capture: Capture) -> Capture:
-    """Returns a binned capture's whole capture, with the binned one's poses, focal lengths and projector. Other
-    captures return unchanged."""
+    """Returns the capture from which binned() made this one, with this one's poses, focal lengths and projector. A
+    capture that is not binned returns unchanged."""
     if capture.whole is None:
         return capture
     whole, rig = capture.whole, capture.rig

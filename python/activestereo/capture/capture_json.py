@@ -29,8 +29,9 @@ _Read = TypeVar("_Read", bound=Callable[..., Any])
 
 
 def _neutral(value: Callable[..., Any]) -> Callable[[_Read], _Read]:
-    """Decorates a read method for objects that collect faults: a wrong value is recorded and replaced by value(object,
-    its arguments). Nested reads raise instead, so that each value has one fault."""
+    """Decorates a method that reads a value, for objects that collect faults. Its CaptureError is then collected, and
+    value(object, its arguments) is returned instead. A read inside another one still raises, so each wrong value gives
+    one fault."""
 
     def decorate(read: _Read) -> _Read:
         @wraps(read)

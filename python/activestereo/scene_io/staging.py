@@ -72,7 +72,8 @@ _HALF_VIEW = 0.9 * np.tan(np.deg2rad((69.0, 42.0)) / 2.0)  # nine tenths of half
 
 
 def part_light(scene: kuafu.Scene) -> None:
-    """Puts emissive surfaces into the light group SURFACES. The caller sets the group of light from all sides."""
+    """Puts the light of emissive surfaces into the group SURFACES, so that renders can tell it from other lights. The
+    caller sets the group of light from all sides."""
     for number in range(scene.summary.material_count):
         material = scene.get_material(number)
         if any(material.emission) or material.ir_emission:

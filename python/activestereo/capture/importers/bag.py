@@ -65,8 +65,8 @@ _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP
 
 @dataclass
 class _Content:
-    """The content of a bag, by stream: image files by time in milliseconds, cameras, places (4x4 from the device's
-    first stream), and baselines by camera_info."""
+    """Collects a bag's content by stream, such as 'Infrared 1'. images: files by time in milliseconds. places: 4x4 from
+    the device's first stream. baselines_m: those that the streams' camera_info states."""
 
     path: Path
     images: dict[str, dict[float, Path]] = field(default_factory=dict)
@@ -93,8 +93,8 @@ class _Content:
             self.places.setdefault(stream, place)
 
     def device(self, streams: set[str], given_m: float | None) -> DeviceText:
-        """Returns the calibration of both infrared cameras. streams: those with images. given_m: the user's baseline.
-        Raises ValueError with the missing part, or if both baselines exist and differ."""
+        """Returns the calibration of both infrared cameras. streams: those with images. given_m: the user's baseline,
+        or None. Raises ValueError with the missing part, or if the bag states another baseline than given_m."""
         for stream in INFRARED:
             if stream not in streams:
                 raise ValueError(f"{self.path}: {stream}: no topic has its images: record both infrared streams")

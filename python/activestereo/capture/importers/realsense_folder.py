@@ -47,8 +47,8 @@ class RobotPoses:
     camera_to_gripper: NDArray[np.float64]
 
     def at(self, left: Path) -> tuple[NDArray[np.float64], int]:
-        """Returns (gripper_to_base, number of this pose among all different poses) of a frame. Raises ValueError if the
-        frame is not listed."""
+        """Returns a frame's gripper_to_base, 4x4, and the number of this pose among all different poses. left: the
+        frame's left image. Raises ValueError if the frame is not listed."""
         if left.stem not in self.gripper_to_base:
             raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
         pose = self.gripper_to_base[left.stem]

@@ -30,8 +30,8 @@ def repeat_groups(images: Sequence[NDArray], views: Sequence[Hashable]) -> list[
 
 
 def _lies_on(image: NDArray, other: NDArray) -> bool:
-    """Returns whether two images differ only by noise, brightness and offsets of rows and columns. In means over
-    blocks, noise nearly vanishes, but most of a movement stays."""
+    """Returns whether two images show one view, so that they differ only by noise, brightness and offsets of rows and
+    columns. Their difference is averaged over blocks: noise nearly vanishes, and most of a movement stays."""
     first, second = image.astype(np.float32), other.astype(np.float32)
     scale = float(np.vdot(first, second)) / max(float(np.vdot(second, second)), 1.0)
     difference = first - scale * second

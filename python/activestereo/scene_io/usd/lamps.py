@@ -97,8 +97,8 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
 
 
 def _extent(stage: Stage, prim: Any, to: np.ndarray) -> tuple[float, float, dict[str, Any], Mesh | None]:
-    """Returns (emitting area, area seen from far away on its axis, extras of glTF's light, mesh of a tube's surface or
-    None) of a lamp. to: 4x4 from the lamp's axes to the unit of the areas."""
+    """Returns a lamp's (emitting area, area seen from far away on its axis, extras for glTF's light, mesh of a tube's
+    surface or None). to: 4x4 from the lamp's axes to axes in the unit of the areas."""
     from pxr import UsdLux
 
     kind, scales = str(prim.GetTypeName()), np.linalg.norm(to[:3, :3], axis=0)

@@ -51,8 +51,8 @@ def _ears(places: Points) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Polygons:
-    """A mesh's faces cut into triangles. corners: [t, 3], numbers of face corners. vertices: the point of each face
-    corner."""
+    """A USD mesh's faces, cut into t triangles. A face corner is a vertex of one face, numbered over all faces.
+    corners: [t, 3], face corners of the triangles. vertices: the mesh's point at each face corner."""
 
     corners: np.ndarray
     faces: np.ndarray  # [t], the face that each triangle is of
@@ -63,7 +63,8 @@ class Polygons:
 
 
 def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
-    """Replaces the fans of concave faces by triangles that are cut ear by ear; other faces stay fans."""
+    """Cuts concave faces into triangles ear by ear, in place of fans from their first corner. Other faces keep their
+    fans. points: [n, 3], the mesh's."""
     count, face = np.bincount(cut.corner_face, minlength=cut.face_count), cut.corner_face
     first, corners, places = np.cumsum(count) - count, cut.corners.copy(), points[cut.vertices]
     # 1. Faces with a corner that turns against the face's normal are concave.
@@ -87,7 +88,8 @@ def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
 
 
 def _at_corners(values: np.ndarray, interpolation: str, cut: Polygons) -> np.ndarray | None:
-    """Returns a primvar's values [n, k] for each face corner; None if their number does not fit the interpolation."""
+    """Returns the values of a USD primvar at each face corner, [corners, k]. values: [n, k]; interpolation: USD's name,
+    such as 'vertex'. Returns None if n does not fit the interpolation."""
     count, index = {
         "vertex": (cut.point_count, cut.vertices),
         "varying": (cut.point_count, cut.vertices),
@@ -135,8 +137,8 @@ def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.n
 
 
 def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
-    """Returns (the mesh's polygons as triangles, a Mesh of all without texture coordinates); the Mesh's vertices are
-    face corners. None for an empty or invalid mesh."""
+    """Returns a USD mesh as (Polygons, Mesh), None if it is empty or invalid. The Mesh has a vertex for each face
+    corner, normals, and texture coordinates of 0."""
     # 1. Each face is a fan of triangles; a hole has none.
     points = stage.vectors(mesh.GetPointsAttr())
     counts = np.asarray(stage.value(mesh.GetFaceVertexCountsAttr(), []), dtype=np.int64)
