@@ -77,8 +77,8 @@ def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors)
 
 
 def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
-    """Returns the frames that the page holds, in the capture's order: all if most_pixels suffice, else the worst of
-    each split in turn."""
+    """Returns the frames whose images the page holds, in the capture's order. If all have more than most_pixels, it
+    takes the worst of each split in turn."""
     frames = {frame.id: frame for frame in comparison.capture.frames}
     rig = comparison.capture.rig
     fit = max(2, most_pixels // sum(rig.camera(side).width * rig.camera(side).height for side in SIDES))
@@ -95,8 +95,8 @@ def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
 def _infrared_view(
     comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages, told: ToldErrors
 ) -> dict[str, Any]:
-    """Returns the explorer's data of one infrared image. images: all models' images, for the errors; held: the models
-    whose images go onto the page."""
+    """Returns one infrared image's data for web/explorer.js: encoded images, scales and RMSE. images: those of all
+    models, for RMSE; held: those of the models that the page shows."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
     measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]

@@ -100,7 +100,7 @@ def _errors(diagnosis: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Detail:
-    """A window of one infrared image, the part where the model's error is most worth a look."""
+    """The window of one infrared image that the first screen shows enlarged. rows, columns: its pixels."""
 
     frame: Frame
     side: str
@@ -109,7 +109,8 @@ class Detail:
 
 
 def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> list[str]:
-    """Returns the HTML of pictures: a detail measured and under each model, then each model's whole residual."""
+    """Returns HTML with pictures: the Detail as measured and as each model expects it, then measured minus expected for
+    the whole image of each model."""
     detail = where_most_goes(comparison, images)
     key, part = (detail.frame.id, detail.side), (detail.rows, detail.columns)
     measured = comparison.measured[key]

@@ -33,8 +33,8 @@ def model_images(
     comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None, found_errors: ImageErrors | None = None,
 ) -> ModelImages:  # fmt: skip
-    """Returns {name: {(frame id, side): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked
-    effects.
+    """Returns the infrared images that models expect: {model: {(frame id, side): DN, float32 [height][width]}}. Models
+    are BASE, FOUND and the ids of ranked effects.
 
     BASE is the model without effects. FOUND is the comparison's model if it has effects, else the diagnosis's; it is
     absent if neither has. A ranked effect stands alone on the base model with its fitted parameters. Effects without an
@@ -43,8 +43,7 @@ def model_images(
 
     diagnosis: diagnose.json's contents. effects: {id: Effect}, None for the built-in ones. progress: called as
     progress(fraction done). found_errors: the diagnosis's own images for FOUND; the comparison is then that of its
-    start model, which takes BASE's place.
-    """
+    start model, which takes BASE's place."""
     effects = library() if effects is None else effects
     start = Model() if found_errors is None else comparison.model
     models = {BASE: start}
@@ -80,7 +79,8 @@ def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None)
 
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
-    """Returns model_images()'s images of `models`. given: {name: images} that are known already."""
+    """Computes the images of model_images() for `models`, {name: Model}, in parallel processes. given: {name: images}
+    that are known already."""
     capture, measured = comparison.capture, comparison.measured
     images = [
         MeasuredImage(f, side, View.of(capture, f, side, layers), layers, measured[f.id, side])

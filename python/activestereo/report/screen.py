@@ -20,8 +20,8 @@ _LONGEST_BAR = 24
 
 @dataclass(frozen=True)
 class Figure:
-    """A line with a bar. said: the value as text with its unit. size: the bar's length, in one unit for all figures of
-    a screen; None for no bar."""
+    """A line of the final screen: a name, a value and a bar. said: the value as text with its unit. size: the bar's
+    length, in one unit for all figures of a screen; None for no bar."""
 
     name: str
     said: str

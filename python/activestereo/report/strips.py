@@ -56,11 +56,11 @@ def parameter_words(strip: EffectStrip) -> str:
 
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
-    """Returns the brightest shown value of the picture, in the strip's unit, and the largest shown change, in
-    shown_change()'s unit.
+    """Returns the upper ends of a strip's two scales: brightness of its pictures, in the strip's unit, and size of the
+    change, in shown_change()'s unit.
 
-    A depth that appears or vanishes changes by its whole value, so other changes alone set the range, if there are any.
-    """
+    A depth that appears or vanishes changes by its whole value, so other changes alone set the range, if there are
+    any."""
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
     change = np.abs(shown_change(strip)[0])
     stays = (strip.without > 0) & (strip.with_it > 0)

@@ -125,8 +125,8 @@ def _gain(place: Mapping[str, Any]) -> float:
 
 
 def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Returns the region below the value at which the mean error changes its sign, or None if the mean makes too little
-    of the error. table: one covariate's bins."""
+    """Returns the region of pixels where the covariate is below the value at which the mean error changes its sign.
+    Returns None if the mean makes too little of the error. table: one covariate's bins."""
     bins, low = table["bins"], _PLACES[table["covariate"]][0]
     sums = [b["pixels"] * b["mean"] for b in bins]
     parts = [(sum(sums[:i]), sum(sums[i:]), i) for i in range(1, len(bins))]
@@ -138,7 +138,8 @@ def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the region beyond a value of the covariate that holds most error for its number of pixels."""
+    """Returns the region of pixels where the covariate is beyond a value, chosen for most error per number of pixels.
+    table: one covariate's bins."""
     bins, low, high = table["bins"], *_PLACES[table["covariate"]]
     ends = [(bins[: i + 1], low.format(bins[i]["high"])) for i in range(len(bins) - 1)]
     ends += [(bins[i:], high.format(bins[i]["low"])) for i in range(1, len(bins))]

@@ -110,8 +110,9 @@ def write_diagnosis_report(
 
 
 def _kept_page(kept_as: str, steps: Sequence[Step], make: Callable[[Sequence[Step]], str]) -> str:
-    """Returns the page of a diagnosis, from the cache if the same diagnosis was written before. The commands of `steps`
-    are filled in afterwards, because they name folders. make: builds the page with given steps."""
+    """Returns the HTML page of a diagnosis, from the cache if it was made before. kept_as: the diagnosis's key in the
+    cache. make: builds the page with given steps. The commands of `steps` are filled in last, because they name
+    folders."""
     cache, key = LayerCache(), content_key("page", kept_as, [step.label for step in steps])
     marks = [replace(step, words=(f"{key}-{i}",)) for i, step in enumerate(steps)]
     stored = cache.get_arrays(key)

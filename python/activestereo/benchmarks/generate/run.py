@@ -154,8 +154,8 @@ def _write(out: Path, frame: Frame) -> int:
 
 
 def _begin(settings: Settings, begun: Any) -> None:
-    """Prepares a worker process: makes its studio on the next GPU in turn. begun: shared counter of the workers that
-    have started."""
+    """Prepares a worker process: makes the Studio that takes its frames. begun: counter, shared by all workers, of
+    those that have started; it gives each the next GPU in turn."""
     global _studio
     with begun.get_lock():
         number, begun.value = begun.value, begun.value + 1

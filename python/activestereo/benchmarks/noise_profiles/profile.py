@@ -119,9 +119,9 @@ _QUANTILES = (np.arange(1000) + 0.5) / 1000.0
 
 @dataclass(frozen=True)
 class Distance:
-    """The distance between the errors of two kinds of depth. error_px: 1-Wasserstein distance between the distributions
-    of their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their shares of
-    pixels without depth."""
+    """How much the errors of two kinds of depth differ. error_px: 1-Wasserstein distance between the distributions of
+    their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their shares of pixels
+    without depth."""
 
     error_px: float
     holes: float
@@ -133,8 +133,8 @@ class Distance:
 
 
 def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
-    """Returns the Distance of depth_m, [rooms, height, width] metres, 0 = none, from the views' measured depth, as a
-    mean over the rooms."""
+    """Returns the Distance between depth_m and the views' measured depth, as a mean over the rooms. depth_m: [rooms,
+    height, width] metres, 0 = none."""
     rooms = []
     for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True):
         is_there = (truth >= views.near_m) & (truth <= views.far_m)
@@ -155,7 +155,8 @@ _MOST_EVALUATIONS = 120
 
 @dataclass(frozen=True)
 class Profile(ABC):
-    """A simulator's noise model with its parameters. Without arguments it has the simulator's default parameters."""
+    """A simulator's noise model for depth, with its parameters. Without arguments it has the simulator's default
+    parameters."""
 
     FILE: ClassVar[str]
     LACKS: ClassVar[tuple[str, ...]]  # properties without a parameter in the model, one line each
@@ -164,7 +165,7 @@ class Profile(ABC):
 
     @abstractmethod
     def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
-        """Returns the views' depth under the model, [rooms, height, width] metres, 0 = none."""
+        """Returns the views' true depth with the model's noise, [rooms, height, width] metres, 0 = none."""
 
     @classmethod
     @abstractmethod

@@ -179,8 +179,9 @@ def infrared_measures(view: RealView, left: Map, right: Map, patches: list[Patch
 
 
 def _edges(truth: Map, found: Map) -> tuple[float, float]:
-    """Returns (mean run of foreground depth beyond edges in pixels, percentage of flying pixels near edges), over left
-    and right edges of objects. truth, found: disparities."""
+    """Measures depth at left and right edges of objects. Returns (mean run of the foreground's depth beyond the edge in
+    pixels, percentage of measured pixels near edges that lie between both surfaces). truth, found: disparities in
+    pixels."""
     runs, between, near = [], 0, 0
     for turn in (1, -1):
         t, d = truth[:, ::turn], found[:, ::turn]

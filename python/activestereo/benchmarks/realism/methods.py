@@ -154,9 +154,9 @@ def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthS
 
 
 def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], list[Map]]:
-    """Renders radiance for both cameras and fits the levels of laser and room light to the real left image. A preset
-    knows neither the exposure nor the room. Returns ([left, right] radiance, [left, right] of the laser's part
-    alone)."""
+    """Renders radiance for both cameras, with levels of laser and room light fitted to the real left image, since a
+    preset knows neither. Returns ([left, right] radiance, [left, right] of the laser's part alone), [height, width]
+    W/(sr m^2)."""
     config = taken.get_config()
     per_radiance = config.ir_camera_exposure * config.ir_camera_gain * config.ir_responsivity_dn
     laser = [

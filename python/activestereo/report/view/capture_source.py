@@ -101,7 +101,8 @@ class CaptureSource:
         return self._exposures[frame_id]
 
     def _exposure(self, frame_id: int) -> Exposure:
-        """Builds exposure(). Radiance is in counts of the room's light, the unit of the scene's lamps too."""
+        """Computes the Exposure that exposure() keeps. A capture gives light only in counts, so radiance is in units of
+        the room's light, as for the scene's lamps."""
         frame, model = self._frame(frame_id), self._model()
         room = model.nuisances["ambient_scale"].value * (1.0 if frame.ambient is None else frame.ambient)
         projector = model.nuisances["projector_scale"].value
@@ -127,7 +128,7 @@ class CaptureSource:
 
     def _config(self, responsivity_dn: float) -> StereoDepthSensorConfig:
         """Returns the sensor's configuration with the left camera in the colour camera's place. responsivity_dn: the
-        infrared camera's."""
+        infrared imagers' counts per second of exposure at gain 1, for a radiance of 1."""
         model, config = self._model(), StereoDepthSensorConfig()
         config.trans_pose_l = Pose()
         config.ir_exposure_mode, config.ir_responsivity_dn = "fixed", responsivity_dn
