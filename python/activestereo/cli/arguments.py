@@ -224,8 +224,8 @@ SAME_RUN = "spp", "max_bounces", "seed", "device"
 
 
 def carried(args: argparse.Namespace, *names: str) -> list[Any]:
-    """Returns command-line words that repeat this run's options in a following command: those of `names` whose value is
-    not the default."""
+    """Returns command-line words that repeat options of this run in a command to run next. names: the options, with "_"
+    for "-"; those at their default are left out."""
     usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
     given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
     return [word for option, value in given if value != usual.get(option) for word in (option, value)]
@@ -239,8 +239,8 @@ def check_paper(args: argparse.Namespace) -> None:
 
 
 def print_section(args: argparse.Namespace, section: str, text: str, *after: "Step") -> None:
-    """Prints the section that a calibration wrote into args.out: as JSON under --json, else as `text` and commands to
-    run next. text: its first line is the summary; after: the commands, none for `model show`."""
+    """Prints the section of a model.json (args.out) that a calibration has written: as JSON under --json, else as
+    `text` and commands to run next. text: its first line is the summary; after: the commands; none: `model show`."""
     from activestereo.report.screen import command, screen
 
     if args.json:

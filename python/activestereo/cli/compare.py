@@ -97,11 +97,10 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _under_model(args: argparse.Namespace, capture: "Capture", effects: "dict[str, Effect]") -> dict[str, Any]:
-    """Returns the arguments with which compare() applies the model file. They are effects and calibration, and outside
-    measured rooms also the scene measurement and render engines.
+    """Returns compare()'s arguments for the model of --model: effects and calibration. Outside measured rooms they
+    include the scene measurement and the render engines.
 
-    In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose().
-    """
+    In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose()."""
     from activestereo.compare.engine_prediction import engines_of
     from activestereo.compare.model_file import scene_of
     from activestereo.diagnose.room.diagnosed import is_measured_room

@@ -143,7 +143,8 @@ def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: Rect
 def _facts(
     args: argparse.Namespace, settings: AdvancedSettings, matcher: PairMatcher, cameras: RectifiedPair, pair: Pair,
 ) -> dict[str, Any]:  # fmt: skip
-    """Returns the figures that identify a run, for depth.json. All depth images of one folder must share them."""
+    """Returns cameras and matcher settings of this run as JSON values for depth.json. All depth images of one folder
+    must share them."""
     return {
         "recording": args.left.name,
         "size": [pair.left.shape[1], pair.left.shape[0]],
@@ -157,8 +158,8 @@ def _facts(
 
 
 def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
-    """Writes the run's figures to `path`, or raises CommandError if a file there has others. has_images: whether the
-    folder holds PNG files already."""
+    """Checks that a folder's earlier depth images are of a run with these facts (_facts()), and writes them to `path`
+    if it is new. Raises CommandError for other facts, or PNG files (has_images) without the file."""
     from activestereo.common.input_files import read_json_object
     from activestereo.common.output_files import write_text
 
