@@ -27,7 +27,7 @@ class SettingError(ValueError, TypeError):
 
 @contextmanager
 def _checked(what: str) -> Iterator[None]:
-    """Raises SettingError in place of the engine's error about a value."""
+    """Converts the engine's errors inside the block to a SettingError, whose text begins with `what`."""
     try:
         yield
     except (ArgumentError, TypeError, ValueError) as error:
@@ -41,7 +41,7 @@ def _camera(size: Sequence[int], k: ArrayLike, name: str) -> Camera:
 
 
 def _parameters(**settings: Any) -> dict[str, Any]:
-    """Converts SimSense's settings to the engine's parameters."""
+    """Converts settings by SimSense's names and conventions to the engine's parameters."""
     out = {_NAMES.get(name, name): value for name, value in settings.items()}
     if out.get("speckle_shape") == 0:  # SimSense adds no noise at all then
         out |= dict.fromkeys(("speckle_shape", "speckle_scale", "black_level_dn", "adc_noise_dn"), 0.0)
