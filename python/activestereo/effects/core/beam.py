@@ -25,7 +25,8 @@ _FAR_M, _LEAST_ASIDE_M = 10.0, 1e-3
 
 
 def through_medium(light: Light, view: View, medium: kuafu.Medium) -> Light:
-    """Returns the light behind a medium that scatters all light and fills the space from the housing on."""
+    """Returns the light that reaches the camera through a fog that scatters but does not absorb. It fills all space
+    from the camera's housing on."""
     extinction_per_m, g, housing_m = medium.extinction_per_m[0], medium.phase_g, medium.housing_m
     from_camera, to_projector = view.once(
         "ways through air", lambda: tuple(np.linalg.norm(p, axis=-1) for p in (view.points(), view.projector_points()))
@@ -62,8 +63,9 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
 
 
 def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns intensity and light path in metres, each [samples][rows][columns], along the coarse rays, and a factor
-    [rows][columns]. A ray's integral is the factor times the mean over its samples."""
+    """Returns intensity and path, each [samples][rows][columns], at samples along the coarse rays. The path leads from
+    the projector to the sample and on to the ray's start at from_m, in metres. Then comes a factor [rows][columns]: a
+    ray's integral is the factor times its samples' mean."""
     _, _, ray, end, foot, aside = view.once("coarse rays", lambda: _coarse_rays(view))
     first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
     share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
@@ -73,8 +75,9 @@ def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
-    """Returns a coarse grid of camera rays: kept rows, kept columns, unit rays, and distances to the surfaces hit. Then
-    come the projector's distance along each ray and its distance from the ray. Distances are in metres."""
+    """Returns the rows and columns of a coarse grid of pixels. Then, for each pixel's ray: the unit direction, the
+    distance to the surface, the distance to the ray's point nearest to the projector, and the projector's distance from
+    that point. Distances are in metres."""
     rows, columns = (np.append(np.arange(0, n - 1, _STEP_PX), n - 1) for n in view.shape)
     x, y = (image[np.ix_(rows, columns)] for image in view.rays())
     ray = np.stack([x, y, np.ones(x.shape)], axis=-1)
@@ -88,8 +91,8 @@ def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
 
 
 def _intensity(view: View, points: np.ndarray) -> np.ndarray:
-    """Returns the pattern's intensity, averaged over neighbouring dots, towards camera points [..., 3]. It is 0 beside
-    and behind the projector."""
+    """Returns the projector's relative intensity towards points [..., 3] in the camera's frame, smoothed over
+    neighbouring dots. It is 0 beside and behind the projector."""
     x, y, z = np.moveaxis(transform(view.camera_to_projector, points), -1, 0)
     K, ahead = view.projector_K, np.where(z > 1e-6, z, 1.0)
     u, v = (K[0, 0] * x + K[0, 1] * y) / ahead + K[0, 2], K[1, 1] * y / ahead + K[1, 2]

@@ -130,8 +130,8 @@ class Effect:
 
     @property
     def channel(self) -> Channel | None:
-        """Returns the channel on which the lab judges the effect, or None: unjudged_reason then says why there
-        is none."""
+        """Returns the kind of data on which the lab judges the effect. None: the lab does not judge it, for the reason
+        in unjudged_reason."""
         if any(isinstance(j, Unjudged) for j in self.judged):
             return None
         if self.stage > Stage.DIGITAL:
@@ -175,8 +175,8 @@ class Effect:
         return values
 
     def on_pixels(self, values: dict[str, float], size: int) -> dict[str, float]:
-        """Returns the values for images that average size x size pixels into one: parameters in px are divided
-        by size."""
+        """Returns the parameter values for images in which size x size pixels are averaged into one: lengths in px are
+        divided by size."""
         if size == 1:
             return values
         lengths = {p.name for p in self.parameters if p.unit.startswith("px")}

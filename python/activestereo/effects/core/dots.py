@@ -19,8 +19,8 @@ _LARGEST_BOX = 64.0
 
 
 class DotView:
-    """Maps every camera pixel to the projector: its pattern pixel (u, v), and the box of pattern pixels that its square
-    covers."""
+    """The projection of each camera pixel into the projector's pattern. Pixel (u, v) of the pattern lights the pixel's
+    surface point; box_u x box_v pattern pixels cover the camera pixel. All are [height][width]."""
 
     @classmethod
     def of(cls, view: View) -> DotView:
@@ -37,7 +37,7 @@ class DotView:
         self.box_u, self.box_v = self._footprint()
 
     def _at(self, view: PickedView) -> DotView:
-        """Returns a copy for the pixels of `view`; their boxes are those of the whole image."""
+        """Returns a DotView of the picked pixels alone, [1][n]; the boxes were computed on the whole image."""
         some = copy(self)
         some.__dict__ = {"_view": view, "_pattern": self._pattern}
         for name in ("z", "lit", "u", "v", "box_u", "box_v"):
@@ -58,13 +58,15 @@ class DotView:
         return self._pattern if pattern is self._view.pattern else Pattern(pattern)
 
     def mean(self, pattern: np.ndarray, u: np.ndarray | None = None, v: np.ndarray | None = None) -> np.ndarray:
-        """Returns the mean of a pattern image over each pixel's box, centred at pattern pixels (u, v) if given."""
+        """Returns [height][width]: the mean of a pattern image over each camera pixel's box. u, v: the boxes' centres
+        in pattern pixels; None = the view's own."""
         sampler = disc_sampler(self._known(pattern), 0.0)
         return sampler(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
 
     def mean_of_discs(self, pattern: np.ndarray, diameter_px: np.ndarray) -> np.ndarray:
-        """Returns the mean over each pixel's box of the pattern blurred by a disc. diameter_px: [height][width] in
-        pattern pixels, interpolated between whole diameters."""
+        """Returns [height][width]: the mean, over each camera pixel's box, of the pattern blurred by a disc.
+        diameter_px: the disc's diameter for each camera pixel, [height][width], in pattern pixels; interpolated between
+        whole diameters."""
         known, lit = self._known(pattern), np.flatnonzero(self.lit)
         low = np.floor(diameter_px.ravel()[lit]).astype(int)
         order = lit[np.argsort(low, kind="stable")]
@@ -81,14 +83,15 @@ class DotView:
         return out
 
     def change(self, light: Light, before: np.ndarray, after: np.ndarray) -> Light:
-        """Returns the light after the pattern's means [height][width] changed from `before` to `after`; only the
-        difference is approximated. Bounced light stays, as does the projector's power."""
+        """Returns the light after the pattern changed. before, after: means of both patterns over each pixel's box,
+        [height][width]. Only their difference is added to the direct light; bounced light stays."""
         change = np.where(self.lit, light.flat * (after - before), 0.0)
         return replace(light, direct=np.maximum(light.direct + change, 0.0))
 
     def _footprint(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (box_u, box_v), each [height][width] in pattern pixels: steps of u between camera pixels, and the
-        ratio of focal lengths. The smaller step of both sides counts: edges of objects must not open huge boxes."""
+        """Returns (box_u, box_v), each [height][width] in pattern pixels. box_u is the step of u to the left or right
+        neighbour; the smaller one counts, since edges of objects must not open huge boxes. box_v is the ratio of focal
+        lengths."""
         K, view = self._view.projector_K, self._view
         ratio_u, ratio_v = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
         # Along epipolar lines the step depends on slant; one-sided differences, the smaller of both sides.

@@ -76,7 +76,8 @@ class EngineCamera:
         return dn / (self.signal["conversion_gain_dn_per_e"] * self.signal["gain"])
 
     def add_variance(self, name: str, deviation: float) -> None:
-        """Adds independent noise to the standard deviation in the signal's field `name`: variances add up."""
+        """Adds an independent noise source to the signal's field `name`. deviation: its standard deviation in the
+        field's unit; variances add up."""
         self.signal[name] = float(np.hypot(self.signal[name], deviation))
 
 
@@ -89,9 +90,9 @@ class EngineInputs:
     new_light makes both. medium: made by new_medium. ambient_radiance: infrared, in the unit of the lights' intensities
     per steradian. scene_materials: returns a fresh kuafu.Material of the scene by id. materials: {id: changed
     material}. matcher: simsense's parameters. bounds_m: a box around scene and rig, world. speckle_of_laser: only
-    projectors' light has speckle. frame: exposure, gain, time, temperature. unrendered: what a render finds out by
-    itself, and images without one are told: `behind`, the radiance behind a clear surface over the ambient radiance;
-    `core`, the share of light from below a surface that leaves close to where it entered.
+    projectors' light has speckle. frame: exposure, gain, time, temperature. unrendered: values that images
+    without a render need. `behind`: the radiance behind a clear surface over the ambient radiance. `core`: the share of
+    light from below a surface that leaves close to where it entered.
     """
 
     left: EngineCamera
@@ -125,8 +126,8 @@ class EngineInputs:
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
     def surfaces(self, chosen: float) -> Iterator[kuafu.Material]:
-        """Yields the materials whose 2^id are in the sum `chosen`, or all materials for 0. Changes to them reach the
-        scene."""
+        """Yields each selected material for changes, which reach the scene. chosen: the sum of 2^id over the materials'
+        ids; 0 = all."""
         for number in material_numbers(chosen) or range(self.material_count):
             yield self.material(number)
 
@@ -148,9 +149,9 @@ class EngineInputs:
     def add_unit(
         self, *, on_rig: bool, name: str, light_to_world: NDArray[np.float64], intensity_m2: float, **fields: Any
     ) -> None:
-        """Adds a projector with the same pattern as the rig's. intensity_m2: its radiant intensity over the ambient
-        radiance. `fields`: more fields of kuafu.Light. Does nothing at intensity 0, or where the rig has no projector.
-        """
+        """Adds a second projector with the rig's pattern, on the rig or in the world. light_to_world: its pose [4][4].
+        intensity_m2: its radiant intensity over the ambient radiance, m^2. `fields`: more fields of kuafu.Light. Does
+        nothing at intensity 0, or if the rig has no projector."""
         own = self.projector
         if own is None or intensity_m2 == 0.0:
             return
@@ -163,8 +164,8 @@ class EngineInputs:
         )  # fmt: skip
 
     def dim_pattern(self, gain: PatternGain) -> None:
-        """Multiplies the projector's pattern image by a gain of the tangents (x, y) from its axis. Does nothing without
-        a pattern."""
+        """Multiplies the projector's pattern image by gain(x, y). x, y: tangents of each pixel's angles to the
+        projector's axis. Does nothing without a pattern."""
         if self.projector is None or self.pattern is None:
             return
         K, (height, width) = self.projector.k, self.pattern.shape
@@ -184,9 +185,9 @@ class EngineInputs:
             self.pattern = blur(self.pattern, sigma_px)
 
     def add_speckle(self, contrast: float, static_share: float) -> None:
-        """Multiplies light by independent speckle with mean 1. static_share: the share of its variance that stays while
-        rig and scene stand still. Gamma variates of one scale add up to another one, so shares of variance are shares
-        of the shape."""
+        """Adds speckle: an independent gamma-distributed factor with mean 1 on the projectors' light. contrast: the
+        factor's standard deviation. static_share: the share of its variance that stays while rig and scene stand still.
+        Earlier speckle's variance is added."""
         if contrast == 0.0:
             return
         self.speckle_of_laser = True
@@ -198,7 +199,8 @@ class EngineInputs:
             side.signal["speckle_shape"], side.signal["speckle_scale"] = 1.0 / variance, mean * variance
 
     def rng(self, name: str) -> np.random.Generator:
-        """Returns the whole rig's random numbers for one effect: the same as View.rng(name, per='rig')."""
+        """Returns a random generator for one effect, the same for both cameras and all frames. It equals View.rng(name,
+        per='rig')."""
         return random_stream(self.seed, name)
 
 

@@ -67,7 +67,8 @@ class SharedBy(Enum):
 
 @dataclass(frozen=True)
 class RandomTerm:
-    """One random field or one term of the noise model: parameter x lever x a draw of standard deviation 1.
+    """Declares one random field or one term of the noise model. Its size is parameter x lever (a signal, see Lever) x a
+    draw of standard deviation 1.
 
     parameter: the name of the parameter that scales it. sparse_share: the name of the parameter that gives the share of
     pixels with a draw; "" = all pixels have one.
@@ -112,11 +113,11 @@ Judgement = RandomTerm | CodeSteps | EngineFault | Unjudged
 
 @dataclass(frozen=True)
 class StartImage:
-    """One image under the model without the effect, from which the effect proposes starting values. Arrays are
-    [height][width].
+    """A measured image, compared with its prediction by the model without the effect. The effect proposes starting
+    values of its fit from it. Arrays are [height][width].
 
-    weight: 1/DN^2. residual: measured minus expected, DN. ambient: DN of ambient light in the expected image, 0 where
-    it is clipped. ambient_dn: DN per unit of ambient radiance. expected: DN above black.
+    weight: inverse variance, 1/DN^2. residual: measured minus expected, DN. ambient: DN of ambient light in the
+    expected image, 0 where it is clipped. ambient_dn: DN per unit of ambient radiance. expected: DN above black.
     """
 
     view: View

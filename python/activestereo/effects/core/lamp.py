@@ -52,8 +52,8 @@ def lamp_pose(azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -
 
 
 def radiance_under(lamp: kuafu.Light, to_camera: np.ndarray, light: Light, view: View) -> np.ndarray:
-    """Returns the radiance [height][width] of the diffuse surfaces under a point light or a directional one, at a pose
-    [4][4] in camera coordinates."""
+    """Returns the radiance [height][width] that a lamp adds to the diffuse surfaces, with shadows. lamp: a point light
+    or a directional one. to_camera: its pose [4][4] in camera coordinates."""
     shading = Shading.of(light, view)
     way, square = -to_camera[:3, 2], np.float64(1.0)
     if lamp.kind == "point":
@@ -65,8 +65,9 @@ def radiance_under(lamp: kuafu.Light, to_camera: np.ndarray, light: Light, view:
 
 
 def _visibility(view: View, to_camera: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Returns the share of the light that arrives at each pixel, [height][width]. Shadow rays go through the depth
-    image, so only surfaces that the camera sees cast shadows. Fits ask again for the latest place only."""
+    """Returns the share 0..1 of a lamp's light that each pixel's surface point receives, [height][width]. to_camera:
+    the lamp's pose [4][4]; the latest pose's result is kept. way: directions from the points to the lamp. Only surfaces
+    in the depth image cast shadows."""
     return view.latest("lamp's shadow", None, lambda: _lit(view, way), choice=to_camera.tobytes())
 
 
@@ -95,8 +96,8 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
 
 
 def _projection(K: np.ndarray) -> tuple[tuple[np.float32, int, np.float32], ...]:
-    """Returns three triples (factor, index of a coordinate, factor of z). Their weighted sums of a camera point are
-    column times z, row times z, and z."""
+    """Returns three triples (factor a, index i, factor b). For a camera point X, a X[i] + b X[2] is column times z, row
+    times z, and z in turn."""
     return (K[0, 0], 0, K[0, 2]), (K[1, 1], 1, K[1, 2]), (np.float32(1.0), 2, np.float32(0.0))
 
 
@@ -107,8 +108,9 @@ def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
 
 
 def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Returns the lamp of a grid of places that explains most of the residual beside ambient light, shadows left out. A
-    near lamp shows by its distance to the surfaces, of which normals alone tell nothing."""
+    """Fits a near lamp at each place of a grid and returns the one that explains most of the residual beside ambient
+    light. Shadows are left out. A near lamp shows by the light's fall with distance, which normals alone do not
+    tell."""
     ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
     directions = np.stack([towards(*way) for way in ways], axis=1)
     gram, moment = np.zeros((len(_NEARNESSES_PER_M), len(ways), 2, 2)), np.zeros((len(_NEARNESSES_PER_M), len(ways), 2))
@@ -138,8 +140,9 @@ def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
 
 
 def _some_pixels(image: StartImage) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Returns world to camera [4][4], and float32 arrays of a grid of pixels: points [n][3], normals [n][3], and four
-    [n]. These are DN per unit strength of a lamp, DN of ambient light, weight, residual."""
+    """Returns world_to_camera [4][4] and float32 arrays of n pixels on a coarse grid. First come points [n][3] and
+    normals [n][3] in the camera's frame. Then come four [n]: DN per unit strength of a lamp, DN of ambient light,
+    weight (1/DN^2), residual (DN)."""
     shading = Shading.of(image.light, image.view)
     chosen = np.zeros(shading.hit.shape, dtype=bool)
     chosen[::_GRID_EVERY_PX, ::_GRID_EVERY_PX] = True

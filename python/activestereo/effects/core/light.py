@@ -22,8 +22,8 @@ _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
 
 
 class RenderedLight(Protocol):
-    """Radiance [height][width] of one view, as in Light: direct and indirect under projector power 1, ambient under
-    ambient radiance 1."""
+    """Rendered radiance [height][width] of one view by source. direct, indirect: the projector's light off the first
+    surface, and the rest of it, at projector power 1. ambient: all other light, at ambient radiance 1."""
 
     @property
     def direct(self) -> np.ndarray: ...
@@ -36,8 +36,8 @@ class RenderedLight(Protocol):
 
 
 class Rendered(RenderedLight, Protocol):
-    """Rendered images of one view (compare/layers.py), as in Light. It may also have `supersampled`, a
-    SupersampledImages."""
+    """RenderedLight with a fourth image `flat`: the direct light of a pattern that is 1 everywhere. An object may also
+    have `supersampled`, a SupersampledImages."""
 
     @property
     def flat(self) -> np.ndarray: ...
@@ -102,7 +102,8 @@ class Light:
         return np.stack([self.direct, self.indirect, self.ambient, self.flat])
 
     def sum_of(self, names: tuple[str, ...]) -> np.ndarray:
-        """Returns the sum of the named images. A pending operation is applied to the sum alone, not to each image."""
+        """Returns the sum [height][width] of the named images, such as ("direct", "indirect"). A pending operation is
+        applied to the sum alone, not to each image."""
         if len(names) == 1:
             return getattr(self, names[0])
         later: _Later | None = self.__dict__.get("_later")
@@ -112,7 +113,8 @@ class Light:
         return self._once(("sum", names), lambda: image(names))
 
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        """Returns projector and ambient light, float64 [n] each, at flat indices of pixels."""
+        """Returns (projector light, ambient light) of some pixels, float64 [n] each. pick: flat indices of the
+        pixels."""
         later, has_images = self.__dict__.get("_later"), {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
@@ -124,7 +126,7 @@ class Light:
         return seen
 
     def at(self, pick: np.ndarray) -> Light:
-        """Returns the light at flat indices of pixels, as images [1][n]."""
+        """Returns the light of some pixels alone, as images [1][n]. pick: flat indices of the pixels."""
         later: _Later | None = self.__dict__.get("_later")
         of_name = later.at if later is not None and later.at is not None else None
         image = lambda name: getattr(self, name).ravel()[pick] if of_name is None else of_name((name,), pick)  # noqa: E731
@@ -134,8 +136,8 @@ class Light:
         return some
 
     def pointwise(self, act: Callable[[Light, View], Light], view: View) -> Light:
-        """Returns act(self, view), computed only for the pixels that are asked for. Each pixel of act's result must
-        depend on that pixel alone."""
+        """Returns act(self, view), computed later and only for the pixels that are then asked for. Each pixel of act's
+        result must depend on that pixel alone."""
         later, some = _Later(self, lambda images: images), []  # type: ignore[var-annotated]
         light = later.light()
         later.whole = lambda names: light._once("acted", lambda: act(self, view)).sum_of(names)
@@ -145,15 +147,17 @@ class Light:
         return light
 
     def map(self, operation: Callable[[np.ndarray], np.ndarray]) -> Light:
-        """Returns the light after a linear operation on its images, which gets any number of them as
+        """Returns the light after a linear operation on its images. The operation takes and returns a stack
         [...][height][width]."""
         return _Later(self, operation).light()
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> Light:
-        """Returns the light whose pixels show this light at pixel positions (u, v), [height][width] each.
+        """Returns the warped light: each of its pixels takes this light's value at pixel position (u, v),
+        [height][width] each.
 
-        Rendered light is looked up in the supersampled images where there are any. Changes by effects since then are
-        known per pixel only: as a smooth local gain and a remainder."""
+        Values are interpolated in the supersampled images if there are any. Changes by effects since rendering are
+        known per pixel only: they are carried over as a smooth local gain and a remainder.
+        """
         if self.supersampled is not None:
             operation = lambda images: sample(images, u, v)  # noqa: E731
             of_gain = lambda gain: sample(gain, u, v, order=1)  # noqa: E731
@@ -169,7 +173,8 @@ class Light:
     def _warped_at(
         self, later: _Later, names: tuple[str, ...], u: np.ndarray, v: np.ndarray, pick: np.ndarray | slice
     ) -> np.ndarray:
-        """Returns the sum of the named images after a warp, at flat indices of pixels."""
+        """Returns the sum of the named images after the pending warp `later` to positions (u, v), [n]. pick: flat
+        indices of n pixels."""
         if self.supersampled is None or self.is_changed(names):
             return later.image(names).ravel()[pick]
         return self.supersampled.sum_of(_places(names)).means_at(u.ravel()[pick], v.ravel()[pick])[0]
@@ -197,8 +202,8 @@ class Light:
         return _Later(self, lambda images: blur(images, sigma_px), of_supersampled).light()
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
-        """Returns the weighted sum of shifted copies of the light, see resample.shifted_sum. It is taken of the
-        supersampled images where there are any."""
+        """Returns the weighted sum of shifted copies of the light. along_u, along_v: pairs (shift in pixels, weight)
+        along columns and rows. Supersampled images are shifted, too, if there are any."""
         of_supersampled = None if self.supersampled is None else lambda images: images.shifted_sum(along_u, along_v)
         return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_supersampled).light()
 
@@ -225,11 +230,11 @@ def _places(names: tuple[str, ...]) -> tuple[int, ...]:
 
 
 class _Later:
-    """A pending linear operation on a Light, applied image by image when asked for.
+    """A linear operation on a Light that waits until an image is asked for.
 
-    of_images: the operation on images [n][height][width]; of_supersampled: on SupersampledImages, or None; of_gain: on
-    a local gain, see Light.warped. whole(names): if given, computes the sum of the named images instead. at(names, flat
-    indices): the same at some of the `size` pixels.
+    of_images: the operation on images [n][height][width]. of_supersampled: the same on SupersampledImages; None: the
+    result has none. of_gain: the same on the local gain in Light.warped. whole(names): computes the sum of the named
+    images; None: of_images does. at(names, pick): that sum at flat pixel indices, fewer than `size`.
     """
 
     whole: Callable[[tuple[str, ...]], np.ndarray] | None = None

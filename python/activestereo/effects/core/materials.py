@@ -39,8 +39,8 @@ def paths_per_length(albedo: float) -> float:
 
 
 def reflected(light: Light, view: View, material: kuafu.Material, unrendered: dict[str, float]) -> Light:
-    """Returns the light if all surfaces were of the material, beside their own diffuse colour. unrendered: see
-    EngineInputs."""
+    """Returns the light as if all surfaces had this material's gloss, scattering and transparency, but their own
+    diffuse colour. unrendered: see EngineInputs."""
     if material.specular:
         light = _glossy(light, view, material)
     if material.subsurface:
@@ -73,8 +73,9 @@ def _glossy(light: Light, view: View, material: kuafu.Material) -> Light:
 
 
 def _scattered_below(light: Light, view: View, material: kuafu.Material, core: float) -> Light:
-    """Returns the light whose dots' irradiance spreads below the surface; reflectance and shadows stay where they are.
-    core: the share of the profile with a bright core."""
+    """Returns the light after a share of the dots' light spread below the surface (subsurface scattering). The
+    surfaces' reflectance and shadows stay. core: weight 0..1 of the spread profile that has a bright core; the other
+    has none."""
     fraction = material.subsurface
     assert material.ir_subsurface_radius_m is not None and material.ir_subsurface_color is not None
     length_m = material.ir_subsurface_radius_m / paths_per_length(material.ir_subsurface_color)
@@ -93,9 +94,9 @@ def _scattered_below(light: Light, view: View, material: kuafu.Material, core: f
 def _wandered(
     light: Light, view: View, length_m: float, profile: tuple[tuple[float, float], ...], is_wanted: bool
 ) -> np.ndarray:
-    """Returns two images [2][height][width] after light spread below the surface. The first is the pattern's share of
-    the irradiance; the second is the share of such light that came from lit pixels. Both are 0 if not is_wanted.
-    Neighbours count alike, whatever they reflect."""
+    """Returns two images [2][height][width], blurred as light spreads below the surface: the pattern's value in lit
+    pixels, and the mask of lit pixels. Their ratio is the spread pattern. profile: pairs (weight, width in length_m) of
+    Gaussians. is_wanted: if false, both are 0."""
     if not is_wanted:
         return np.zeros((2, *view.shape), light.direct.dtype)
 

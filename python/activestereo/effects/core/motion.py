@@ -54,8 +54,8 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
 
 
 def _poses(view: View, rows: np.ndarray) -> np.ndarray:
-    """Returns [height][4][4]: camera coordinates at each row's time to those at mid-exposure. rows: seconds,
-    [height]."""
+    """Returns the rig's motion as one pose per row, [height][4][4], from camera coordinates at the row's time to those
+    at mid-exposure. rows: each row's time after mid-exposure, seconds, [height]."""
     twist = view.frame.camera_velocity
     velocity, spin = twist[:3], twist[3:]
     generator = np.zeros((4, 4))
@@ -68,8 +68,8 @@ def _poses(view: View, rows: np.ndarray) -> np.ndarray:
 
 
 def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Returns (u, v) at mid-exposure of each pixel's surface point, and its camera coordinates at the row's time and at
-    mid-exposure."""
+    """Returns each pixel's position (u, v) of its surface point at mid-exposure. Then come the point's camera
+    coordinates [height][width][3] at the row's time and at mid-exposure. then_to_mid: [height][4][4], see _poses()."""
     rotation, shift = then_to_mid[:, :3, :3], then_to_mid[:, None, :3, 3]
     far = view.depth_m.max() if view.depth_m.any() else 1.0
     depth_mid = np.where(view.depth_m > 0, view.depth_m, 100.0 * far)  # at such a depth only turns show
@@ -86,8 +86,8 @@ def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.
 def _falloff_ratio(
     view: View, then_to_mid: np.ndarray, u: np.ndarray, v: np.ndarray, then: np.ndarray, mid: np.ndarray
 ) -> np.ndarray:
-    """Returns the projector's irradiance of each surface point at the row's time over that at mid-exposure,
-    [height][width]. Only the rig moves."""
+    """Returns [height][width]: the projector's irradiance on each surface point at the row's time, over that at
+    mid-exposure. u, v, then, mid: from _source_pixels(). Only the rig moves."""
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
     normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
     normal_then = normal_mid @ then_to_mid[:, :3, :3]

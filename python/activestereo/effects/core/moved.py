@@ -62,8 +62,8 @@ class _Image:
     move: Callable[..., None]
 
     def function(self) -> Callable[..., Any]:
-        """Returns the function of (value, view, **parameters) that effect() takes. The names of the changed fields
-        select the computation."""
+        """Returns the function (value, view, **parameters) that computes the effect's image. The names of the engine
+        fields that `move` changes select the computation."""
         fields: tuple[str, ...] = self.move.fields  # type: ignore[attr-defined]
         names = {name.removeprefix("right.").removeprefix("left.") for name in fields}
         only_times = all(name.removeprefix("camera.") in _TIMES for name in names)
@@ -101,8 +101,9 @@ class _Image:
     # ---- the imager ----
 
     def _counted(self, dn: np.ndarray, view: View, values: dict[str, float]) -> np.ndarray:
-        """Returns DN after the changed signal of simsense, without rounding. dn: with or without black level, by stage.
-        Pixels that the signal leaves alone stay the same to the bit."""
+        """Returns an image in DN under the changed imager settings (simsense's signal), without rounding. dn:
+        [height][width], with or without the black level, as the effect's stage says. Unchanged pixels stay the same to
+        the bit."""
         nominal = frame_signal(view.frame)
         moved = self._side(view, values, nominal).signal
         if moved == nominal:
@@ -164,7 +165,8 @@ class _Image:
     # ---- the projector ----
 
     def _projected(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light under a projector with other dots; the surfaces' reflection and shadows stay."""
+        """Returns the light under the projector after changes of its pattern, power or optics. The surfaces' reflection
+        and shadows stay."""
         inputs = self._inputs(view, values)
         own = inputs.projector
         assert own is not None
@@ -192,8 +194,8 @@ class _Image:
     # ---- the scene ----
 
     def _under_lights(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light with that of further projectors and lamps, which shine whatever the own projector does.
-        Projectors cast no shadows."""
+        """Returns the light plus that of the projectors and lamps that an effect adds. It counts as ambient light,
+        because it shines whatever the rig's projector does. Added projectors cast no shadows."""
         inputs = self._inputs(view, values)
         world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
         poses = [(added, added.light_to_world) for added in inputs.rig_lights]
@@ -220,9 +222,9 @@ class _Image:
 
 @dataclass
 class _ViewInputs(EngineInputs):
-    """EngineInputs for the images of one view, with both cameras at the view's own place, the rig's lights in its
-    coordinates, and one matt material for all `chosen` surfaces. Gains and a blur of the whole pattern are stored
-    apart, because the view's pixels need no dots for them."""
+    """EngineInputs for the images of one view. Both cameras stand at the origin of the view's frame, in which the rig's
+    lights are given. One matt material stands for all `chosen` surfaces. Gains and a blur of the pattern are only
+    noted: they apply to the view's pixels directly."""
 
     chosen: float = 0.0
     gains: list[PatternGain] = field(default_factory=list)
@@ -257,8 +259,8 @@ class _ViewInputs(EngineInputs):
 
 
 def frame_signal(frame: Frame) -> dict[str, float]:
-    """Returns simsense's signal fields of a noiseless imager under a frame's settings. Its input is counts per second
-    at gain 1."""
+    """Returns simsense's imager settings, {field: value}, of a noiseless imager with a frame's exposure, gain and
+    temperature. The imager's input is counts per second at gain 1."""
     temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
     settings = {
         "exposure_s": frame.exposure_s,
@@ -288,8 +290,8 @@ def tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _before(dots: DotView, view: View, projector: kuafu.Light) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the pattern pixels (u, v) whose light the changed projector sends to where the nominal pixels of `dots`
-    lie."""
+    """Returns the pattern pixel (u, v) of the beam that lights each camera pixel after the projector changed.
+    projector: has the changed pattern_scale or distortion. dots: the beams' pattern pixels before."""
     K = view.projector_K
     y = (dots.v - K[1, 2]) / K[1, 1]
     x = (dots.u - K[0, 2] - K[0, 1] * y) / K[0, 0]

@@ -143,7 +143,8 @@ def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
 
 
 class BlurAlong:
-    """Blurs images along one axis, -1 (columns) or -2 (rows), by an image `sigma` [height][width] times a number.
+    """Blurs images along one axis, -1 (along rows, u) or -2 (along columns, v), by a sigma that varies over the image.
+    sigma: [height][width], to be multiplied by a number.
 
     It mixes a few uniform blurs, whose variances are a constant ratio apart: at most 2 where their number allows.
     Between equal steps a narrow blur beside the widest would keep a core.
@@ -168,8 +169,8 @@ _Weights = list[tuple[slice, np.ndarray]]
 
 
 def _weights(position: np.ndarray, levels: int) -> _Weights:
-    """Returns, for each level, the rows that need it and its weights there. position: level of each pixel
-    [height][width]; weights are linear between whole levels."""
+    """Returns, for each blur level, (slice of the rows that use it, its weights in these rows). position: fractional
+    level of each pixel, [height][width]. A pixel mixes the two levels next to it."""
     out, position = [], position.astype(np.float32)
     for i in range(levels):
         weight = np.maximum(1.0 - np.abs(position - np.float32(i)), 0.0)
@@ -180,8 +181,9 @@ def _weights(position: np.ndarray, levels: int) -> _Weights:
 
 
 def _between_levels(images: np.ndarray, weights: _Weights, kernels: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Returns the weighted sum of the images under each level's kernels. A kernel is applied to the rows that need it
-    alone: near surfaces stand low in most images."""
+    """Returns the images mixed from one uniform blur per level. weights: from _weights(). kernels: two 1-D kernels for
+    each level. A level's kernels are applied only to the rows that use it, because near surfaces stand low in most
+    images."""
     out = np.zeros(images.shape, np.result_type(images, np.float32))
     for (rows, weight), (kernel_u, kernel_v) in zip(weights, kernels, strict=True):
         if len(weight):
@@ -286,10 +288,11 @@ class SupersampledImages:
         return np.add.reduce([rows[:, :, k::s] for k in range(s)]) / s**2
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
-        """Returns the images of a camera whose pixels show these images at pixel positions (u, v), [height][width]
-        each.
+        """Returns the warped images: each camera pixel takes these images' value at pixel position (u, v),
+        [height][width] each.
 
-        Beyond the frame, the displacement is that of the border."""
+        Beyond the frame, the displacement is that of the border.
+        """
         return _WarpedSupersampled(self, u, v)
 
     def _warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
@@ -324,8 +327,8 @@ class SupersampledImages:
         return np.stack([spline(u, v) for spline in self._splines()])
 
     def means_at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Returns means over squares of a pixel's size around camera pixel positions (u, v) of any shape, float32
-        [n][...]."""
+        """Returns means over squares of one camera pixel's size, centred at camera pixel positions (u, v) of any shape.
+        The result is float32 [n][...]."""
         u, v = ((x + self.margin_px) * self.scale for x in (u, v))
         return np.stack([spline(u, v) for spline in self._splines_of_means()])
 
@@ -377,7 +380,7 @@ class SupersampledImages:
 
 
 class _LaterSupersampled(SupersampledImages):
-    """SupersampledImages after a linear operation, which is computed only for the images that are asked for."""
+    """SupersampledImages after a linear operation, which is applied only to the images that are asked for."""
 
     _source: SupersampledImages
     _operation: Callable[[SupersampledImages], SupersampledImages]

@@ -34,8 +34,8 @@ _LEAST_GAIN = 100.0
 
 
 def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Returns intensity and pose of the best few places, {parameter: value} each, from images at the least power of the
-    own projector. Returns the neutral values alone, [{}], where the residual has no dots."""
+    """Returns the projector's intensity and pose at the best few places, {parameter: value} each. It uses the images in
+    which the rig's own projector has its least power. Returns [{}], the neutral values, if the residual has no dots."""
     least = min((image.view.frame.projector_power for image in images), default=0.0)
     chosen = [image for image in images if image.view.frame.projector_power == least][:_IMAGES]
     # The mean square of each residual's fine part in units of its noise: about 1 where it is noise alone.
@@ -67,9 +67,9 @@ def _first(scored: list[tuple[float, np.ndarray]], most: int) -> list[tuple[floa
 
 
 def _likely_places(seen: SeenPoints) -> np.ndarray:
-    """Returns places [n][3] in the world, best first, whose light varies over the surfaces as the size of the dots
-    does. No place is left, [0][3], if none correlates. (The light's mean does not count: a fit of ambient light has
-    taken that.)"""
+    """Returns candidate places [n][3] of the projector in the world, best first. From these, the light on the surfaces
+    would vary as the dots' measured size does. Empty, [0][3], if none correlates. (Mean light does not count: the
+    ambient light's fit has taken it.)"""
     if len(seen.points) == 0:
         return np.empty((0, 3))
     low, high = np.quantile(seen.points, 0.02, axis=0) - _BEYOND_M, np.quantile(seen.points, 0.98, axis=0) + _BEYOND_M

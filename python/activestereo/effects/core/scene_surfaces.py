@@ -134,8 +134,8 @@ def material_of(surface_name: str) -> str:
 
 
 def names_of(chosen: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
-    """Returns names of the chosen surfaces; `names` are those of all surfaces. A material whose surfaces are all chosen
-    appears once, under its own name."""
+    """Returns the names of the surfaces numbered `chosen`. names: all surfaces' names by number. A material whose
+    surfaces are all chosen appears once, under its own name."""
     of_material: dict[str, set[int]] = {}
     for k, name in enumerate(names):
         of_material.setdefault(material_of(name), set()).add(k)
@@ -151,8 +151,8 @@ def numbers_of(name: str, names: Sequence[str]) -> list[int]:
 
 
 def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float64]:
-    """Returns [count, 4, 4]: transforms from the meshes' axes to the file's, of the objects that loading the file
-    makes. They are the identity for files other than glTF. Raises ValueError where the count differs."""
+    """Returns [count, 4, 4]: each object's transform from its mesh's axes to the file's, in the order in which kuafu
+    loads them. They are the identity for files other than glTF. Raises ValueError if the file has another count."""
     path = Path(scene_path)
     if path.suffix.lower() not in (".gltf", ".glb"):
         return np.broadcast_to(np.eye(4), (count, 4, 4)).copy()

@@ -75,8 +75,8 @@ def base_share(
 
 @lru_cache(maxsize=64)
 def _shares(roughness: float, ior: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (cosines, reflected shares): the highlight's integral over outgoing directions. Its rings have equal
-    projected solid angle about the half vector's density, so that narrow highlights are resolved."""
+    """Returns (cosines of incoming light to the normal, the shares of it that the highlight reflects), [n] each. The
+    integral's samples are distributed as the half vector's density, so that narrow highlights are resolved."""
     cosines = np.linspace(0.0, 1.0, _COSINES)
     cosines[0] = 1e-3
     square = roughness**4
@@ -100,8 +100,8 @@ _LEAST_COSINE = 0.05
 
 
 class Facing:
-    """Computes how surfaces face camera and projector. Directions are unit, camera coordinates, [height][width][3];
-    cosines are 0 where nothing is hit or the surface faces away."""
+    """Geometry of each pixel's surface towards camera and projector. Directions are unit vectors [height][width][3] in
+    camera coordinates. Cosines to the normal are 0 where nothing is hit or the surface faces away."""
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -150,8 +150,9 @@ class Shading(Facing):
         self.reflectance = np.where(self.hit, np.where(lit, own, light.ambient * share), 0.0)
 
     def pattern_from(self, projector_points: np.ndarray, sampler: BoxSampler) -> np.ndarray:
-        """Returns the means of a sampler's pattern at points [..., 3] in a projector's frame, 0 behind it. Each mean's
-        box is the ratio of the own projector's and the camera's focal lengths."""
+        """Returns the pattern's value where points [..., 3] in a projector's frame are lit, averaged over a camera
+        pixel; 0 behind the projector. sampler: of the pattern. The average's box has the ratio of projector and camera
+        focal lengths."""
         K, view = self._view.projector_K, self._view
         z = np.where(projector_points[..., 2] > 0, projector_points[..., 2], np.inf)
         y = projector_points[..., 1] / z

@@ -17,13 +17,13 @@ SURFACES = Parameter(
 
 
 def material_numbers(surfaces: float) -> list[int]:
-    """Returns the materials k whose 2^k are in the sum."""
+    """Returns the material numbers k that an effect's parameter `surfaces`, a sum of 2^k, selects."""
     return [k for k in range(MOST_MATERIALS) if int(surfaces) >> k & 1]
 
 
 def chosen(view: View, surfaces: float) -> np.ndarray:
-    """Returns the mask [height][width] of pixels whose material's 2^k is in the sum `surfaces`. It holds all pixels for
-    0, or where the view knows no materials."""
+    """Returns a mask [height][width] of the pixels on the selected materials. surfaces: the sum of 2^k over their
+    numbers k. All pixels are selected by 0, or if the view has no material image."""
     if surfaces == 0 or view.material is None:
         return np.ones(view.shape, dtype=bool)
     material = view.material
@@ -31,7 +31,7 @@ def chosen(view: View, surfaces: float) -> np.ndarray:
 
 
 def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Light:
-    """Returns the changed light where a chosen surface is seen, and the original light elsewhere."""
+    """Returns the light that is `changed` on the selected surfaces and `light` elsewhere. surfaces: as for chosen()."""
     if surfaces == 0:
         return changed
     here = chosen(view, surfaces)

@@ -45,8 +45,9 @@ _DOTS_PX = 0.8, 4.0
 
 
 class SeenPoints(NamedTuple):
-    """n pixels as surface points. points, normals: world [n][3], metres. glow: DN under irradiance 1. weight: 1/DN^2.
-    residual: DN. dots: size of the residual's part that is as fine as dots are, over the noise of a pixel."""
+    """n pixels that see a surface. points, normals: world [n][3], metres. glow: DN under irradiance 1. weight: inverse
+    variance, 1/DN^2. residual: measured minus expected, DN. dots: size of the residual's detail that is as fine as
+    dots, in a pixel's standard deviations."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -81,15 +82,15 @@ class SeenPoints(NamedTuple):
         return SeenPoints(*(x[pick] for x in self))
 
     def lit_from(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns vectors from a place, or from places [...][3], to the points, and each point's DN under a source of
-        intensity 1 there."""
+        """Returns vectors from a place [3], or from places [...][3], to the points. Then come the DN that a source of
+        radiant intensity 1 there gives each point."""
         way = self.points - place[..., None, :]
         square = np.maximum((way**2).sum(-1), 1e-6)
         return way, self.glow * np.maximum(-(way * self.normals).sum(-1), 0.0) / (square * np.sqrt(square))
 
     def beyond_even(self, lit: np.ndarray) -> np.ndarray:
-        """Returns weight times the residual after a fit of a beam without a pattern: chi2's gradient by further light.
-        lit: DN of that beam at intensity 1."""
+        """Fits an even beam, without a pattern, to the residual and returns weight times the rest, [n]. lit: each
+        point's DN under that beam at intensity 1."""
         even = max(float(lit @ (self.weight * self.residual)), 0.0) / max(float(lit**2 @ self.weight), 1e-300)
         return self.weight * (self.residual - even * lit)
 
@@ -108,8 +109,8 @@ def blurred_pattern(view: View, sigma_rad: float, focal_px: float) -> tuple[np.n
 def pixels_of(
     beam: np.ndarray, K: np.ndarray, shape: tuple[int, ...], margin_px: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns (row, column, whether inside) where directions [...][3] in a unit's frame meet an image plane of shape
-    [rows, columns]. margin_px: rows and columns of the plane before the pattern's first."""
+    """Projects directions [...][3] in a unit's frame onto an image plane of shape [rows, columns]. Returns (row,
+    column, mask of those inside). margin_px: rows and columns of the plane before the pattern's first pixel."""
     z = np.where(beam[..., 2] > 0.05, beam[..., 2], np.inf)
     column = np.rint(K[0, 0] * beam[..., 0] / z + K[0, 2] + margin_px[1]).astype(int)
     row = np.rint(K[1, 1] * beam[..., 1] / z + K[1, 2] + margin_px[0]).astype(int)
@@ -118,8 +119,9 @@ def pixels_of(
 
 
 class PlaneMatch:
-    """Matches the pattern at one sharpness near a pose, on an image plane about twice its size. Poses are (x, y, z,
-    azimuth, elevation, roll), metres and radians."""
+    """Finds the pan and tilt, near a given pose, at which a projector's blurred pattern fits the residual best. It
+    correlates on an image plane twice the pattern's size. Poses are (x, y, z, azimuth, elevation, roll), metres and
+    radians."""
 
     def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
         pattern, self._K = blurred_pattern(view, sigma_rad, focal_px)
@@ -129,7 +131,8 @@ class PlaneMatch:
         self._of_pattern, self._of_square = (np.conj(fft.rfft2(x)) for x in (plane, plane**2))
 
     def best(self, seen: SeenPoints, pose: np.ndarray) -> tuple[float, float, np.ndarray]:
-        """Returns (fall of chi2, intensity, pose) at the best pan and tilt near a pose."""
+        """Returns (decrease of chi squared, intensity, pose) at the best pan and tilt near `pose`, from the same
+        place."""
         way, lit = seen.lit_from(pose[:3])
         turn = axes(*pose[3:])
         height, width = self._shape
@@ -152,8 +155,8 @@ class PlaneMatch:
         return fft.irfft2(fft.rfft2(plane) * conjugate, self._shape)
 
     def polished(self, seen: SeenPoints, pose: np.ndarray, size: float) -> np.ndarray:
-        """Returns the pose whose place and roll give the largest fall of chi2, at the best pan and tilt. size: edge of
-        the first simplex, metres and radians."""
+        """Varies place and roll from `pose` by the simplex method, with the best pan and tilt for each. Returns the
+        pose that decreases chi squared most. size: edge of the first simplex, metres and radians."""
         towards = pose[3:5]
 
         def loss(x: np.ndarray) -> float:
@@ -176,8 +179,8 @@ _REACH_RAD, _AT_ONCE = 1.6, 32
 
 
 class SphereMatch:
-    """Matches the pattern at one sharpness from given places, at all pans and tilts. Units stand level: their roll is
-    0."""
+    """Finds the pan and tilt at which a projector's blurred pattern fits the residual best, from each of given places.
+    It tries all pans and tilts; roll is 0."""
 
     def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
         pattern, K = blurred_pattern(view, sigma_rad, focal_px)
@@ -196,8 +199,8 @@ class SphereMatch:
         )
 
     def best(self, seen: SeenPoints, places: np.ndarray) -> list[tuple[float, np.ndarray]]:
-        """Returns (fall of chi2, pose) at the best pan and tilt of each place [n][3]. Poses are (x, y, z, azimuth,
-        elevation, roll)."""
+        """Returns (decrease of chi squared, pose) for each place [n][3], at its best pan and tilt. Poses are (x, y, z,
+        azimuth, elevation, roll)."""
         found: list[tuple[float, np.ndarray]] = []
         # In single precision angles take a fifth of the time.
         seen, places = SeenPoints(*(x.astype(np.float32) for x in seen)), places.astype(np.float32)
@@ -224,8 +227,8 @@ def _drawn(pattern: np.ndarray, K: np.ndarray, beam: np.ndarray) -> np.ndarray:
 
 
 def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
-    """Returns [2][row][column]: gradient and curvature of chi2 by the light that a source at a place sends in each
-    direction (elevation, azimuth)."""
+    """Returns two images over directions from a place, [2][row][column]; rows are elevations, columns azimuths. They
+    are the gradient and the curvature of chi squared by the intensity that a source there sends in each direction."""
     way, lit = seen.lit_from(place)
     left = seen.beyond_even(lit)
     column = np.floor(np.arctan2(way[:, 0], way[:, 2]) / _STEP_RAD).astype(int) % _COLUMNS
@@ -238,8 +241,9 @@ def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
 
 
 def _correlated(gathered: np.ndarray, conjugate: np.ndarray, columns: int) -> np.ndarray:
-    """Returns [place][tilt][column]: sums over rows and azimuths of gathered times drawn values. gathered:
-    [place][row][column]; conjugate: the drawn pattern's spectrum [wave][row][tilt]."""
+    """Correlates measured images of directions with the pattern drawn at each tilt. Returns [place][tilt][pan]; the
+    pans are `columns` in number. gathered: [place][row][column]. conjugate: the drawn patterns' conjugate spectra
+    [wave][row][tilt]."""
     waves = len(conjugate)
     of_gathered = np.ascontiguousarray(fft.rfft(gathered, axis=2)[..., :waves].transpose(2, 0, 1))
     spectrum = (of_gathered @ conjugate).transpose(1, 2, 0)

@@ -23,8 +23,8 @@ def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generato
 
 
 def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: Callable[[], Any]) -> Any:
-    """Returns make(), computed the first time that the pixels `pick` are asked for. known: pairs (pick, value) of
-    earlier calls; it is extended."""
+    """Returns make() for the pixels `pick`, or its stored value from an earlier call. known: list of pairs (pick,
+    value), to which a new one is added."""
     for before, value in known:
         if before is pick or np.array_equal(before, pick):
             return value
@@ -145,8 +145,8 @@ class View:
     def latest(
         self, name: Hashable, light: Any, make: Callable[[], Any], choice: Hashable = None, most: int = 1
     ) -> Any:
-        """Returns make(), remembered for the latest `most` values of `choice` under the same light. Fits change one
-        parameter at a time."""
+        """Returns make(), or its stored value for the same name, light and `choice`. Values for the latest `most`
+        choices are kept, since fits change one parameter at a time. Another light clears them."""
         known = self._memory().get(name, ())
         for seen_light, seen_choice, value in known:
             if seen_light is light and seen_choice == choice:
@@ -174,8 +174,8 @@ class View:
         return _to_pixels(x, y, self.K, self.distortion)
 
     def drawn_by(self, K: np.ndarray, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (u, v) at which the nominal camera draws the direction of each pixel of another camera. K,
-        distortion: that camera's. It is computed once for all views of the same cameras."""
+        """Returns (u, v), [height][width] each: the nominal camera's pixel position for each pixel ray of another
+        camera. K, distortion: the other camera's. It is computed once for all views of the same cameras."""
         own, other = (tuple(k.ravel().tolist()) for k in (self.K, K))
         return _drawn_by(self.shape, own, self.distortion, other, distortion)
 
@@ -201,7 +201,7 @@ class View:
         return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
     def at(self, pick: np.ndarray) -> PickedView:
-        """Returns the view of the pixels at flat indices, as an image [1][n]."""
+        """Returns a view of some pixels alone, as an image [1][n]. pick: flat indices of the pixels."""
         known = self.once("picked", list)
         some: PickedView = once_of_picked(known, pick, lambda: PickedView.of_pixels(self, pick))
         return some

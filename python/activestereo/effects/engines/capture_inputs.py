@@ -81,7 +81,8 @@ def capture_inputs(
     rig, summary, own = capture.rig, scene.summary, capture.rig.projector
 
     def moved(left_to_it: NDArray[np.float64]) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Returns the pose of a part of the rig in the world, and its velocities in its own frame."""
+        """Returns (pose [4][4] of a rig's part in the world, its velocities in its own frame as keyword arguments).
+        left_to_it: from the left camera's frame to the part's."""
         linear, angular = carried_twist(left_to_it, frame.camera_velocity).reshape(2, 3)
         pose = frame.camera_to_world @ np.linalg.inv(left_to_it)
         return pose, {"linear_velocity": linear, "angular_velocity": angular}

@@ -57,8 +57,8 @@ class CameraLight:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """One pose with its engine inputs, and the frames that share its images. Each frame comes with its own inputs,
-    whose powers may differ."""
+    """One pose to render, with its engine inputs, and the frames that share the rendered images. Each frame comes with
+    its own inputs, whose powers may differ."""
 
     inputs: EngineInputs
     frames: list[tuple[Frame, EngineInputs]]
@@ -164,8 +164,8 @@ class CaptureRenderer:
     def _images(
         self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """Returns {output: image} of each job and side, [job][side]. The last few renders are remembered, so that
-        changes which move no ray trace none."""
+        """Returns the rendered images, {output: image}, by job and side: [job][side]. The last renders are remembered,
+        so that changes which move no ray trace none."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
         with self._world.alone() as scene:
             if key not in self._kept:
@@ -195,8 +195,8 @@ class CaptureRenderer:
         progress: Callable[[float], object] | None,
         half: int | None,
     ) -> dict[str, NDArray]:
-        """Renders all jobs at once and returns {output: [camera][height][width][channels]}. own: the lights are the
-        rig's projector at 1 W/sr and lamps; otherwise they are the further projectors alone."""
+        """Renders all jobs in one call and returns {output: [camera][height][width][channels]}. own=True: lit by the
+        rig's projector at 1 W/sr and the added lamps; False: lit by the added projectors alone. half: see lights()."""
         lights: list[tuple[kuafu.Light, NDArray | None]] = []
         has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
         group = (f"light_group_{_ADDED_GROUP}",) if has_lamps else ()
@@ -227,8 +227,8 @@ class CaptureRenderer:
 
 
 def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
-    """Returns copies of the lights of one pass, see _render. Lights on the rig are moved to their pose delay_s seconds
-    later."""
+    """Returns copies of the lights of one render pass, which `own` selects as in _render(). Lights on the rig are moved
+    to their pose delay_s seconds later."""
     on_rig = [*([_unit(inputs.projector)] if own and inputs.projector is not None else []), *inputs.rig_lights]
     lights = [copy_light(light, delay_s) for light in on_rig] + [copy_light(light) for light in inputs.lights]
     first = 1 if own and inputs.projector is not None else 0
@@ -243,7 +243,7 @@ def _unit(projector: kuafu.Light) -> kuafu.Light:
 
 
 def _job_key(inputs: EngineInputs) -> tuple:
-    """Returns a key of everything that decides the images of one pose. Powers do not count, since they scale the images
+    """Returns a key that is equal for poses with equal images. It leaves out powers, since they scale the images
     afterwards."""
     sides = tuple((record_key(side.camera), record_key(side.optics), side.delay_s) for side in inputs.sides)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
@@ -252,7 +252,8 @@ def _job_key(inputs: EngineInputs) -> tuple:
 
 
 def _side_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
-    """Returns the CameraLight of a rendered view under the powers of a frame's inputs."""
+    """Makes the CameraLight of one rendered camera, scaled by the projector's power in a frame's inputs. view: {output:
+    [height][width][channels]}."""
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
     ambient = view["ambient"] + view["added"] + view["added_indirect"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])

@@ -103,8 +103,9 @@ class SceneRenderer:
         environments: Sequence[int] | None = None,
         **options: Any,
     ) -> dict[str, NDArray]:
-        """Renders {output: [camera][height][width][channels]}. keeps_surfaces: whether the surfaces reflect as in the
-        file, where a room with measured light has matt ones alone. options: as of kuafu.Renderer.render()."""
+        """Renders {output: [camera][height][width][channels]}. keeps_surfaces: whether all surfaces reflect as in the
+        file. In a room with measured light they are then matt, so bounced light takes fewer samples. options: as of
+        kuafu.Renderer.render()."""
         images: dict[str, NDArray] = {}
         passes = [(tuple(outputs), max_bounces, samples_per_pixel)]
         if self._room is not None and keeps_surfaces and max_bounces > 0:

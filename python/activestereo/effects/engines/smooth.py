@@ -52,8 +52,8 @@ class Surfaces(NamedTuple):
 
 
 def smooth_bounced(image: np.ndarray, surfaces: Surfaces, focal_px: float) -> np.ndarray:
-    """Returns the image [..., height, width], filtered where a surface is hit. focal_px: the focal length in samples of
-    the image."""
+    """Filters noise out of an image [..., height, width]; pixels without a surface stay. focal_px: the focal length in
+    samples of the image."""
     levels = max(1, round(np.log2(focal_px * _REACH_RAD)))
     out = np.asarray(image, dtype=np.float32)
     for level in range(levels):
@@ -76,8 +76,8 @@ def _filter(image: np.ndarray, surfaces: Surfaces, step: int) -> np.ndarray:
 
 
 def alike(here: Surfaces, there: Surfaces) -> np.ndarray:
-    """Returns weights of samples: 1 where `there` is of the same surface as `here`, towards 0 where it is of
-    another."""
+    """Returns weights 0..1 of pairs of samples: 1 if both lie on one plane of one material, towards 0 as their planes
+    differ."""
     cosine = np.maximum(_dot(here.normal, there.normal), np.float32(1e-6))
     eighth = cosine * cosine
     eighth *= eighth
@@ -91,7 +91,8 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
-    """Returns slices of the samples that have a neighbour at (down, right), and slices of those neighbours."""
+    """Returns two indices (rows, columns) into an image of this shape: the samples that have a neighbour at offset
+    (down, right), and those neighbours."""
 
     def axis(size: int, shift: int) -> tuple[slice, slice]:
         return slice(max(0, -shift), size - max(0, shift)), slice(max(0, shift), size - max(0, -shift))
