@@ -159,8 +159,8 @@ def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Fram
 
 
 def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple[list[str], Matrix, Matrix]:
-    """Returns (names, derivative images [n, pixels of both cameras], weights of pixels). A derivative image is the
-    change of the images when one parameter grows by a unit."""
+    """Returns (names of the fitted parameters, derivative images [n, pixels of both cameras], weights of pixels). A
+    derivative image is the change of the images when one parameter grows by a unit. layers: each camera's light."""
     focal_px, columns, light = capture.rig.left.K[0, 0], dict[str, list[Matrix]](), list[Matrix]()
     for side in SIDES:
         (dots, room), camera = layers[side], capture.rig.camera(side)
@@ -206,7 +206,7 @@ def _per_kelvin(capture: Capture, frame: Frame, side: str, layers: Layers, name:
 
 
 def _flow(image: Matrix, dx: Matrix | float, dy: Matrix | float) -> Matrix:
-    """Computes, to first order, the change of an image whose content moves by dx, dy pixels."""
+    """Computes the first-order change of an image whose content moves by (dx, dy) pixels, numbers or images."""
     down, across = (correlate1d(image, _DERIVATIVE, axis, mode="nearest") for axis in (0, 1))
     return np.asarray(-(dx * across + dy * down))
 

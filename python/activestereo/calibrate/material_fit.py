@@ -43,8 +43,9 @@ _HUBER = 4.0
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of one candidate. first, second: from the two halves of the samples, in deviations times weights; large
-    differences count as their square root. loss: mean of their products, never below 0 on average."""
+    """Residuals of one candidate, a set of material values. first, second: differences of recorded and rendered
+    pictures, from two independent halves of the samples, in standard deviations times weights. Large differences count
+    as their square root. loss: mean of first x second, never below 0 on average."""
 
     first: NDArray[np.float64]
     second: NDArray[np.float64]
@@ -155,8 +156,8 @@ class MaterialFit:
         return out
 
     def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
-        """Returns a picture's differences in standard deviations, and those of the filter bank. They are linear in the
-        image, because only then do two halves' noises cancel in the mean."""
+        """Returns the picture's differences from a rendered image in standard deviations, followed by a filter bank's
+        responses to them. Both are linear in the image, because only then do two halves' noises cancel in the mean."""
         rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
         parts = [rest.ravel()]
         for size in _SIZES_PX:
@@ -178,10 +179,12 @@ class MaterialFit:
 
 
 def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> NDArray[np.float64]:
-    """Fits the intensities [channel, light] that all pictures of a band share, none below 0. pictures: (picture, its
-    lights rendered by each half of the samples). Each half is the other's instrument. With the plain square, noise in
-    the rendered lights would bias intensities low (errors in variables; Fuller, Measurement Error Models, 1987, section
-    1.4)."""
+    """Fits the lights' intensities [channel, light], which all pictures of a band share and none of which is below 0.
+    pictures: (picture, its single-light renders by each half of the samples).
+
+    Each half serves as the other's instrumental variable. With plain least squares, noise in the renders would bias
+    intensities low (errors in variables; Fuller, Measurement Error Models, 1987, section 1.4).
+    """
     out = []
     for channel in range(pictures[0][1].shape[2]):
         count = pictures[0][1].shape[3]
@@ -236,8 +239,9 @@ def refine(
     samples: int,
     tell: Callable[[float], object] = lambda fraction: None,
 ) -> Refined:
-    """Improves a candidate by Gauss-Newton steps, with one design of renders for each reach: how far its renders stand
-    from its middle. samples: per pixel in each half of a design's render; steps are judged with four times as many."""
+    """Improves a candidate by Gauss-Newton steps, one for each of `reaches`. A step renders a set of variants around
+    its middle; the reach is their distance from it. samples: per pixel in each half of a variant's render; a step's
+    result is judged with four times as many."""
     best = fit.residuals(theta, 4 * samples)
     for number, reach in enumerate(reaches):
         part = part_of(tell, number / len(reaches), (number + 1) / len(reaches))

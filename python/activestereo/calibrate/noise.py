@@ -175,8 +175,8 @@ def calibrate_noise(
 
 
 def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """Picks pixels of each view, spread evenly over the logarithm of their level: counts [pixel, repeat]. Pixels that
-    mostly clip are left out."""
+    """Picks pixels of each view, spread evenly over the logarithm of their mean count. Returns their counts [pixel,
+    repeat], one array for each view. Pixels that mostly clip are left out."""
     wanted = int(np.clip(_COUNTS / max(len(view.counts) for view in views), _FEWEST_PIXELS, _MOST_PIXELS))
     out = []
     for view in views:

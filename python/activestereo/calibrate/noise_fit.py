@@ -283,8 +283,8 @@ def fit_noise_model(
 
 
 def _start(kind: type[CountModel], counts: Counts, black_dn: float | None) -> CountModel:
-    """Guesses a noise model from pixels' variances over their means: a quadratic, whose terms are sigma, shot and gamma
-    noise."""
+    """Guesses a start for the fit. Over the pixels' means, their variance is a quadratic, whose terms give sigma, shot
+    noise and gamma noise."""
     values = (np.arange(counts.histograms.shape[1]) + 0.5) * counts.bin_dn - 0.5
     repeats = np.asarray(counts.histograms.sum(axis=1)).ravel()
     mean = counts.histograms @ values / repeats

@@ -227,16 +227,16 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
 
 
 def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
-    """Returns the right camera's spots as for axes parallel to the left one's, because a measured rig is slightly
-    rotated."""
+    """Rotates the right camera's spots to where they would be if its axes were parallel to the left camera's. A
+    measured rig is slightly rotated."""
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
     u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
     return replace(right, u=u / w, v=v / w)
 
 
 def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
-    """Returns the variance of each pixel's mean over n frames counts [n, height, width]. A straight line of variance
-    over mean is less noisy than the pixels' own variances."""
+    """Returns the variance of each pixel's mean over n frames. counts: [n, height, width]. It fits a straight line of
+    variance over mean, which is less noisy than the pixels' own variances."""
     mean, variance = counts.mean(axis=0), counts.var(axis=0, ddof=1)
     slope, offset = np.polyfit(mean.ravel(), variance.ravel(), 1)
     return np.maximum(offset + slope * mean, ROUNDING_VARIANCE) / len(counts)
@@ -326,14 +326,15 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
 def _as_dots(
     points: np.ndarray, camera_m: np.ndarray, flux: np.ndarray, wall: Wall, projector: ProjectorView
 ) -> np.ndarray:
-    """Converts spots that a camera sees on the wall to dots [n, 3]: u, v in the pattern and power."""
+    """Converts spots on the wall to dots of the pattern [n, 3]: u, v in pattern pixels, and power. points: [n, 3] in
+    the left camera's frame. camera_m: position of the camera that sees them. flux: DN px^2."""
     uv, beam = projector.pixels(points)
     return np.column_stack([uv, flux * power_factor(points - camera_m, wall.plane[:3], beam)])
 
 
 def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[ProjectorView, np.ndarray, np.ndarray]:
-    """Returns (the projector at the point where the lines through equal dots meet, that point's standard deviations,
-    pairs [n, 2] of equal dots)."""
+    """Finds the projector's position from dots that both walls show: each dot's two points give a line, and the lines
+    meet there. Returns (the projector at that position, its standard deviations, pairs [n, 2] of spot indices)."""
     pairs = np.empty((0, 2), dtype=int)
     for reach in _SAME_DOT_PX:
         first, second = (projector.pixels(wall.points)[0] for wall in (near, far))
@@ -356,8 +357,8 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (the point nearest to the lines through a and b by least squares, its standard deviations). Drops
-    outliers twice."""
+    """Returns (point [3] nearest to n lines by least squares, its standard deviations). a, b: [n, 3], two points of
+    each line. Outliers are dropped twice."""
     along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     use = np.ones(len(a), dtype=bool)

@@ -137,8 +137,8 @@ class _Fit:
         return np.rint(v).astype(int).clip(0, height - 1), np.rint(u).astype(int).clip(0, width - 1)
 
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Returns (pixel numbers, offsets in u, offsets in v, Gaussian, which is 0 outside the image), each [spot,
-        pixel of its patch]."""
+        """Returns (pixel numbers, offsets in u, offsets in v, the spot's Gaussian), each [spot, pixel of the patch
+        around it]. The Gaussian is 0 outside the image."""
         reach, (height, width) = _reach(self.sigma), self.image.shape
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
@@ -206,8 +206,8 @@ def _reach(sigma: float) -> int:
 
 
 def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
-    """Returns the standard deviation of a Laplacian of Gaussian's response to white noise, from the sampled filter's
-    energy. For a sigma well above a pixel the energy is 1 / (2 pi sigma^6)."""
+    """Returns the standard deviation that pixel noise of this variance causes in the response of a Laplacian of
+    Gaussian, from the sampled filter's energy. For a sigma well above a pixel the energy is 1 / (2 pi sigma^6)."""
     impulse = np.zeros((31, 31))
     impulse[15, 15] = 1.0
     energy = float(np.sum(gaussian_laplace(impulse, sigma) ** 2))

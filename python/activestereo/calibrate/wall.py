@@ -160,8 +160,8 @@ def power_factor(
 
 
 def light_between_dots(counts: NDArray[np.float64], shares: NDArray[np.float64]) -> float:
-    """Fits the pattern's value between its dots, in the unit of the dots' powers per square pixel. counts, shares: one
-    camera's background_samples() of all walls."""
+    """Fits the projector's light between its dots, per square pixel of the pattern, in the unit of the dots' powers.
+    counts, shares: background_samples() of one camera for all walls, concatenated."""
     columns = np.column_stack([np.ones(len(shares)), shares])
     use = np.ones(len(shares), dtype=bool)
     for _ in range(3):

@@ -46,8 +46,9 @@ class Wave:
 
 @dataclass(frozen=True)
 class Split:
-    """The parts of an averaged image. mean: of all pixels but defects, without waves. pixel, column, row: standard
-    deviations. excess: each defect's difference from its surroundings."""
+    """The parts into which split() separates an averaged image. mean: over all pixels but defects, without waves.
+    pixel, column, row: standard deviations of the offsets of pixels, columns and rows. excess: each defect's difference
+    from its surroundings."""
 
     mean: Quantity
     pixel: Quantity
@@ -117,8 +118,8 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
 
 
 def split(image: Array, noise: float, unit: str) -> Split:
-    """Splits an averaged image into its parts, in the image's unit. noise: variance that temporal noise leaves in a
-    pixel."""
+    """Splits an averaged image [height, width] into mean, waves, defects and the spreads of columns, rows and pixels,
+    in the image's unit. noise: variance that temporal noise leaves in a pixel."""
     m, n = image.shape
     good, waves, drawn = np.ones(image.shape, bool), [], np.zeros(image.shape)
     for _ in range(_ROUNDS):  # each part is found better without the others
@@ -209,7 +210,8 @@ def _waves(image: Array, unit: str) -> list[tuple[Wave, Array]]:
 
 
 def _sinusoid(image: Array, u: float, v: float) -> tuple[tuple[float, float], Array]:
-    """Returns (frequencies near u and v, image of the sinusoid that fits best there by least squares)."""
+    """Refines the frequencies (u, v), in cycles per pixel, by least squares. Returns ((u, v), image of the sinusoid
+    that fits best)."""
     m, n = image.shape
 
     def turns(f: Array) -> tuple[Array, Array]:

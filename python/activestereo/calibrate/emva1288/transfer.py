@@ -128,8 +128,8 @@ class PhotonTransfer:
 
 @dataclass(frozen=True)
 class _Levels:
-    """Arrays of the lit steps by rising light: photons, mean above the dark, temporal variance, errors of both,
-    exposures."""
+    """Arrays [n] of the lit steps by rising light: photons, mean above the dark (DN), temporal variance (DN^2),
+    standard errors of both, exposures."""
 
     photons: np.ndarray
     signal: np.ndarray
@@ -218,8 +218,8 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
 
 
 def _noise(steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns the steps' (temporal variances, their standard deviations for Gaussian noise, those of the means). A
-    variance counts at least as rounding's, because counts that all agree are not exact."""
+    """Returns three arrays [n]: the steps' temporal variances, the standard deviations of these for Gaussian noise, and
+    those of the means. A variance counts at least as rounding's, because counts that all agree are not exact."""
     variance, frames, pixels = np.array([(step.variance_dn2, step.frames, step.pixels) for step in steps]).T
     least = np.maximum(variance, ROUNDING_VARIANCE)
     return variance, least * np.sqrt(2.0 / (pixels * (frames - 1))), np.sqrt(least / (frames * pixels))

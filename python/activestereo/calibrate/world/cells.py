@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the surface cells that the images of a measured room share. What is known of a place comes from all images of
-it alike, without a reference image.
+"""Finds which pixels of a measured room's images show the same piece of surface. All images of a place count alike,
+without a reference image.
 
-A cell is a pixel of a view's left image with a surface behind it. Images have half the size, since a quarter of the
-pixels is enough to measure the light; other modules need whole dots and rows."""
+A surface cell is a pixel of a view's left image with measured depth. Images have half the size, since a quarter of the
+pixels is enough to measure the light; other modules need whole dots and rows.
+"""
 
 from __future__ import annotations
 
@@ -63,23 +64,24 @@ class RoomImage:
 
 @dataclass(frozen=True)
 class Places:
-    """Positions of one image's pixels in another image: column, row, and whether the other image shows the same
-    surface."""
+    """Positions of image a's pixels in image b, arrays of a's size. column, row: pixels of b. seen: mask of the pixels
+    whose surface b shows, too."""
 
     column: Image
     row: Image
     seen: Mask
 
     def read(self, image: Image, order: int = cv2.INTER_LINEAR) -> Image:
-        """Samples the other image at these positions."""
+        """Samples image b at these positions."""
         return np.asarray(cv2.remap(image, self.column, self.row, order, borderMode=cv2.BORDER_REPLICATE))
 
 
 class Room:
     """The images of one scene's views with depth, and the positions of their pixels in each other.
 
-    capture: as `calibrate world` writes it. frames: ids of the views; None: the first four of its scene. judged: number
-    of first views that show the camera under test; later ones show the same camera when it was good."""
+    capture: as `calibrate world` writes it. frames: ids of the views; None: the first four of its scene. judged: the
+    first so many views show the camera under test; the others show the same camera when it was good.
+    """
 
     def __init__(self, capture: Capture, frames: list[int] | None = None) -> None:
         told = capture.measured.get("poses", {}).get("frames")
@@ -138,7 +140,8 @@ class Room:
         )  # fmt: skip
 
     def _seen_right(self, left_depth: Image) -> Image:
-        """Moves the left camera's depth to the right camera. The nearest surface wins, and single gaps are closed."""
+        """Warps the left camera's depth image to the right camera. The nearest surface wins, and gaps of one pixel are
+        closed."""
         points = _moved(points_of(left_depth, self._camera("left").K), self.rig.left_to_right)
         z, K = points[..., 2], self._camera("right").K
         column = np.rint(K[0, 0] * points[..., 0] / np.maximum(z, 0.05) + K[0, 2]).astype(int)
@@ -157,7 +160,7 @@ class Room:
         return world if image.side == "left" else world @ np.linalg.inv(self.rig.left_to_right)
 
     def places(self, a: int, b: int) -> Places:
-        """Returns the positions of image a's pixels in image b."""
+        """Returns the positions of image a's pixels in image b. a, b: indices into `images`."""
         if (a, b) not in self._places:
             self._places[a, b] = self._find(self.images[a], self.images[b])
         return self._places[a, b]

@@ -106,7 +106,7 @@ def _floor(count: NDArray[np.int64]) -> int | None:
 
 
 def darkness(pattern: PatternEstimate) -> float:
-    """Returns the offset that makes the pattern's value between dots 0."""
+    """Returns the offset that, added to the pattern's image, makes its value between dots 0."""
     return -float(np.nanquantile(pattern.image, _BETWEEN_DOTS))
 
 
@@ -202,8 +202,8 @@ def solve_light(
 def _at_black(
     here: NDArray[np.float64], there: NDArray[np.float64], black_dn: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns (minus the derivative of the log ratio by the black level, log ratio of the room's light in two views).
-    The ratio is infinite where it is too dark."""
+    """Compares the room's light (DN) at the same places in two views, `here` and `there`. Returns (minus the derivative
+    of log(there / here) by the black level, that log ratio). The log ratio is infinite where it is too dark."""
     up, down = np.maximum(there - black_dn, 0.5), np.maximum(here - black_dn, 0.5)
     usable = np.minimum(here, there) > black_dn + _LEAST_ROOM_DN
     return 1.0 / down - 1.0 / up, np.where(usable, np.log(up / down), np.inf)
@@ -212,8 +212,8 @@ def _at_black(
 def _ratios(
     views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], a: int, b: int
 ) -> NDArray[np.float64]:
-    """Compares places in two views, [n, 6]. Columns: both views' numbers; the room's light in both; minus half the
-    change of log(1 + r^2); the number of the image block, within which errors are correlated."""
+    """Samples places that views a and b both show. Returns [n, 6]: a, b, room's light in a and in b (DN), the log ratio
+    per unit of falloff exponent, the image block's number. Errors within a block are correlated."""
     first, second = views[a], views[b]
     column, row, same = seen_by(first, second, np.linalg.inv(poses[b]) @ poses[a], K)
     at = np.flatnonzero(same & first.known)[::11]
@@ -231,8 +231,8 @@ def _ratios(
 def _robust(
     design: NDArray[np.float64], ratio: NDArray[np.float64], block: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask]:
-    """Solves trimmed least squares without infinite ratios: (solution, deviations by the sandwich over blocks, mask of
-    rows kept)."""
+    """Solves design @ solution = ratio by least squares without outliers and infinite ratios. Returns (solution, its
+    deviations by the sandwich estimator over blocks, mask of rows kept)."""
     keep = np.abs(ratio) < _MOST_LOG_RATIO
     usable = keep
     for _ in range(10):
@@ -259,7 +259,7 @@ class Textures:
 def merged_textures(
     owner: int, views: Sequence[LightView], poses: Sequence[Pose], light: LightEstimate, K: NDArray[np.float64]
 ) -> Textures:
-    """Merges all views' albedo and room light in the image of view number `owner`."""
+    """Returns the Textures of view number `owner`, averaged over all views that show the same surfaces."""
     black = np.float32(light.black_dn[0])
     shape = views[owner].room.shape
     sums = np.zeros((6, *shape), np.float32)

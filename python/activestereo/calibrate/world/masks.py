@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Masks the known part of the scene in each image: measured surfaces, far from edges, that a second view which is not
-held out has seen, too. A surface in one view alone would be predicted by that view itself."""
+"""Masks the known part of the scene in each image: measured surfaces, far from edges, that a second view has measured,
+too. Views held out for the test do not count. A surface in one view alone would be predicted by that view itself."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def known_masks(
 
 
 def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float64]) -> Mask:
-    """Returns a mask of the view's pixels whose surface is a known surface of the other view."""
+    """Returns a mask of the view's pixels whose surface `other` has measured, too. to_other: 4x4 from the view's to the
+    other's camera frame."""
     column, row, z = places_of(points_of(view.depth_m, K), to_other, K)
     depth = cv2.remap(other.depth_m, column, row, cv2.INTER_LINEAR)
     inside = cv2.remap(other.surface.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99

@@ -95,8 +95,8 @@ def closed_depth(depth_m: Image) -> Image:
 def _had(
     view: SceneView, pose: Pose, others: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Mask:
-    """Returns a mask of the view's pixels whose surfaces earlier views have, except for a seam along the ends of those
-    views."""
+    """Returns a mask of the view's pixels whose surface an earlier view already shows. A seam along the earlier views'
+    borders is not masked. others, poses: earlier views and their 4x4 camera_to_world; pose: the view's own."""
     points = points_of(view.depth_m, K)
     had = np.zeros(view.depth_m.shape, bool)
     for other, own in zip(others, poses, strict=True):
@@ -109,8 +109,8 @@ def _had(
 
 
 def _mesh(view: SceneView, fresh: Mask, K: NDArray[np.float64], pose: Pose, step: int) -> Mesh | None:
-    """Makes a mesh, in the world's frame, of the view's surface where `fresh`; None if nothing is left. step: pixels
-    between vertices."""
+    """Makes a mesh, in the world's frame, of a view's surface in the pixels of the mask `fresh`; None if nothing is
+    left. step: pixels between vertices."""
     depth = closed_depth(view.depth_m)
     points = points_of(depth, K)
     row, column = np.mgrid[0 : depth.shape[0] : step, 0 : depth.shape[1] : step]

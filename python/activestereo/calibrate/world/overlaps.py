@@ -33,8 +33,9 @@ _LEAST_SEEN, _LEAST_ON = 0.12, 0.7
 
 @dataclass(frozen=True)
 class Surface:
-    """A view's geometry under a K. points, normals: [height, width, 3] in the camera's frame. known: mask of valid
-    ones. pick: flat indices of randomly chosen pixels. features: of the image, and of the image with gaps closed."""
+    """A view's geometry, as camera matrix K gives it. points, normals: [height, width, 3] in the camera's frame. known:
+    mask of valid ones. pick: flat indices of randomly chosen pixels. features: SIFT features of the left image, and of
+    it with small dark gaps closed."""
 
     view: SceneView
     points: Image
@@ -71,7 +72,8 @@ def surface_of(view: SceneView, K: NDArray[np.float64], rng: np.random.Generator
 
 
 def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64]) -> Overlap | None:
-    """Matches two surfaces and returns their Overlap; None if they show different places."""
+    """Estimates the motion between two views and returns their Overlap; None if they show different places. a, b: the
+    views' indices; first, second: their surfaces."""
     for here, there in zip(first.features, second.features, strict=True):
         start = _by_features(here, there, K)
         overlap = None if start is None else _icp(a, b, first, second, start, K)
@@ -118,9 +120,10 @@ def _by_features(first: Features, second: Features, K: NDArray[np.float64]) -> P
 
 @dataclass(frozen=True)
 class Contact:
-    """Sampled points of a first surface on a second one, in the second's frame. pixel: flat index in the first image.
-    point: the moved point. there: the second's point at that pixel. normal: the second's. distance: from the second's
-    plane along the normal, m. seen: share of the samples that fall on the second's known pixels."""
+    """Pairs of points of two overlapping surfaces, in the second camera's frame. pixel: flat index in the first image.
+    point: the first surface's point, moved. there, normal: the second surface's point and normal at the same pixel.
+    distance: from that plane, along its normal, m. seen: share of the samples that fall on the second's known
+    pixels."""
 
     pixel: NDArray[np.int64]
     point: NDArray[np.float64]
@@ -153,7 +156,7 @@ def contact(first: Surface, second: Surface, a_to_b: Pose, K: NDArray[np.float64
 
 
 def robust_weight(distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns Cauchy's weight of a distance from a plane."""
+    """Returns the Cauchy weight 0..1, for robust least squares, of distances from a plane in metres."""
     return np.asarray(1.0 / (1.0 + (distance_m / _ROBUST_M) ** 2))
 
 

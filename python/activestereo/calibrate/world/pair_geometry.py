@@ -71,8 +71,8 @@ def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:
 
 
 def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
-    """Returns the right image's offset from the place that depth predicts, for one view: (change of f b in px m,
-    columns, rows). None if too few windows correlate."""
+    """Compares, for one view, where the right image shows places with where their depth predicts them. Returns the
+    offsets (focal length x baseline in px m, columns, rows). None if too few windows correlate."""
     left = high_pass(view.left)
     shifted = {s: right_at_depth(view, rig, s) for s in ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))}
     inside = np.all([ok for _, ok in shifted.values()], axis=0).astype(np.float32)

@@ -77,7 +77,8 @@ def dot_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> DotView:
 
 
 class _Canvas:
-    """The pixel grid of the pattern's image, onto which points are projected from a position of the projector."""
+    """The pixel grid of the pattern's image. Surface points are projected onto it from an assumed position of the
+    projector."""
 
     def __init__(self, K: NDArray[np.float64], size: tuple[int, int]) -> None:
         self.width, self.height = (int(_SCALE * _BEYOND * side) for side in size)
@@ -90,7 +91,8 @@ class _Canvas:
         return f * x / z + np.float32(self.K[0, 2]), f * y / z + np.float32(self.K[1, 2])
 
     def sums(self, view: DotView, place: Vector) -> tuple[Image, Image]:
-        """Returns (sum of a view's values, their number) in each of the pattern's pixels."""
+        """Projects a view's points into the pattern from the position `place` (left camera's frame, m). Returns two
+        images: each pattern pixel's sum of the view's values, and their number."""
         u, v = self.pixels(view.points, place)
         column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
         inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
@@ -183,8 +185,8 @@ def _sharpest(
     done, most = 0, _WALK + 19
 
     def agreement(place: Vector, views: Sequence[DotView], left_out: bool) -> NDArray[np.float64]:
-        """Computes the agreement of all views and, if left_out, of all without each scene. A view's agreement with
-        itself is excluded."""
+        """Computes how well the views' dots agree for a projector at `place` (left camera's frame, m): first for all
+        views, then, if left_out, without each scene. A view's agreement with itself is excluded."""
         nonlocal done
         done += 1
         if progress:
@@ -231,14 +233,16 @@ def _sharpest(
 
 
 def _agreement(total: Image, count: Image, square: Image, count2: Image) -> float:
-    """Computes the mean product of different views' high-pass values where at least two meet."""
+    """Computes the mean product of different views' high-pass values over pattern pixels that at least two views share.
+    total, count: sums over views of values and of their numbers. square, count2: sums of the squares of both."""
     pairs = count * count - count2
     known = pairs > 0.05
     return float((total * total - square)[known].sum(dtype=np.float64) / pairs[known].sum(dtype=np.float64))
 
 
 def _peak(design: NDArray, values: Vector) -> Vector:
-    """Fits a paraboloid to values on the design and returns its top, within two steps; zeros if it has none."""
+    """Fits a paraboloid to values at the points design [n, 3], and returns its top [3], within two steps; zeros if it
+    has none."""
     i, j, k = design.T.astype(float)
     columns = np.stack([np.ones_like(i), i, j, k, i * i, j * j, k * k, i * j, i * k, j * k], axis=1)
     c = np.linalg.lstsq(columns, values, rcond=None)[0]

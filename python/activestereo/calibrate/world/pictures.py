@@ -18,8 +18,8 @@ _SMALL = np.s_[::2, ::2]
 
 
 def poses_picture(views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Draws a checkerboard of the first view and of the next one warped to it. Contours are continuous where poses and
-    K are right."""
+    """Draws a checkerboard of the first view's image and the next view's, warped to the first. Contours are continuous
+    where poses and K are right."""
     return _gray(_checker([view.left for view in views[:2]], views, poses, K))
 
 

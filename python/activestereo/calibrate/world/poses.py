@@ -103,7 +103,8 @@ def solve_poses(
 
 
 def _chained(group: Sequence[int], overlaps: Sequence[Overlap]) -> list[Pose]:
-    """Returns view_to_world of each view by chaining the widest overlaps from the first view."""
+    """Returns the 4x4 view_to_world of each view in `group`, by chaining motions from the first view along the widest
+    overlaps."""
     known: dict[int, Pose] = {group[0]: np.eye(4)}
     wide = sorted(overlaps, key=lambda o: -o.seen * o.on)
     while len(known) < len(group):
@@ -127,8 +128,9 @@ def _normal_equations(
     surfaces: Sequence[Surface], overlaps: Sequence[Overlap], order: dict[int, int], poses: Sequence[Pose],
     camera: NDArray[np.float64],
 ) -> _Sums:  # fmt: skip
-    """Sums the normal equations over both directions of all overlaps. Unknowns are f, cx, cy, then each view's rotation
-    and translation."""
+    """Sums the Gauss-Newton equations of all points' distances from the planes of the overlapping view, in both
+    directions. Unknowns are f, cx, cy, then each view's rotation and translation. order: {view's index: its place in
+    poses}."""
     size = 3 + 6 * len(poses)
     hessian, gradient, blocks, distances = np.zeros((size, size)), np.zeros(size), [], []
     K = np.array([[camera[0], 0, camera[1]], [0, camera[0], camera[2]], [0, 0, 1.0]])
@@ -162,13 +164,14 @@ def _normal_equations(
 
 
 def _under(surface: Surface, K: NDArray[np.float64]) -> Surface:
-    """Returns the surface with its points under another K; normals change too little to matter."""
+    """Returns the surface with its points recomputed for another camera matrix K; its normals change too little to
+    matter."""
     return replace(surface, points=points_of(surface.view.depth_m, K))
 
 
 def _by_camera(c: Contact, under: Sequence[Surface], a_to_b: Pose, camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns minus the derivative of the distances by f, cx, cy [n, 3]: both the point and the plane that it meets
-    move."""
+    """Returns minus the derivatives [n, 3] of the points' distances from planes by f, cx, cy. Both the point and the
+    plane that it meets move. camera: (f, cx, cy)."""
     start = (c.point - a_to_b[:3, 3]) @ a_to_b[:3, :3]
     out = np.zeros((len(c.distance), 3))
     for points, normal, sign in ((start, c.normal @ a_to_b[:3, :3], 1.0), (c.there, c.normal, -1.0)):

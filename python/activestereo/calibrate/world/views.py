@@ -148,8 +148,8 @@ def normals_of(points: Image) -> Image:
 
 
 def right_at_depth(view: SceneView, rig: Rig, shift: tuple[float, float] = (0.0, 0.0)) -> tuple[Image, Mask]:
-    """Warps the right camera's high-pass image to the left image by its depth, plus a shift (columns, rows). Returns
-    (the image, mask of pixels that are inside)."""
+    """Warps the right camera's high-pass image to the left image by the measured depth, plus a shift (columns, rows) in
+    pixels. Returns (the image, mask of pixels that are inside)."""
     column, row = pixel_grid(view.depth_m.shape)
     disparity = np.float32(rig.left.K[0, 0] * rig.baseline_m) / np.maximum(view.depth_m, 1e-3)
     at = column - disparity + np.float32(rig.right.K[0, 2] - rig.left.K[0, 2])
@@ -165,8 +165,8 @@ def correlation(a: NDArray, b: NDArray) -> float:
 
 
 def _agreement(view: SceneView, rig: Rig) -> float:
-    """Returns the best correlation of the images over a few column shifts, because the nominal calibration may be off
-    by a pixel or two."""
+    """Returns the best correlation of both cameras' high-pass images, warped by depth, over a few column shifts. The
+    nominal calibration may be off by a pixel or two."""
     left = high_pass(view.left)
     best = 0.0
     for shift in (0.0, -1.5, 1.5, -3.0, 3.0):

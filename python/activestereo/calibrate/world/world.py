@@ -231,7 +231,8 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
 
 
 def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
-    """Returns the angle, rad, by which a motion of the camera shifts things at a distance."""
+    """Returns the angle, rad, by which the camera's motion `pose` (4x4) turns the sight of a point at distance_m: its
+    rotation plus translation over distance."""
     turn = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
     return float(turn + np.linalg.norm(pose[:3, 3]) / distance_m)
 
@@ -359,7 +360,7 @@ def _albedo(world: World, seed: int, folder: Path, progress: Progress) -> None:
 
 
 def _train(world: World) -> list[int]:
-    """Returns the indices of the scene's views that are not held out."""
+    """Returns the indices of those views of the scene that are for training, not held out for the test."""
     views, _ = world.scene_views()
     split = {frame.id: frame.split for frame in world.capture.frames}
     train = [k for k, view in enumerate(views) if split[view.frame.id] == "train"]
