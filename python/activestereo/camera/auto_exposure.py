@@ -49,9 +49,9 @@ class AutoExposure:
     region: tuple[int, int, int, int] | None = None
 
     def after(self, now: Setting, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float) -> Setting:
-        """Returns the setting that follows `now` for one image: one step further in mode 'converging', else the end of
-        all steps from the start setting. signal: simsense's imager parameters under `now`. light: radiance [height,
-        width]. max_dn: the count at which pixels clip."""
+        """Returns the setting for the next image after one taken with `now`. Mode 'converging' makes one control step;
+        otherwise the control settles from the start setting. signal: simsense's imager parameters under `now`. light:
+        radiance [height, width]. max_dn: the count at which pixels clip."""
         seen, black_dn = self._seen(light[None], signal, now), signal["black_level_dn"]
         begin = np.array([(now if self.mode == "converging" else self.start).light_s])
         follow = self._step if self.mode == "converging" else self._settled
@@ -63,8 +63,8 @@ class AutoExposure:
     def settled_light(
         self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
     ) -> NDArray[np.float32]:
-        """Returns [n]: exposure times gain at which the control settles for n images, relative to the start setting.
-        light: radiance [n, height, width]. signal: imager parameters under the start setting."""
+        """Returns [n]: the exposure x gain at which the control settles for each of n images, over the start setting's.
+        light: radiance [n, height, width]. signal: simsense's imager parameters under the start setting."""
         begin = np.full(_VIEWS, self.start.light_s)
         parts = [self._seen(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
         black_dn = signal["black_level_dn"]
@@ -72,8 +72,8 @@ class AutoExposure:
         return np.asarray(np.concatenate(found) / self.start.light_s, np.float32)
 
     def _seen(self, light: NDArray[np.float32], signal: Mapping[str, float], now: Setting) -> NDArray[np.float32]:
-        """Returns [n, pixels]: counts above black, per second of exposure times gain, in the measured region of n
-        images."""
+        """Returns [n, pixels]: counts above black that one second of exposure x gain gives in the metering region of n
+        images. light: radiance [n, height, width]."""
         dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
         left, top, right, bottom = self.region or (0, 0, light.shape[2], light.shape[1])
         looked_at = np.asarray(light[:, top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32)
@@ -94,7 +94,8 @@ class AutoExposure:
     def _step(
         self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
     ) -> NDArray[np.float64]:
-        """Returns [n]: exposure times gain of n images after one step. seen: as from _seen()."""
+        """Makes one control step for each of n images and returns the new exposure x gain, seconds [n]. light_s: the
+        present ones [n]. seen: [n, pixels] from _seen()."""
         counts = seen * light_s.astype(np.float32)[:, None]
         counts += np.float32(black_dn)
         np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)
@@ -119,8 +120,8 @@ def rgb_exposure(radiance: NDArray[np.float32]) -> float:
 
 
 def exposure_of_median(green: np.float32) -> float:
-    """Computes the factor of rgb_exposure() from the median green value; of an even number of pixels, the lower
-    median."""
+    """Computes the factor of rgb_exposure() from the image's median green value. For an even number of pixels this is
+    the lower median."""
     shared = (np.float32(green).view(np.uint32) & np.uint32(0xFFFF0000) | np.uint32(0x8000)).view(np.float32)
     return float(max(np.float32(0.25) / shared, DARKEST))
 

@@ -28,7 +28,8 @@ _FAR_M = 1e6
 
 
 class Pattern(NamedTuple):
-    """A projector's image, uint8 [height, width], and its relative radiant intensity, float32 0..1 and read-only."""
+    """A projector's pattern: its image, uint8 [height, width], and the relative radiant intensity 0..1 that this stands
+    for, float32 and read-only."""
 
     image: NDArray[np.uint8]
     radiant: NDArray[np.float32]
@@ -136,8 +137,8 @@ def parameters(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> d
 
 
 def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
-    """Returns {parameter: the configuration's value} of the stereo matcher. Noise that none is given for is the
-    imager's at gain 1: counts without imagers, such as recordings, have it."""
+    """Returns {parameter: value} of the stereo matcher. Noise that the configuration leaves at 0 becomes the imager's
+    at gain 1: the matcher's threshold of detection needs it, also for recorded counts."""
     out = parameters(config, MATCHER)
     if out["min_detection_sigma"] > 0.0 and out["noise_dn2"] == out["noise_dn2_per_dn"] == 0.0:
         signal = signal_parameters(config)

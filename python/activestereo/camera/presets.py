@@ -343,8 +343,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def scaled(self, factor: float) -> StereoDepthSensorConfig:
         """Returns a copy whose images and disparity range are `factor` times as large. Fields of view, readout times,
         projector and depth range stay. The matcher's block shrinks with the images, but not below 7 pixels, and never
-        grows. Below half the size a square of half a pixel blurs pixels: dots of a fifth of a pixel would fold over,
-        and a scaler averages."""
+        grows. Below half the size, images are blurred by half a pixel, or tiny dots would alias."""
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = self._rescaled(factor)

@@ -15,8 +15,9 @@ from activestereo.common.input_files import read_toml
 
 
 class DeclaredRanges:
-    """Base of frozen dataclasses whose fields are ranges (low, high) to draw from uniformly. LIMITS: lowest and highest
-    allowed ends by field name, by default 0 and infinity. Raises ValueError with the range and its fault."""
+    """Base class of ranges from which random worlds draw uniformly; subclasses are frozen dataclasses with a field
+    (low, high) for each quantity. LIMITS: {field: lowest and highest allowed ends}, by default 0 and infinity. Raises
+    ValueError with the range and its fault."""
 
     LIMITS: ClassVar[dict[str, tuple[float, float]]] = {}
 

@@ -41,8 +41,8 @@ def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
 
 
 def checked_file(path: str | Path, most_bytes: int = MOST_BYTES) -> Path:
-    """Checks a file as open_file() does and returns its path, for a library that opens the file itself. Raises
-    OSError."""
+    """Checks a file as open_file() does, without reading it, and returns its path for a library that opens the file
+    itself. Raises OSError."""
     _check(os.stat(path), path, most_bytes)
     return Path(path)
 

@@ -105,8 +105,8 @@ def _new_aside(folder: Path, name: str = "") -> Path:
 
 
 def _move(aside: Path, folder: Path, last: Path) -> None:
-    """Moves all files below `aside` to the same places below `folder`, `last` at the end. If one move fails, undoes
-    all."""
+    """Moves all files below `aside` to the same places below `folder`; the file `last` moves last. If one move fails,
+    it undoes the others."""
     found = (path for path in aside.rglob("*") if path.is_file())
     files = sorted(found, key=lambda path: (path == aside / last, path))
     for path in files:
@@ -150,7 +150,8 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _named_by_place(aside: Path, place: Path) -> Iterator[None]:
-    """Re-raises OSErrors of files below `aside` with their final names below `place`."""
+    """Re-raises the block's OSErrors about files below the temporary folder `aside`, with their final names below
+    `place`."""
     try:
         yield
     except OSError as error:

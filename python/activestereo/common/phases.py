@@ -67,8 +67,9 @@ class Phases:
         return self._progress(self._told)
 
     def _left_s(self, fraction: float) -> tuple[float, float, float]:
-        """Returns (shortest, likely, longest) seconds left in the running phase and the later ones. As the phase
-        proceeds, its own pace counts more and its usual time less, because results from disk come at once."""
+        """Estimates the (shortest, likely, longest) seconds left in the running phase and the later ones. fraction:
+        0..1 of the running phase. As it grows, the phase's own pace counts more and its usual time less, because
+        results from disk come at once."""
         assert self._phase is not None
         here, names = self._clock() - self._begun, list(self._usual)
         spans = {name: usual.span_s(self.work) for name, usual in self._usual.items()}

@@ -13,7 +13,8 @@ _ENDS = re.compile(r"([\n\t])")
 
 
 class _Short(reprlib.Repr):
-    """Prints at most two levels and three entries of each, because YAML's aliases make values too large to print."""
+    """Prints nested values in short: at most two levels and three entries of each, because YAML's aliases make values
+    too large to print."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -68,8 +68,8 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
 
 
 def _signal(model: SensorModel) -> dict[str, float]:
-    """Returns simsense's imager parameters in counts (one electron is one count at gain 1). The noise model's terms
-    become read noise, shot noise and speckle."""
+    """Returns simsense's imager parameters for a model's noise, in counts: one electron is one count at gain 1. The
+    model's variance terms become read noise, shot noise and speckle."""
     signal: dict[str, float] = {}
     if model.rig is not None:
         signal["bit_depth"] = model.rig.bit_depth

@@ -79,9 +79,9 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
 
 
 def found_effect(diagnosis: Mapping[str, Any], effect_id: str) -> tuple[dict[str, Quantity], tuple[str, ...]]:
-    """Returns an effect's ({parameter: Quantity}, names of the surfaces that show it; () = all) from a diagnosis' JSON.
-    Values are those accepted into the model, else those in the ranking. Raises ValueError if the diagnosis has
-    neither."""
+    """Reads an effect's parameters from a diagnosis' JSON: ({parameter: Quantity}, names of the surfaces that show it;
+    () = all). Values accepted into the model come first, else those in the ranking. Raises ValueError if the diagnosis
+    has neither."""
     ranked = {e.get("effect"): e for e in diagnosis.get("ranking", [])}
     accepted = {e.get("id"): e for e in reversed(diagnosis.get("model", {}).get("effects", []))}
     found = accepted.get(effect_id) or ranked.get(effect_id)

@@ -137,8 +137,9 @@ class SensorModel:
         return replace(self, effects=(*kept, ModelEffect(effect, values, tuple(surfaces))))
 
     def bound(self, material_names: Sequence[str]) -> Model:
-        """Returns the effects with surface names replaced by numbers of a scene's surfaces (scene_surfaces.py).
-        material_names: the scene's names by number. Raises ValueError with a name that the scene lacks."""
+        """Returns the effects for a scene: surface names are replaced by the scene's surface numbers
+        (scene_surfaces.py). material_names: the scene's names by number. Raises ValueError with a name that the scene
+        lacks."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}
@@ -179,8 +180,8 @@ class SensorModel:
 def with_surfaces(
     effect: Effect, values: Mapping[str, float], material_names: Sequence[str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Splits an effect's parameters into those without the choice of surfaces, and the names of the chosen materials.
-    Raises ValueError if a chosen number has no name."""
+    """Splits an effect's parameter values: returns (values without the parameter `surfaces`, names of the materials
+    that it selects). Raises ValueError if a selected number has no name."""
     chosen = material_numbers(values.get(SURFACES.name, 0.0)) if SURFACES in effect.parameters else []
     unknown = [n for n in chosen if n >= len(material_names)]
     if unknown:
