@@ -66,8 +66,8 @@ def model_images(
 
 
 def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None) -> ToldErrors:
-    """Returns {BASE or FOUND: {(frame id, side): RMSE, DN}} as the report's figures state it, without the renderer's
-    noise. found_errors: as in model_images()."""
+    """Returns each model's RMSE as the report's figures state it, {BASE or FOUND: {(frame id, side): DN}}, without the
+    renderer's noise. found_errors: as in model_images()."""
     is_found = found_errors is None and bool(comparison.model.effects)
     told = {FOUND if is_found else BASE: comparison.scores["frames"]}
     if found_errors is not None:

@@ -181,7 +181,7 @@ def wait_for(tensor: torch.Tensor) -> torch.Tensor:
 
 
 def require_no_capture() -> None:
-    """Raises RuntimeError while torch captures a CUDA graph."""
+    """Raises RuntimeError while torch captures a CUDA graph, because the graph would not hold Vulkan's work."""
     if _torch().cuda.is_current_stream_capturing():
         raise RuntimeError(
             "a CUDA graph is being captured, and it would not hold what Vulkan allocates and computes here: call the"

@@ -26,8 +26,8 @@ _MOST_LOSSES = 3  # actors that end at the same frame, or one after another befo
 
 
 class StudioActor:
-    """Makes frames on one machine of the cluster, which needs activestereo and the files of the settings at the same
-    paths."""
+    """A Ray actor that makes a data set's frames on one machine. That machine needs activestereo, and the files of the
+    settings at the same paths."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings

@@ -164,7 +164,8 @@ class Studio:
         )
 
     def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns the thing's mask in a picture without all other things."""
+        """Returns the mask in the RGB picture, [height, width], of thing number `index` without all other things. pose:
+        4x4 from its file's axes to the world."""
         self._things.place({index: pose})
         width, height = self._config.rgb_resolution
         camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)

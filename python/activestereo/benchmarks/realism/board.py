@@ -42,8 +42,8 @@ class Interval:
 
 @dataclass(frozen=True)
 class Board:
-    """The results of all methods. rows: {measure: {method: Interval}}; pictures: {view: {method: disparity}} of each
-    capture's first view."""
+    """The results of all methods. rows: {measure: {method: mean over views with its interval}}. pictures: {view:
+    {method: disparity in pixels}}, for each capture's first view."""
 
     views: tuple[str, ...]
     rows: dict[str, dict[str, Interval]]
@@ -88,8 +88,8 @@ def board(
 
 
 def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
-    """Returns {measure: {method: Interval}}: means over views with 90 % intervals, for which views are drawn with
-    replacement."""
+    """Returns {measure: {method: Interval}}: means over views, with 90 % intervals from views drawn with replacement.
+    values: {method: a {measure: value} for each view}."""
     count = len(values[DEVICE])
     chosen = np.random.default_rng(seed).integers(count, size=(_DRAWS, count))
     names = list(dict.fromkeys(name for own in values.values() for view in own for name in view))

@@ -25,8 +25,9 @@ Map = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class RealView:
-    """A recorded view. left, right: DN. device_m: the device's depth in the left camera, truth_m the scene model's; 0 =
-    none. room: the room's light as measured on the surfaces, None if the scene has lights of its own."""
+    """A recorded view. left, right: infrared images, DN. device_m, truth_m: depth in the left camera, by the device and
+    by the scene's model, metres; 0 = none. room: the room's light as measured on the surfaces, None if the scene has
+    lights of its own."""
 
     name: str
     capture: Capture
@@ -90,8 +91,8 @@ _FIT_STEP_PX = 7  # the fit of the light's two levels takes every seventh row an
 
 @dataclass(frozen=True)
 class Simulated:
-    """A simulated view. depth_m: depth of two exposures that differ only by noise, metres. left, right: DN; None for
-    methods without a pair."""
+    """A method's simulation of a real view. depth_m: its depth in the left camera, metres, in two exposures that differ
+    only by noise. left, right: infrared images, DN; None for methods without a pair."""
 
     depth_m: tuple[Map, Map]
     left: Map | None = None
@@ -99,8 +100,8 @@ class Simulated:
 
 
 def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int) -> Simulated:
-    """Simulates a view by a method of METHODS. samples: samples per pixel. 'raster' makes the scene's materials
-    Lambertian for good: take it last."""
+    """Simulates a real view by a method of METHODS. sensor: a preset's name; samples: samples per pixel. 'raster' makes
+    the scene's materials Lambertian for good: take it last."""
     if method in OF_TRUTH:
         gray, lens = (view.left / view.capture.rig.max_dn)[None], float(view.capture.rig.left.K[0, 0])
         randoms = (np.random.default_rng(seed + number) for number in range(2))

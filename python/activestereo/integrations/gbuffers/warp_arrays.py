@@ -9,5 +9,5 @@ import warp as wp
 
 
 def as_array(values: wp.array) -> Any:
-    """Returns a view without a copy: a NumPy array on a CPU, a torch tensor on CUDA."""
+    """Returns the memory of a Warp array without a copy: a NumPy array on a CPU, a torch tensor on CUDA."""
     return values.numpy() if values.device.is_cpu else wp.to_torch(values)

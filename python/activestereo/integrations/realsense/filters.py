@@ -372,13 +372,13 @@ class points(frame):
 
 
 class pointcloud:
-    """Computes the points of depth frames."""
+    """Computes a 3D point for each pixel of a depth frame."""
 
     def __init__(self) -> None:
         self._mapped: frame | None = None
 
     def map_to(self, mapped: frame) -> None:
-        """Sets the frame to which the texture coordinates of the next points refer."""
+        """Sets the frame, such as a colour image, into which the texture coordinates of the next points lead."""
         self._mapped = mapped
 
     def calculate(self, depth: frame) -> points:

@@ -225,8 +225,8 @@ class Part:
 
 
 def render_parts(shape: Any) -> Iterator[Part]:
-    """Yields the parts of a RenderShape. SAPIEN gives box, sphere, cylinder and plane at unit size, capsules at their
-    own."""
+    """Yields each mesh of a SAPIEN RenderShape as a Part. Box, sphere, cylinder and plane have unit size and a scale,
+    capsules their own size."""
     kind = type(shape).__name__
     if kind == "RenderShapeBox":
         scale = shape.half_size

@@ -28,8 +28,8 @@ _NONE = Path("none")
 
 
 class Library:
-    """Holds the entries below `root` by their relative paths; "." is root itself. make: makes the source of a path;
-    raises ValueError or OSError if it cannot."""
+    """Lists what the page can open below `root`, by relative paths; "." is root itself. make(path): opens a capture,
+    scene or folder of pictures as the page's source; raises ValueError or OSError if it cannot."""
 
     def __init__(self, root: Path, make: Callable[[Path], Any]) -> None:
         if not root.exists():

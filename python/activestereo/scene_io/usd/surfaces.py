@@ -233,7 +233,7 @@ class Surfaces:
 
 
 def _open(picture: Picture) -> Image.Image:
-    """Opens a picture with 8 bits per channel; Pillow would clip 16 bits instead of scaling them."""
+    """Decodes a texture image to 8 bits per channel. It scales 16 bits, which Pillow would clip."""
     image = Image.open(io.BytesIO(picture.data))
     if image.mode.startswith("I"):
         return Image.fromarray((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8))
@@ -256,7 +256,7 @@ def _joined(parts: dict[str, Picture | None]) -> Picture | None:
     size = int(sizes[:, 0].max()), int(sizes[:, 1].max())
 
     def channel(role: str) -> Image.Image:
-        """Returns the channel for a role as grey, white without a picture."""
+        """Returns the image for a role such as 'opacity' as one 8-bit channel, white if there is none."""
         if role not in used:
             return Image.new("L", size, 255)
         bands = _open(used[role]).convert("RGBA").resize(size).split()
