@@ -188,8 +188,8 @@ def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple
 
 
 def _per_kelvin(capture: Capture, frame: Frame, side: str, layers: Layers, name: str) -> Matrix:
-    """Computes the change of one camera's image for one kelvin more, per unit of an effect's parameter `name`. layers:
-    the dots' and the room's light."""
+    """Computes the change of one camera's image [height, width] if the sensor is one kelvin warmer, per unit of an
+    effect's parameter. name: 'effect.parameter'. layers: the dots' and the room's light."""
     effect, key = builtin()[name.split(".")[0]], name.split(".")[1]
     typical = next(p.typical for p in effect.parameters if p.name == key)
     rig, nothing = capture.rig, np.zeros_like(layers[0])

@@ -97,8 +97,8 @@ class MaterialFit:
     def residuals(
         self, theta: NDArray[np.float64], samples: int, weights: NDArray[np.float64] | None = None
     ) -> Residuals:
-        """Renders a candidate and computes its residuals. samples: per pixel in each half. weights: those of another
-        candidate, to take derivatives between the two; None: its own."""
+        """Renders a candidate and compares it with the recorded pictures. samples: per pixel in each half. weights:
+        those of another candidate's residuals, if both are to be differenced; None: its own."""
         self.set(theta)
         self.renders += 1
         halves: tuple[list[NDArray], list[NDArray], list[NDArray]] = ([], [], [])

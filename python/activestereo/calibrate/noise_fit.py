@@ -69,14 +69,15 @@ class CountModel:
 
 
 def _log_shares(below: np.ndarray) -> np.ndarray:
-    """Computes log probabilities [row, bin] from cumulative probabilities P(y < edge) [row, edge]."""
+    """Computes the log probability of each bin between two edges, [row, bin], from cumulative probabilities P(y <
+    edge), [row, edge]."""
     whole = np.hstack([np.zeros((len(below), 1)), below, np.ones((len(below), 1))])
     return np.asarray(np.log(np.maximum(np.diff(whole, axis=1), _LEAST_PROBABILITY)))
 
 
 @dataclass(frozen=True)
 class GammaModel(CountModel):
-    """The noise model with the paper's gamma-distributed speckle factor and Gaussian noise."""
+    """Noise model of the paper: the signal times a gamma-distributed speckle factor, plus Gaussian noise."""
 
     name: ClassVar[str] = "gamma"
 
@@ -111,7 +112,7 @@ class GammaModel(CountModel):
 
 @dataclass(frozen=True)
 class ShotModel(CountModel):
-    """The noise model with the photons' Poisson noise and Gaussian read noise."""
+    """Noise model of an ordinary sensor: Poisson noise of the photons plus Gaussian read noise."""
 
     name: ClassVar[str] = "shot"
 
@@ -207,7 +208,8 @@ class NoiseFit:
 
 
 def log_density(counts: Counts, noise_model: CountModel) -> np.ndarray:
-    """Returns each pixel's log probability (nats) under a noise model, with the pixel's mean integrated out."""
+    """Returns each pixel's log probability (nats) [pixel] under a noise model, integrated over the pixel's unknown
+    mean."""
     # Means above black as finely spaced as a pixel's mean is known, and the width of each.
     repeats = counts.histograms[0].sum()
     top = 1.1 * max(float(counts.means.max()) - noise_model.black_dn, 1.0) + 6.0 * np.sqrt(

@@ -243,7 +243,8 @@ def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
 
 
 def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
-    """Merges the dots seen on walls at one or several distances, nearest first, into one pattern."""
+    """Merges the dots seen on walls at one or several distances into one pattern, and finds the projector's position.
+    views: nearest wall first."""
     image = rig.projector.pattern()
     (height, width), rotation = image.shape, rig.projector.left_to_projector[:3, :3]
     right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])

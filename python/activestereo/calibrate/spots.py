@@ -114,7 +114,7 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
 
 
 class _Fit:
-    """A joint fit of spots and background to an image."""
+    """A joint least-squares fit of all spots, their common width and a smooth background to an image."""
 
     def __init__(
         self, image: np.ndarray, background: np.ndarray, variance: np.ndarray, u: np.ndarray, v: np.ndarray,

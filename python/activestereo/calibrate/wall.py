@@ -44,8 +44,8 @@ class Wall:
 
 
 def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, baseline_m: float, name: str) -> Wall:
-    """Finds the wall from spots in rectified images. name: begins errors. Raises ValueError if too few spots match, or
-    if they do not lie on a plane."""
+    """Finds the wall's plane from the spots of a rectified pair of images. K, right_K: 3x3 of the left and the right
+    camera. Raises ValueError, which begins with `name`, if too few spots match or if they do not lie on a plane."""
     # 1. Pairs of spots whose rows agree and whose disparity is not negative.
     near_rows = cKDTree(right.v[:, None]).query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)
     pairs = np.array([(i, j) for i, near in enumerate(near_rows) for j in near]).reshape(-1, 2)
@@ -91,8 +91,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     v[both] = 0.5 * (v[both] + (right.v[match[both]] - right_K[1, 2]) * K[1, 1] / right_K[1, 1] + K[1, 2])
 
     def placed(plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (n of n . X = 1, the spots' points). Since disparity = fx B / Z + cx - cx', a plane in disparity is a
-        plane in space."""
+        """Converts a plane in disparity [3] to space: returns (n [3] of n . X = 1, the left spots' points [n, 3]).
+        Disparity is fx B / Z + cx - cx', so it is a plane, too."""
         slope = np.array([plane[1] * K[0, 0], plane[2] * K[1, 1], plane[0] - K[0, 2] + right_K[0, 2]])
         normal, u = slope / (K[0, 0] * baseline_m), left.u.copy()
         u[both] += 0.5 * (right.u[match[both]] + column[both] @ plane - left.u[both])

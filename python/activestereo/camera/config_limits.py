@@ -109,7 +109,7 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 
 def check_field(name: str, value: Any) -> None:
-    """Raises ValueError with the value and the allowed ones if a field's value is invalid."""
+    """Checks one field's value. Raises ValueError with the value and the allowed ones if it is invalid."""
     fault = None if value is None and name in _MAY_BE_NONE else _fault(name, value)
     if fault is not None:
         raise ValueError(f"{name} {fault}")
@@ -257,7 +257,8 @@ def _matrix_fault(value: Any) -> str | None:
 
 
 def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
-    """Raises ValueError if the camera matrix `k` of field `name` does not fit the camera's resolution in `fields`."""
+    """Checks a 3x3 camera matrix `k` for the field `name`. Raises ValueError if it does not fit the camera's resolution
+    in `fields`."""
     camera = name.partition("_")[0]
     if k is not None and name != "pattern_intrinsic":
         width, height = fields[f"{camera}_resolution"]
@@ -304,7 +305,7 @@ def check_together(fields: Mapping[str, Any]) -> None:
 
 
 def _check_automatic_exposure(fields: Mapping[str, Any]) -> None:
-    """Raises ValueError if the limits, the target or the region of automatic exposure are impossible."""
+    """Checks the fields of automatic exposure. Raises ValueError if limits, target or region are impossible."""
     for name in ("ir_exposure_limits_s", "ir_gain_limits"):
         low, high = fields[name]
         if low > high:

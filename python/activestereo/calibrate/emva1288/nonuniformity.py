@@ -151,8 +151,8 @@ def split(image: Array, noise: float, unit: str) -> Split:
 
 
 def _deviation(variance: float, degrees: int, noise: float, unit: str) -> Quantity:
-    """Computes sqrt(variance - noise) with the 90 % interval of a sample's variance. If the variance is below the
-    noise, the interval reaches at least the square root of that deficit."""
+    """Computes the standard deviation sqrt(variance - noise) with its 90 % interval. degrees: the variance's degrees of
+    freedom. If the variance is below the noise, the interval reaches at least the square root of that deficit."""
     low, high = (variance * degrees / chi2.ppf(p, degrees) - noise for p in (0.95, 0.05))
     value, low, high = (float(np.sqrt(max(v, 0.0))) for v in (variance - noise, low, max(high, noise - variance)))
     return Quantity(value, low, high, unit, _SOURCE)
@@ -179,7 +179,7 @@ def _without_lines(rest: Array, good: NDArray[np.bool_]) -> Array:
 
 
 def _waves(image: Array, unit: str) -> list[tuple[Wave, Array]]:
-    """Finds sinusoids with their images, first the one that stands out most from its surroundings in the spectrum. It
+    """Finds sinusoids in an image and returns each with its image, the most conspicuous peak of the spectrum first. It
     skips those along an axis, which count as rows and columns."""
     m, n = image.shape
     across = np.arange(n // 2 + 1) / n

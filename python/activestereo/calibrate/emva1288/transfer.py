@@ -102,7 +102,8 @@ class Response:
         return np.asarray(curve(photons / self.largest) / self.coefficients[0])
 
     def bend(self, photons: float) -> float:
-        """Returns f'(s) s / f(s), the relative change of the mean for a relative change of the light."""
+        """Returns f'(s) s / f(s): the relative change of the mean count over the relative change of the light, 1 if
+        linear."""
         n = np.array([photons])
         mean = photons * np.polynomial.Polynomial(self.coefficients)(photons / self.largest)
         return float(self.slope(n)[0] * (self.coefficients[0] * n)[0] / mean)
@@ -226,8 +227,8 @@ def _noise(steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response, WeightedFit]:
-    """Fits the response between 5 and 95 % of saturation, with as many terms as the evidence (BIC) asks for. Returns
-    (response, fit)."""
+    """Fits the mean count over photons as a polynomial, between 5 and 95 % of saturation. The evidence (BIC) decides
+    the number of terms. Returns (response, fit)."""
     low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
     inside = (levels.signal >= low) & (levels.signal <= high) & (np.arange(len(levels.signal)) <= top)
     if inside.sum() < _LEAST_STEPS:
@@ -263,7 +264,8 @@ def _gain(
     levels: _Levels, used: np.ndarray, dark: WeightedFit, dark_at_used: np.ndarray,
     response: tuple[Response, WeightedFit] | None,
 ) -> tuple[Quantity, Quantity]:  # fmt: skip
-    """Returns (K, dark noise) at the response's origin. If rounding hides the dark frames' noise, lit steps give it."""
+    """Fits the temporal variance over the lit steps' signal. Returns (gain K in DN per electron, dark noise), both for
+    a weak signal, at the response's origin. If rounding hides the dark frames' noise, lit steps give it."""
     hidden = dark.values[0] < _LEAST_DARK_VARIANCE
     variance, error = levels.variance[used], levels.variance_error[used]
     well = variance >= _ROUNDED_WELL

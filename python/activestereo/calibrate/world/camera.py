@@ -126,8 +126,8 @@ def _grid(shape: tuple[int, int]) -> Vector:
 
 
 def _start(boards: Sequence[_Board], rig: Rig) -> Vector:
-    """Returns the start of the fit: f, cx, cy, the square's side in metres, then each board's rotation vector and
-    translation in squares."""
+    """Returns the start of the fit as one vector: f, cx, cy, the square's side in metres, then each board's rotation
+    vector and translation, in squares."""
     poses, squares = [], []
     for board in boards:
         _, turn, place = cv2.solvePnP(_grid(board.shape), board.corners, rig.left.K, None)
@@ -154,7 +154,7 @@ def _residuals(x: Vector, boards: Sequence[_Board]) -> Vector:
 
 
 def _without_outliers(boards: Sequence[_Board]) -> list[_Board]:
-    """Drops boards with miscounted corners, which do not fit the perspective of a plane."""
+    """Returns the boards without those whose corners were miscounted: they do not fit the perspective of a plane."""
     kept = []
     for board in boards:
         homography, _ = cv2.findHomography(_grid(board.shape)[:, :2], board.corners)

@@ -139,8 +139,8 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
 
 
 def seen_by(first: LightView, second: LightView, a_to_b: Pose, K: NDArray[np.float64]) -> tuple[Image, Image, Mask]:
-    """Returns (column, row) of the first view's pixels in the second, and a mask of those where the second sees the
-    same surface."""
+    """Projects each pixel of the first view into the second. Returns (column, row, mask of the pixels whose surface the
+    second view shows, too). a_to_b: 4x4 from the first to the second camera's frame."""
     column, row, z = places_of(first.points, a_to_b, K)
     depth = cv2.remap(second.view.depth_m, column, row, cv2.INTER_LINEAR)
     known = cv2.remap(second.known.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
@@ -259,7 +259,8 @@ class Textures:
 def merged_textures(
     owner: int, views: Sequence[LightView], poses: Sequence[Pose], light: LightEstimate, K: NDArray[np.float64]
 ) -> Textures:
-    """Returns the Textures of view number `owner`, averaged over all views that show the same surfaces."""
+    """Returns the Textures of view number `owner`: albedo and room light, averaged over all views that show the same
+    surfaces."""
     black = np.float32(light.black_dn[0])
     shape = views[owner].room.shape
     sums = np.zeros((6, *shape), np.float32)
@@ -284,7 +285,7 @@ def merged_textures(
 
 
 def _filled(total: Image, weight: Image) -> Image:
-    """Returns total / weight; pixels without weight take the mean of their surroundings."""
+    """Returns the image total / weight. Pixels without weight take the mean of their surroundings."""
     out, known = total / np.maximum(weight, 1e-9), weight > 1e-9
     for sigma in (2.0, 8.0, 32.0, 128.0):
         around = blurred(known.astype(np.float32), sigma)

@@ -46,7 +46,8 @@ def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float
 
 
 def _in_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
-    """Moves a mask of the left image to the right image; pixels that also show unmasked surfaces are left out."""
+    """Warps a mask of the left image to the right image by the view's depth. Right pixels near surfaces outside the
+    mask are left out."""
     column, row = pixel_grid(known.shape)
     disparity = rig.left.K[0, 0] * rig.baseline_m / np.maximum(view.depth_m, 1e-3)
     at = np.rint(column - disparity + rig.right.K[0, 2] - rig.left.K[0, 2]).astype(int)

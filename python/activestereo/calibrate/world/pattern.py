@@ -61,7 +61,7 @@ class PatternEstimate:
     is_common: bool = True
 
     def r_median(self) -> float:
-        """Returns the median of r over the views."""
+        """Returns the median over the views of r, their dots' correlation with the other views' prediction."""
         return float(np.median(list(self.r.values())))
 
 

@@ -37,7 +37,7 @@ def exposure_picture(
 
 
 def albedo_picture(textures: Sequence[Textures]) -> NDArray[np.uint8]:
-    """Draws albedo on the left and room light on the right, a row for each view."""
+    """Draws a picture with a row for each view: its albedo on the left and the room's light on the right."""
     kinds = [np.vstack([getattr(t, name)[_SMALL] for t in textures]) for name in ("albedo", "room")]
     return np.hstack([_gray(kind) for kind in kinds])
 
@@ -51,7 +51,7 @@ def known_picture(views: Sequence[SceneView], masks: Mapping[tuple[int, str], ND
 def _checker(
     images: Sequence[Image], views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Image:
-    """Returns a checkerboard of the first image and of the second one warped to the first view."""
+    """Returns a checkerboard of images [0] and [1], the second one warped to the first view."""
     column, row, _ = places_of(points_of(views[0].depth_m, K), np.linalg.inv(poses[1]) @ poses[0], K)
     seen = cv2.remap(images[1], column, row, cv2.INTER_LINEAR)
     v, u = np.mgrid[0 : seen.shape[0], 0 : seen.shape[1]] // _CHECKER_PX

@@ -87,7 +87,7 @@ class World:
         return str(self.capture.path)
 
     def note(self, name: str, values: dict[str, Any], line: str) -> None:
-        """Stores what a step measured in the capture, and the line for the user."""
+        """Stores a step's result: `values` under `name` in the capture's `measured`, and `line` for the user."""
         self.capture = replace(self.capture, measured={**self.capture.measured, name: values})
         self.lines.append(line)
 

@@ -143,7 +143,8 @@ class EngineInputs:
         return [*self.rig_lights, *self.lights]
 
     def add_light(self, *, on_rig: bool, **fields: Any) -> None:
-        """Adds a light on the rig, or one that stands in the world; `fields` are kuafu.Light's."""
+        """Adds a light: if on_rig, it moves with the rig; otherwise it stands in the world. `fields` are
+        kuafu.Light's."""
         (self.rig_lights if on_rig else self.lights).append(self.new_light(**fields))
 
     def add_unit(

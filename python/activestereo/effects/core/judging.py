@@ -103,7 +103,8 @@ class EngineFault:
 
 @dataclass(frozen=True)
 class Unjudged:
-    """Declares that the effect is simulated but never ranked. reason: why a capture does not show it."""
+    """Declares that the lab never ranks the effect, although it is simulated. reason: why a capture does not show
+    it."""
 
     reason: str
 

@@ -225,7 +225,7 @@ _NAMES = ("direct", "indirect", "ambient", "flat")
 
 
 def _places(names: tuple[str, ...]) -> tuple[int, ...]:
-    """Returns the indices of the named images in (direct, indirect, ambient, flat)."""
+    """Returns the positions of the named images in the order (direct, indirect, ambient, flat)."""
     return tuple(map(_NAMES.index, names))
 
 

@@ -52,8 +52,8 @@ def load_plugin(path: str | Path) -> list[Effect]:
 
 
 def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
-    """Returns the records of a C array. Raises ValueError for a count above `most`, or where NULL stands for
-    the array."""
+    """Converts a C array of `count` records to a list. Raises ValueError, which calls a record `what`, for more than
+    `most`, or for NULL in place of the array."""
     if count > most:
         raise ValueError(f"{count} {what}s are said to be there, the most is {most}")
     if count > 0 and not first:
@@ -131,7 +131,8 @@ def _run(function: Any, name: str, randomness: Randomness, value: Any, view: Vie
 
 
 def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any, ...]]:
-    """Returns the C record of a View, and the arrays that it points into, which must outlive the record."""
+    """Converts a View to its C record. Returns (record, the arrays that it points into); keep these as long as the
+    record."""
     frame = view.frame
     depth = np.ascontiguousarray(view.depth_m, dtype=np.float64)
     normal = np.ascontiguousarray(view.normal, dtype=np.float64)

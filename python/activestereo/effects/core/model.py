@@ -129,8 +129,8 @@ class Model:
 def _in_stream(
     effect: Effect, parameters: dict[str, float], image: np.ndarray, view: View, stream: dict[str, np.ndarray]
 ) -> np.ndarray:
-    """Returns a disparity or depth image after an effect. If the effect remembers, its result for the frame before
-    comes from `stream`, which is updated."""
+    """Applies one effect to a disparity or depth image of a stream and returns the result. If the effect remembers, its
+    result for the frame before comes from `stream`, which is updated."""
     if not effect.remembers:
         return effect.apply(image, view, **parameters)
     stream[effect.id] = effect.apply(image, replace(view, before=stream.get(effect.id)), **parameters)
@@ -148,8 +148,8 @@ def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View
 
 
 def scales(frame: Frame) -> tuple[float, float]:
-    """Returns a frame's factors of projector and ambient light: exposure in seconds x gain x projector power or ambient
-    level."""
+    """Returns a frame's factors (projector light, ambient light): exposure in seconds x gain, times the projector's
+    power or the ambient level."""
     level = 1.0 if frame.ambient is None else frame.ambient
     return frame.exposure_gain * frame.projector_power, frame.exposure_gain * level
 

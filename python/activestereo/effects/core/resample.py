@@ -94,7 +94,8 @@ class BoxSampler:
 
 
 def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (whole part, fraction) of positions, limited to 0..size, in an integral image of `size` pixels."""
+    """Splits positions, limited to 0..size, into (whole part, fraction), as indices into an integral image of `size`
+    pixels."""
     x = np.minimum(np.maximum(x, 0.0), size)
     i = np.minimum(x.astype(np.intp), size - 1)
     return i, x - i
@@ -333,7 +334,7 @@ class SupersampledImages:
         return np.stack([spline(u, v) for spline in self._splines_of_means()])
 
     def sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
-        """Returns SupersampledImages with a single image: the sum of the images at the indices."""
+        """Returns a SupersampledImages with one image: the sum of the images at these indices."""
         known = self._sums()
         if indices not in known:
             known[indices] = self._sum_of(indices)
@@ -355,8 +356,8 @@ class SupersampledImages:
 
     @computed_once
     def _splines_of_means(self) -> list[Spline]:
-        """Returns one Spline per image, of means over squares of a pixel's size. A mean's index is the sample at which
-        its square begins."""
+        """Returns one Spline per image, through means over windows as large as a camera pixel. A mean's index is that
+        of its window's first sample."""
         means, s = self.images(), self.scale
         for axis in (1, 2):
             count = means.shape[axis] - s + 1
@@ -364,8 +365,8 @@ class SupersampledImages:
         return [Spline(image) for image in means]
 
     def _refined(self, image: np.ndarray) -> np.ndarray:
-        """Returns an image [height][width] at the samples, linear between pixels; beyond the frame, the
-        border's value."""
+        """Resamples an image [height][width] from camera pixels to the samples by linear interpolation. Beyond the
+        frame, the border's value counts."""
         for axis, size in enumerate(image.shape):
             at = np.clip(self._positions(size), 0.0, size - 1.0)
             low = np.minimum(at.astype(np.intp), max(size - 2, 0))

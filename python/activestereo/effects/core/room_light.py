@@ -59,15 +59,15 @@ class RoomLight:
 
 
 def spread(bounced: np.ndarray, pixel: float = 1.0) -> np.ndarray:
-    """Returns bounced light [camera][height][width][1] blurred over its neighbourhood. pixel: the width of its pixels,
-    in camera pixels."""
+    """Blurs bounced light [camera][height][width][1], which is smooth, to reduce its noise. pixel: the width of its
+    pixels, in camera pixels."""
     sigma = _SPREAD_PX / pixel
     return np.asarray(gaussian_filter(bounced, (0.0, sigma, sigma, 0.0), mode="nearest"))
 
 
 def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:
-    """Sets the ambient light of a loaded scene. Without measured room light in the file, it is 1 from all sides, and
-    the result is None. Otherwise it is 0, and the result is the RoomLight that renders it."""
+    """Sets the ambient light of a loaded scene. If the file has measured room light, it is set to 0, and the result is
+    the RoomLight that renders it. Otherwise it is 1 from all sides, and the result is None."""
     if not has_room_light(scene_path):
         scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         return None

@@ -50,8 +50,8 @@ class _Instance:
 
 
 def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
-    """Returns the surfaces of a glTF file by number. Returns none where the file cannot be read: loading it raises the
-    error."""
+    """Lists the surfaces of a glTF file, in the order of their numbers. The list is empty if the file cannot be read:
+    loading the scene raises the error."""
     try:
         document = read_document(Path(scene_path)) if scene_path is not None else {}
         instances = _instances(document)

@@ -114,12 +114,13 @@ class Facing:
         self.to_projector, self.projector_cosine, self.irradiance = self.from_source(source)
 
     def lobe(self) -> Cosines:
-        """Returns the Cosines of the projector's highlight, one per pixel."""
+        """Returns the Cosines of the highlight that the projector's light makes on each pixel's surface, towards the
+        camera."""
         return self._view.once("lobe", lambda: cosines_of(self.normal, self.to_projector, self.to_camera))
 
     def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns (direction to a point source, cosine, irradiance per radiant intensity in 1/m^2) per pixel, without
-        shadows. position: camera coordinates."""
+        """Returns, for a point source at `position` (camera coordinates), each pixel's direction to it, cosine to the
+        normal, and irradiance per radiant intensity, 1/m^2. Shadows are left out."""
         way = position - self.points
         square = np.maximum((way**2).sum(-1), 1e-12)
         direction = _unit(way)
