@@ -14,8 +14,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TextIO, cast
 
-# Commands multiply small matrices in several processes, whose BLAS threads would wait for one another.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Commands multiply small matrices in several processes, whose BLAS threads would wait for one another. Once NumPy is
+# loaded, the variable would reach worker processes alone, and the last bits of theirs would differ.
+if "numpy" not in sys.modules:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import activestereo  # before numpy
 from activestereo.cli import doctor
