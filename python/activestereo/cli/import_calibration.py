@@ -129,8 +129,8 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
 
 
 def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:
-    """Checks in up to three pairs that left and right images are not swapped, and returns the measured order. Raises
-    CommandError if they are. are_exchanged: --swap was given; offset_px: right cx minus left cx."""
+    """Checks in up to three pairs that left and right images are not swapped, and returns which order it
+    measured. Raises CommandError if they are. are_exchanged: --swap was given; offset_px: right cx minus left cx."""
     from activestereo.capture.images import read_gray
     from activestereo.compare.camera_order import camera_order
 

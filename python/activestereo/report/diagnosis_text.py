@@ -97,7 +97,8 @@ def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Pat
 
 
 def diagnosis_table(result: Mapping[str, Any]) -> str:
-    """Returns the text that --verbose adds: the ranking, the depth engine's verdict, and further measurements."""
+    """Returns the text that --verbose adds: the ranking of effects, the depth engine's verdict and further
+    measurements."""
     lines = _table(result)
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")

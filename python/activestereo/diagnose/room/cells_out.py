@@ -208,7 +208,7 @@ def _empty(room: Room, columns: Sequence[Column]) -> tuple[NDArray[np.float64], 
 
 
 def _tiles(room: Room) -> int:
-    """Returns the number of tiles of one band."""
+    """Returns the number of tiles (rectangles of an image) in one band (filtered copy) of all views together."""
     return room.views * _TILES[0] * _TILES[1]
 
 

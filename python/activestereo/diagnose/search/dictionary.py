@@ -149,8 +149,8 @@ def _in_halves(change: Columns) -> NDArray[np.float16]:
 
 
 def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
-    """Converts columns [columns][n] from the pixels and weights of one fitter to those of another one. Pixels that the
-    first fitter lacks get 0."""
+    """Converts columns [columns][n] (changes of n pixels by effects) from the pixels and weights of one fitter to those
+    of another one. Pixels that the first fitter lacks get 0."""
     out = np.zeros((len(columns), sum(len(p.index) for p in after.pixels())), np.float32)
     first = start = 0
     for old, new in zip(before.pixels(), after.pixels(), strict=True):

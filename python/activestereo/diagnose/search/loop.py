@@ -306,9 +306,9 @@ class Search:
         return refits(self._fitter, model, phi, chosen, self._chi2, self._rendering, self._settings.workers)
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
-        """Returns {effect: probability} of the set that holds the truth, likeliest first. Formulas are not exact, so
-        odds count in units of the likely error of the best effect's gain. The errors measured for the effects in
-        question and the usual error are taken as equally likely."""
+        """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: chi2 that
+        each effect leaves. Fast formulas of effects are not exact, so odds count in units of their error: the
+        measured one or the usual one, with equal weight."""
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
         solution = fits[best].solution if best in fits else self._solution
         design = design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())

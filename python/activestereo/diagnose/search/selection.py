@@ -48,7 +48,7 @@ class Hit:
         return _values(self.atom, self.coefficients, self.surfaces)
 
     def point(self) -> dict[str, float]:
-        """Returns the effect's parameters at the atom's own values, without a fit."""
+        """Returns {parameter: value} of the effect as this dictionary entry (atom) has them, without a fit."""
         return _values(self.atom, np.eye(1, len(self.coefficients))[0], self.surfaces)
 
 

@@ -37,7 +37,8 @@ class DotView:
         self.box_u, self.box_v = self._footprint()
 
     def _at(self, view: PickedView) -> DotView:
-        """Returns a DotView of the picked pixels alone, [1][n]; the boxes were computed on the whole image."""
+        """Returns the projector's dots as n selected pixels see them, arrays of [1][n]. Each pixel's footprint in the
+        pattern is kept from the whole image."""
         some = copy(self)
         some.__dict__ = {"_view": view, "_pattern": self._pattern}
         for name in ("z", "lit", "u", "v", "box_u", "box_v"):

@@ -272,8 +272,8 @@ def frame_signal(frame: Frame) -> dict[str, float]:
 
 
 def _analogue(signal: dict[str, float], light: np.ndarray, view: View, unit: float | None = None) -> np.ndarray:
-    """Returns simsense's analogue signal for `light`, in the view's DN. unit: simsense's counts per DN of the view;
-    None = 255 over the view's full scale."""
+    """Returns simsense's imager output for radiance `light`, with noise and before rounding, in the view's DN. signal:
+    simsense's imager parameters. unit: simsense's counts per DN; None = 255 over the view's full scale."""
     scale = 255.0 / view.max_dn if unit is None else unit
     in_counts = ("conversion_gain_dn_per_e", "black_level_dn", "black_level_dn_per_k")
     fine = signal | {name: signal[name] * scale for name in in_counts}

@@ -39,9 +39,9 @@ _KEPT = 3
 
 @dataclass(frozen=True)
 class CameraLight:
-    """The light of one camera in one frame behind its optics, float32 [height][width]. direct, indirect: radiance under
-    projector power 1; ambient: under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3],
-    world; material: id."""
+    """The light of one camera in one frame, lens effects applied, float32 [height][width]. direct, indirect:
+    radiance under projector power 1; ambient: under ambient radiance 1. depth_m: z, 0 = nothing there; normal:
+    [height][width][3], world; material: id."""
 
     direct: NDArray[np.float32]
     indirect: NDArray[np.float32]

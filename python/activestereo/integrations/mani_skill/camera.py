@@ -197,7 +197,8 @@ class StereoDepthCamera(Camera):
         return self._observations.sensors
 
     def capture(self) -> None:
-        """Brings the mirrored scene to ManiSkill's present state. Images are rendered when get_obs() asks for them."""
+        """Brings kuafu's copy of the scene to ManiSkill's present state. Images are rendered when get_obs() asks for
+        them."""
         if self._world is None:
             self._world = ManiSkillWorld.for_scene(self._scene, self.config.device)
             self._observations = self._make_observations(self._world)

@@ -90,8 +90,8 @@ class Routes:
         return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
-        """Saves the sensor under the page's settings as a model. Answers with its path and a remark on settings that it
-        cannot hold."""
+        """Writes a model.json of the sensor with the page's settings applied. Answers with its path and a
+        remark on settings that it cannot hold."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         model, remark = saved_model(source.exposure(_whole(given, "frame")), self._settings(given, simulation))

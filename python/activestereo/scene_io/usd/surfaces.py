@@ -136,7 +136,7 @@ class Surfaces:
         to[key] = {"index": self._textures[identity]}
 
     def _number(self, shader: Any, key: str, fallback: float) -> float:
-        """Reads the number of an input whose textures are not supported."""
+        """Reads the number of a shader's input; tells that a texture there is not read, and takes `fallback`."""
         value, picture = self._input(shader, key, fallback)
         if picture is not None:
             self._stage.tell(f"{shader.GetPath()}.{key}: its texture is not read; it is {fallback:g}")

@@ -53,7 +53,7 @@ class MaterialNumbers:
         return np.where(ids == _NONE, np.uint32(unknown), ids)
 
     def ids_of_tensor(self, numbers: Any) -> Any:
-        """Returns ids() for a torch tensor of numbers, int32 on its device."""
+        """Returns kuafu's material ids for a torch tensor of the user's material numbers, int32 on its device."""
         if self._ids_on_cuda is None:
             import torch
 
