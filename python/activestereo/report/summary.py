@@ -90,13 +90,14 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     place = places[0] if places else None
     words, ways = _KINDS[shape["kind"]]
     amount = place["mean"] if place is not None and shape["kind"] == "brightness" else shape["amount"]
-    where = ""
+    where, near_noise = "", is_near_noise(scores)
+    error = "the small rest" if near_noise else "the error"
     if place is not None and place["turns"]:
-        where = f" {place['words']} and {ways[amount <= 0]} beyond: {_percent(place['share'])} of the error"
+        where = f" {place['words']} and {ways[amount <= 0]} beyond: {_percent(place['share'])} of {error}"
     elif place is not None:
-        where = f": {_percent(place['share'])} of the error lies {place['words']}"
+        where = f": {_percent(place['share'])} of {error} lies {place['words']}"
         where += f", in {_percent(place['pixel_share'])} of the pixels"
-    if is_near_noise(scores):
+    if near_noise:
         said += [f"Little is missing: the infrared error is within {_percent(_NEAR_NOISE)} of noise alone."]
     said.append(f"{words.format(ways[amount > 0] if ways else abs(amount))}{where}.")
     suspects = _FAMILIES[shape["kind"]]

@@ -80,6 +80,7 @@ def _scores(**changed):
 def test_an_error_that_is_nearly_noise_is_called_little(floor_dn, little):
     said = what_is_missed(_scores(ir={"test": {"rmse_dn": 2.08, "noise_floor_dn": floor_dn}}))
     assert said[0].startswith("Little is missing") == little
+    assert any("of the small rest lies" in sentence for sentence in said) == little
 
 
 def test_the_sentence_says_what_where_and_which_families():
