@@ -85,7 +85,7 @@ def make_page():
 
 def _measures(run):
     lines = [
-        f"{run['n']} of the 336 test cases of generation {run['generation']}, drawn after the code was frozen and "
+        f"{run['n']} of the 346 test cases of generation {run['generation']}, drawn after the code was frozen and "
         f"opened once ({run['date']}, {run['machine']}{run['note']}); brackets hold the 95 % interval and n:",
         "",
         f"    {run['command']}",
