@@ -62,11 +62,7 @@ def test_planted_mistakes_are_the_only_ones(tmp_path, checker):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
     # In the repository, mypy takes its settings and the cache that tests/lint.sh fills: without it a minute and a half.
-    command = (
-        [checker, "--python-executable", sys.executable, script]
-        if checker == "mypy"
-        else [checker, "--pythonpath", sys.executable, script]
-    )
+    command = [checker, script] if checker == "mypy" else [checker, "--pythonpath", sys.executable, script]
     paths = {"PYTHONPATH": str(ROOT / "python")}
     run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ | paths)
     told = [line for line in run.stdout.splitlines() if "script.py:" in line and "error" in line]
