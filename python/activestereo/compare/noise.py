@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
 from types import SimpleNamespace
 from typing import Any, TypeAlias, TypeVar
@@ -147,10 +148,16 @@ def _step_dn(capture: Capture) -> float:
 def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
     """Adds the part of the rounding variance that repeats miss to their mean variance; returns DN^2. If the noise is
     small, repeats round alike, so that their scatter does not show it (Widrow and Kollar 2008, Quantization Noise)."""
-    waves = np.exp(-((2.0 * np.pi * np.outer(_NOISE_STEPS, _TERMS)) ** 2))
-    missed = (waves / _TERMS**2).sum(axis=1) / (2.0 * np.pi**2)
-    seen, square = _NOISE_STEPS**2 + ROUNDING_VARIANCE - missed, step_dn**2
+    missed, square = _missed_by_repeats(), step_dn**2
+    seen = _NOISE_STEPS**2 + ROUNDING_VARIANCE - missed
     return np.asarray(variance + square * np.interp(np.asarray(variance) / square, seen, missed, right=0.0))
+
+
+@cache
+def _missed_by_repeats() -> np.ndarray:
+    """Returns the part of the rounding variance that repeats miss, in squared steps, for each of _NOISE_STEPS."""
+    waves = np.exp(-((2.0 * np.pi * np.outer(_NOISE_STEPS, _TERMS)) ** 2))
+    return np.asarray((waves / _TERMS**2).sum(axis=1) / (2.0 * np.pi**2))
 
 
 def repeat_statistics(

@@ -76,22 +76,22 @@ def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Se
     return list(blocks.values())
 
 
-def _changed(rooms: Room, light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
+def _changed(room: Room, light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
     """Returns {band: change of image number k by a column at coefficient 1}, for the bands in which the column counts.
     In the band "pair", a displacement is computed on the left camera's pixels for both images. Gradients of two images
     would differ more by their errors than the two cameras' displacements do."""
     looks, asked = light.looks[k], [band for band in bands if band in column.bands]
     out: dict[str, Image] = {}
-    room = column.change(k, light.room[k])
-    if room is not None:
-        out |= {band: image for band, image in looks.of_room(room).items() if band in asked}
-    if room is not None and "dots" in asked:
+    unlit = column.change(k, light.room[k])
+    if unlit is not None:
+        out |= {band: image for band, image in looks.of_room(unlit).items() if band in asked}
+    if unlit is not None and "dots" in asked:
         lit = column.change(k, light.room[k] + light.dots[k])
-        out["dots"] = looks.even(looks.amplitude(room if lit is None else lit - room))
+        out["dots"] = looks.even(looks.amplitude(unlit if lit is None else lit - unlit))
     if "pair" in asked and column.flow is not None:
         flow, left = column.flow(k), k - k % 2
         if k != left:
-            there, own = rooms.places(left, k), column.flow(left)
+            there, own = room.places(left, k), column.flow(left)
             along, across = (np.where(there.seen, there.read(d), o) for d, o in zip(flow, own, strict=True))
             flow = along, across
         out["pair"] = light.looks[left].pair(np.float32(_SHOWN) * moved_by(light.both[left], *flow))
