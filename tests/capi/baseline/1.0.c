@@ -4,12 +4,10 @@
  *   cc first_depth.c $(pkg-config --cflags --libs kuafu simsense) -o first_depth && ./first_depth
  *
  * Ends with 0 when both depths are right within 2 %. */
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "kuafu/kuafu.h"
-#include "simsense/simsense.h"
+#include "1.0.h"
 
 enum { width = 320, height = 240, dot_count = 6000 };
 static const double camera_k[9] = {280, 0, 159.5, 0, 280, 119.5, 0, 0, 1};
