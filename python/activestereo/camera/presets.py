@@ -35,6 +35,7 @@ from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose, as_matrix
 
 if TYPE_CHECKING:
+    from activestereo.capture.capture import Frame
     from activestereo.model import SensorModel
 
 
@@ -305,16 +306,22 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             object.__setattr__(self, name, value)
 
     @classmethod
-    def from_model(cls, model: SensorModel | str | Path, base: str = "D435") -> StereoDepthSensorConfig:
+    def from_model(
+        cls, model: SensorModel | str | Path, base: str = "D435", frame: Frame | None = None
+    ) -> StereoDepthSensorConfig:
         """Makes the configuration of a sensor model, given as a SensorModel or the path of a model.json. The preset
-        `base` supplies values that the model lacks. Give the model to the sensor, too: StereoDepthSensor(config, scene,
-        model=model)."""
+        `base`, at the size of the model's images, supplies values that the model lacks. Give the model to the sensor,
+        too: StereoDepthSensor(config, scene, model=model). frame: one of the model's capture, with its exposure, laser
+        and light: an infrared radiance of 1 is the room's."""
         from activestereo.model import SensorModel, read_model
-        from activestereo.model.configure import configured
+        from activestereo.model.configure import configured, exposed
 
         config = cls(base)
         known = model if isinstance(model, SensorModel) else read_model(model)
-        for name, value in configured(vars(config), known).items():
+        if known.rig is not None:
+            config = config.scaled(known.rig.left.width / config.ir_resolution[0])
+        own = vars(config)
+        for name, value in (configured(own, known) if frame is None else exposed(own, known, frame)).items():
             setattr(config, name, value)
         return config
 

@@ -41,6 +41,7 @@ from activestereo.scene_io.staging import INFRARED_SHARES, infrared_share
 if TYPE_CHECKING:
     import kuafu
     from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.capture import Frame
     from activestereo.common.pose import Pose
     from activestereo.effects.core.descriptor import Effect
     from activestereo.model import SensorModel
@@ -145,16 +146,16 @@ def _lamp(text: str) -> float:
 
 def run(args: argparse.Namespace) -> None:
     model = read_sensor_model(args)
-    config = make_config(args, model)
     if not args.scene.exists():
         raise CommandError(f"{args.scene}: there is no such file")
     view = _view_of_capture(args) if args.scene.is_dir() else None
+    config = make_config(args, model, view)
     from activestereo.cli.scene_report import warn_of_materials
     from activestereo.common.accuracy import accuracy_by_material
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.sensor.sensor import StereoDepthSensor
 
-    scene, added = _load_scene(args, config)
+    scene, added = _load_scene(args, config, _is_lit(args, model, view))
     if model is not None:
         warn_of_materials(model, scene)
     sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene, config, view), model=model)
@@ -185,14 +186,16 @@ def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | Non
     return read_model(args.model, effects or library(*args.effects))
 
 
-def sensor_config(args: argparse.Namespace, model: SensorModel | None) -> StereoDepthSensorConfig:
+def sensor_config(
+    args: argparse.Namespace, model: SensorModel | None, view: Frame | None = None
+) -> StereoDepthSensorConfig:
     """Returns the model's configuration, with --sensor's values where it has none; without a model the --sensor preset,
-    scaled to --resolution if given. Raises CommandError if that has another shape than the preset, or a side below
-    32."""
+    scaled to --resolution if given. view: the capture's frame whose light the model knows, or None. Raises CommandError
+    if --resolution has another shape than the preset, or a side below 32."""
     from activestereo.camera.presets import StereoDepthSensorConfig
 
     if model is not None:
-        return StereoDepthSensorConfig.from_model(model, args.sensor)
+        return StereoDepthSensorConfig.from_model(model, args.sensor, view)
     config = StereoDepthSensorConfig(args.sensor)
     if not args.resolution:
         return config
@@ -208,9 +211,11 @@ def sensor_config(args: argparse.Namespace, model: SensorModel | None) -> Stereo
     return scaled
 
 
-def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
-    """Returns sensor_config() with the given options applied and checked."""
-    config = sensor_config(args, model)
+def make_config(
+    args: argparse.Namespace, model: SensorModel | None = None, view: Frame | None = None
+) -> StereoDepthSensorConfig:
+    """Returns sensor_config() with the given options applied and checked. view: the capture's frame, or None."""
+    config = sensor_config(args, model, view if _is_lit(args, model, view) else None)
     config.render_seed = config.noise_seed = args.seed
     set_cameras(config, args)
     if args.projector_intensity is not None:
@@ -231,12 +236,20 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
     return config
 
 
-def _load_scene(args: argparse.Namespace, config: StereoDepthSensorConfig) -> tuple[kuafu.Scene, float | None]:
-    """Loads the scene file and lights it. Returns (scene, radiance), the latter in W/(sr m^2), None unless the scene
-    had no light and uniform light was added."""
+def _is_lit(args: argparse.Namespace, model: SensorModel | None, view: Frame | None) -> bool:
+    """Returns whether the model knows the light of the capture's frame and no option states another."""
+    is_known = model is not None and {"projector_scale", "ambient_scale"} <= set(model.nuisances)
+    return view is not None and is_known and args.ambient is None and args.environment is None
+
+
+def _load_scene(
+    args: argparse.Namespace, config: StereoDepthSensorConfig, is_lit: bool
+) -> tuple[kuafu.Scene, float | None]:
+    """Loads the scene file and lights it. is_lit: by the light of the capture, which the configuration has. Returns
+    (scene, radiance), the latter in W/(sr m^2), None unless the scene had no light and uniform light was added."""
     import kuafu
     from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
-    from activestereo.scene_io.staging import set_infrared_share
+    from activestereo.scene_io.staging import ALL_SIDES, part_light, set_infrared_share
     from activestereo.scene_io.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
@@ -253,6 +266,10 @@ def _load_scene(args: argparse.Namespace, config: StereoDepthSensorConfig) -> tu
         apply_reflectances(scene, read_reflectances(args.reflectances))
     if args.lamp is not None:
         set_infrared_share(scene, args.lamp)
+    if is_lit:
+        part_light(scene)
+        scene.set_environment((1.0, 1.0, 1.0), config.ir_ambient_radiance, light_group=ALL_SIDES)
+        return scene, None
     return scene, _light_scene(scene, args, config, dome)
 
 
@@ -285,28 +302,27 @@ def _light_scene(
     return radiance[0] if dome is None and ambient is None and not has_lamps(scene) else None
 
 
-def _view_of_capture(args: argparse.Namespace) -> np.ndarray:
-    """Replaces args.scene, a capture's folder, by its scene file. Returns the left camera's pose in the first frame,
-    4x4."""
+def _view_of_capture(args: argparse.Namespace) -> Frame:
+    """Replaces args.scene, a capture's folder, by its scene file. Returns the first frame."""
     from activestereo.capture.capture import read_capture
 
     capture = read_capture(args.scene)
     if capture.scene_path is None:
         raise CommandError(f"{args.scene}: this capture has no scene: give a scene file")
     args.scene = capture.scene_path
-    return capture.frames[0].camera_to_world
+    return capture.frames[0]
 
 
 def _sensor_pose(
-    args: argparse.Namespace, scene: kuafu.Scene, config: StereoDepthSensorConfig, left_to_world: np.ndarray | None
+    args: argparse.Namespace, scene: kuafu.Scene, config: StereoDepthSensorConfig, view: Frame | None
 ) -> Pose:
     from activestereo.common.pose import Pose, body_pose, camera_to_camera
     from activestereo.scene_io.staging import overall_view
 
     if args.camera_to_world is not None:
         return body_pose(args.camera_to_world)
-    if left_to_world is not None and args.camera is None:
-        return body_pose(left_to_world @ camera_to_camera(Pose(), config.trans_pose_l))
+    if view is not None and args.camera is None:
+        return body_pose(view.camera_to_world @ camera_to_camera(Pose(), config.trans_pose_l))
     count = scene.summary.camera_count
     if args.camera is not None and args.camera >= count:
         raise CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")

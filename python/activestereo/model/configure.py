@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from activestereo.capture.capture import Frame
 from activestereo.common.lens import is_distorting
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix
 from activestereo.common.rounding import ROUNDING_VARIANCE
@@ -54,7 +55,7 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
         # is the renderer's, so it stays.
         limit = (given["ir_optics"] or {}).get("firefly_factor")
         changes |= {"ir_optics": limit and {"firefly_factor": limit}, "ir_speckle_of_laser": False}
-        changes |= {"projector_beam_radius_m": 0.0, "projector_falloff": 0.0}
+        changes |= {"projector_beam_radius_m": 0.0, "projector_falloff": 0.0, "pixel_blur_px": 0.0}
         if model.imager is None:
             signal = changes.get("ir_signal", given["ir_signal"]) or {}
             changes["ir_signal"] = {k: v for k, v in signal.items() if not k.startswith("speckle")} or None
@@ -65,6 +66,24 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
         changes["projector_intensity"] = model.nuisances["projector_scale"].value / given["ir_responsivity_dn"]
         changes["laser_power_mw"] = given["laser_power_nominal_mw"]
     return changes
+
+
+def exposed(given: Mapping[str, Any], model: SensorModel, frame: Frame) -> dict[str, Any]:
+    """Returns configured()'s changes with the exposure and light of a frame of the capture that the model was fitted
+    to. The capture gives light only in counts, so radiance is in units of the room's light, as for the scene's
+    lamps."""
+    room, projector = (model.nuisances[name].value for name in ("ambient_scale", "projector_scale"))
+    room *= 1.0 if frame.ambient is None else frame.ambient
+    responsivity_dn = max(room, 1e-6 * projector)
+    rig = model.rig and replace(model.rig, exposure_s=None, gain=None)  # those of the frame
+    return configured({**given, "ir_responsivity_dn": responsivity_dn}, replace(model, rig=rig)) | {
+        "ir_responsivity_dn": responsivity_dn,
+        "ir_ambient_radiance": room / responsivity_dn,
+        "laser_power_mw": frame.projector_power * given["laser_power_nominal_mw"],
+        "ir_exposure_mode": "fixed",
+        "ir_camera_exposure": frame.exposure_s,
+        "ir_camera_gain": frame.gain,
+    }
 
 
 def _signal(model: SensorModel) -> dict[str, float]:

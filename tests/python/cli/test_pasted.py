@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from activestereo.capture.images import write_gray
+from activestereo.capture.capture import read_capture
+from activestereo.capture.images import read_gray, write_gray
 from activestereo.cli import simulate
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
@@ -85,6 +86,12 @@ def _follow(capsys, *seed):
 def test_from_a_comparison_to_a_sensor_with_what_was_found(capsys, folder, capture):
     kinds = _follow(capsys, "compare", capture, *_CLEAR, "-o", folder / "compare")
     assert kinds[:4] == ["compare", "diagnose", "compare --model", "simulate --model"]
+    [simulated] = (folder / "compare").rglob("ir_left.png")  # under the capture's own light
+    frame = read_capture(capture).frames[0]
+    light = [float(read_gray(path).mean()) for path in (simulated, frame.left_path)]
+    assert light[0] == pytest.approx(light[1], rel=0.03)
+    depth = [read_gray(path) > 0 for path in (simulated.with_name("depth.png"), frame.depth_path)]
+    assert depth[0].mean() > 0.9 * depth[1].mean()
 
 
 def test_from_views_of_a_room_to_its_model_beside_it(capsys, folder, quick, monkeypatch):

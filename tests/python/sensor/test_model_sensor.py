@@ -227,6 +227,7 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
     write_model(tmp_path / "model.json", model)
     config = StereoDepthSensorConfig.from_model(tmp_path / "model.json")
     assert config.ir_resolution == (320, 180) and config.rectified
+    assert config.rgb_resolution == (320, 181) and config.max_disparity == 48  # the D435's at this size
     assert np.linalg.norm(config.trans_pose_r.p - config.trans_pose_l.p) == pytest.approx(0.06)
     assert np.linalg.norm(config.pose_rgb_irproj.p - config.trans_pose_l.p) == pytest.approx(np.hypot(0.02, 0.01))
     assert (config.ir_black_level_dn, config.projector_intensity, config.ir_camera_exposure) == (7.0, 1.5, 0.004)

@@ -20,7 +20,7 @@ from activestereo.compare.nuisances import fit_nuisances
 from activestereo.compare.render import render_frames
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel
-from activestereo.model.configure import configured
+from activestereo.model.configure import exposed
 from activestereo.model.diagnosed import calibrated
 from activestereo.model.model import NOISE_TERMS, NUISANCES
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, drawn_from_left
@@ -101,16 +101,11 @@ class CaptureSource:
         return self._exposures[frame_id]
 
     def _exposure(self, frame_id: int) -> Exposure:
-        """Computes the Exposure that exposure() keeps. A capture gives light only in counts, so radiance is in units of
-        the room's light, as for the scene's lamps."""
+        """Computes the Exposure that exposure() keeps."""
         frame, model = self._frame(frame_id), self._model()
-        room = model.nuisances["ambient_scale"].value * (1.0 if frame.ambient is None else frame.ambient)
-        projector = model.nuisances["projector_scale"].value
-        config = self._config(max(room, 1e-6 * projector))
-        config.laser_power_mw = frame.projector_power * config.laser_power_nominal_mw
-        config.ir_camera_exposure, config.ir_camera_gain = frame.exposure_s, frame.gain
+        config = self._config(frame)
         return Exposure(
-            config, model, frame.camera_to_world, room / config.ir_responsivity_dn, frame.temperature_c,
+            config, model, frame.camera_to_world, config.ir_ambient_radiance, frame.temperature_c,
             frame.timestamp_s, frame.camera_velocity,
         )  # fmt: skip
 
@@ -126,15 +121,13 @@ class CaptureSource:
     def _matcher(self) -> DepthModel:
         return DepthModel(self._capture)
 
-    def _config(self, responsivity_dn: float) -> StereoDepthSensorConfig:
-        """Returns the sensor's configuration with the left camera in the colour camera's place. responsivity_dn: the
-        infrared imagers' counts per second of exposure at gain 1, for a radiance of 1."""
+    def _config(self, frame: Frame) -> StereoDepthSensorConfig:
+        """Returns the sensor's configuration in a frame, with the left camera in the colour camera's place."""
         model, config = self._model(), StereoDepthSensorConfig()
         config.trans_pose_l = Pose()
-        config.ir_exposure_mode, config.ir_responsivity_dn = "fixed", responsivity_dn
         low, _, step = config.laser_power_limits_mw
         config.laser_power_limits_mw = (low, _STRONGEST_LASER * config.laser_power_nominal_mw, step)
-        for name, value in configured(vars(config), model).items():
+        for name, value in exposed(vars(config), model, frame).items():
             setattr(config, name, value)
         for name, value in self._matcher().parameters.items():
             setattr(config, name, value)
