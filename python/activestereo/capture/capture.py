@@ -38,6 +38,11 @@ from activestereo.common.limits import (
 FORMAT = "active-stereo-capture"
 VERSION = 1
 SIDES = ("left", "right")
+# The matcher's parameters that a capture's depth_engine may state.
+DEPTH_ENGINE = (
+    "max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
+    "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m",
+)  # fmt: skip
 ImageKey = tuple[int, str]  # a frame's id and the camera, one of SIDES
 SPLITS = ("train", "test")
 

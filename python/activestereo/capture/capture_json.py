@@ -178,10 +178,12 @@ class JsonObject:
 
     @_neutral(lambda self, key, limits, *_: np.zeros(len(limits)))
     def numbers(self, key: str, limits: Sequence[Limits], optional: bool = False) -> Any:
-        """Reads a list of numbers, one within each of `limits`, as float64."""
+        """Reads a list of numbers, one within each of `limits`, as float64; a matrix may be a list of rows."""
         values = self._get(key, optional)
         if values is None:
             return None
+        if isinstance(values, list) and values and all(isinstance(row, list) for row in values):
+            values = [value for row in values for value in row]
         if not isinstance(values, list) or len(values) != len(limits):
             got = f"{len(values)} entries" if isinstance(values, list) else type(values).__name__
             self.fail(key, f"has {got}, expected {len(limits)} numbers")

@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> None:
     workers = args.workers or 1
     ray = None if args.ray is None else (args.ray, args.ray_cpus or 2)
     by = f"{workers} worker{'' if workers == 1 else 's'}" if ray is None else f"Ray at {args.ray}"
-    with ProgressBar(f"{args.count} frames with {by}") as bar:
+    with ProgressBar(f"{args.count} frame{'s' * (args.count > 1)} with {by}") as bar:
         done = generate(settings, args.out, args.count, workers, args.part, bar, ray)
     frames = f"{done.made} frame{'' if done.made == 1 else 's'}"
     rate = f"{frames} in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"

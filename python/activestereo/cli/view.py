@@ -24,7 +24,7 @@ once and then refined; "save as model.json". PATH is
   a scene file         a preset's sensor at the scene's cameras, against its own first picture
   a recording          pairs of infrared PNG files, or a bag; with the preset's nominal figures where
                        nothing tells others, and without a scene: measured alone
-  a data set           of 'activestereo generate', or what 'simulate' wrote: the same
+  a data set           of 'activestereo generate', or what 'simulate' wrote: with the cameras that took it
   a folder of those    a list to choose from
 
 The page is at the printed address, whose token nobody can guess; other machines and

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, SPLITS, Capture, CaptureWarning, Frame, Rig
+from activestereo.capture.capture import DEPTH_ENGINE, SIDES, SPLITS, Capture, CaptureWarning, Frame, Rig
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.lens import lens_fields
 from activestereo.common.parameter import MATCHER
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
 # Farther than the engine's own default, because a device's 16 bits of depth reach this far.
 _DEFAULT_MAX_DEPTH_M = 65.0
 _MAX_DISPARITY = next(p for p in MATCHER if p.name == "max_disparity")
-_HINTS = (
-    "max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
-    "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m",
-)  # fmt: skip
 
 
 def expose(
@@ -96,7 +92,7 @@ class DepthModel:
 
 def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
     """Returns simsense's parameters, set by the capture's depth_engine hints that it knows."""
-    known = {name: hints[name] for name in _HINTS if isinstance(hints.get(name), int | float)}
+    known = {name: hints[name] for name in DEPTH_ENGINE if isinstance(hints.get(name), int | float)}
     parameters = {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
     if _MAX_DISPARITY.range is not None:
         least, most = _MAX_DISPARITY.range

@@ -16,7 +16,7 @@ from activestereo.camera.auto_exposure import encoded_rgb
 from activestereo.camera.config_limits import DEPTH_MAPS
 from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.capture.capture import SIDES
+from activestereo.capture.capture import DEPTH_ENGINE, SIDES
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import pixel_rays
 from activestereo.common.nearest import did_you_mean, unknown
@@ -82,7 +82,13 @@ def cameras_json(config: StereoDepthSensorConfig, rgb_to_world: NDArray[np.float
         "baseline_m": config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0]),
         "cameras": cameras,
         "depth": depth,
+        "depth_engine": depth_engine(config),
     }
+
+
+def depth_engine(config: StereoDepthSensorConfig) -> dict[str, Any]:
+    """Returns the matcher's parameters as a capture's depth_engine states them."""
+    return {name: getattr(config, name) for name in DEPTH_ENGINE if hasattr(config, name)}
 
 
 class SensorResults(ABC):

@@ -13,13 +13,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from activestereo.benchmarks.generate.bop import write_head
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import SIDES
+from activestereo.capture.images import write_gray
 from activestereo.common.own_files import outside_allowed, own_file
 from activestereo.effects import builtin
-from activestereo.report.view.library import Library
+from activestereo.report.view.library import Library, pictures_capture
 from activestereo.report.view.routes import Routes, free_name, packed
 from activestereo.report.view.server import ViewServer
 from activestereo.report.view.settings import settings_of
 from activestereo.report.view.simulation import Pictures, Superseded
+from activestereo.sensor.results import cameras_json
 
 
 def unpacked(answer):
@@ -335,3 +340,22 @@ def test_saves_at_one_time_have_names_of_their_own(tmp_path):
     with pytest.raises(OSError), free_name(tmp_path / "other.json"):
         raise OSError("a full disk")
     assert not (tmp_path / "other.json").exists()
+
+
+def test_simulated_pairs_are_shown_with_the_cameras_that_took_them(tmp_path):
+    config = StereoDepthSensorConfig("D415").scaled(0.25)
+    config.ir_distortion = config.ir_distortion_right = (0.1, 0.0, 0.0, 0.0, 0.0)
+    config.max_disparity = 48
+    width, height = config.ir_resolution
+    one, frames = tmp_path / "one", tmp_path / "set" / "train_pbr" / "000000"
+    for path in (*(one / f"ir_{side}.png" for side in SIDES), *(frames / f"ir_{side}" / "0.png" for side in SIDES)):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_gray(path, np.zeros((height, width), np.uint8))
+    (one / "camera.json").write_text(json.dumps(cameras_json(config, np.eye(4))))
+    write_head(tmp_path / "set", [], config, {})
+    for folder in (one, frames):
+        capture = pictures_capture(folder, StereoDepthSensorConfig("D435"))
+        np.testing.assert_allclose(capture.rig.left.K, config.ir_intrinsic)
+        assert tuple(capture.rig.right.distortion) == config.ir_distortion
+        assert capture.rig.baseline_m == pytest.approx(config.focal_baseline_px_m / config.ir_intrinsic[0, 0])
+        assert capture.depth_engine["max_disparity"] == 48 and "nominal" not in capture.name

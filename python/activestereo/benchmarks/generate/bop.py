@@ -41,7 +41,7 @@ from activestereo.common.output_files import (
     write_text,
     written_together,
 )
-from activestereo.sensor.results import camera_info
+from activestereo.sensor.results import camera_info, depth_engine
 
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
@@ -164,7 +164,9 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
         place = {"distortion": list(eye.distortion), "camera_to_rgb": eye.camera_to_rgb.ravel().tolist()}
         sides[f"ir_{side}"] = shape | place
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
-    _write_json(out / "ir_cameras.json", sides | {"baseline_m": baseline_m, "reasons": list(simsense.REASONS)})
+    _write_json(out / "ir_cameras.json", sides | {
+        "baseline_m": baseline_m, "depth_engine": depth_engine(config), "reasons": list(simsense.REASONS),
+    })  # fmt: skip
     models = {}
     for thing in things:
         low, extent = 1000.0 * thing.low_m, 1000.0 * (thing.high_m - thing.low_m)

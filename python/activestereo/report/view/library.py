@@ -14,8 +14,10 @@ import numpy as np
 from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
+from activestereo.capture.capture_json import JsonObject
 from activestereo.capture.images import image_size, read_gray
 from activestereo.capture.importers.realsense_folder import frame_files
+from activestereo.common.limits import SIDE
 from activestereo.common.pose import camera_to_camera
 
 SCENE_ENDINGS = (".gltf", ".glb", ".obj", ".dae", ".stl", ".ply", ".usd", ".usda", ".usdc", ".usdz")
@@ -93,10 +95,23 @@ def is_pictures(folder: Path) -> bool:
 
 
 def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
-    """Returns a capture of all infrared pairs in a folder. config: the camera, resized to the images. Raises ValueError
-    without pairs."""
+    """Returns a capture of all infrared pairs in a folder, with the cameras that simulate's or generate's file there
+    states. config: the camera of other folders, resized to the images. Raises ValueError without pairs."""
     pairs = _pairs(folder)
     size, bits = image_size(pairs[0][0]), 8 * read_gray(pairs[0][0]).dtype.itemsize
+    frames = tuple(
+        Frame(number, *pair, 0.0, config.ir_camera_exposure, np.eye(4), "train") for number, pair in enumerate(pairs)
+    )
+    nowhere = Projector(_NONE, np.eye(3), np.eye(4))
+    folders = (folder, *folder.absolute().parents[:2])  # a data set's file stands two levels up
+    files = [folder / "camera.json", *(parent / "ir_cameras.json" for parent in folders)]
+    if own := next((path for path in files if path.is_file()), None):
+        root = JsonObject.read(own)
+        cameras = root.object("cameras") if root.has("cameras") else root
+        (left, left_to_rgb), (right, right_to_rgb) = (_camera_and_place(cameras.object(side)) for side in SIDES)
+        rig = Rig(left, right, np.linalg.inv(right_to_rgb) @ left_to_rgb, nowhere, bits)
+        title = f"{folder.name}, with the cameras of {own.name}"
+        return Capture(folder, title, _NONE, rig, frames, root.free_form("depth_engine"))
     if size != config.ir_resolution:
         scaled = config.scaled(size[0] / config.ir_resolution[0])
         config = scaled if scaled.ir_resolution == size else config.resized(*size)
@@ -104,12 +119,16 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
         Camera(*size, *(np.array(part) for part in ir_intrinsics(config, is_right))) for is_right in (False, True)
     )
     left_to_right = camera_to_camera(config.trans_pose_l, config.trans_pose_r)
-    rig = Rig(left, right, left_to_right, Projector(_NONE, np.eye(3), np.eye(4)), bits)
-    frames = tuple(
-        Frame(number, *pair, 0.0, config.ir_camera_exposure, np.eye(4), "train") for number, pair in enumerate(pairs)
-    )
+    rig = Rig(left, right, left_to_right, nowhere, bits)
     title = f"{folder.name}, with the nominal figures of the {config.model}"
     return Capture(folder, title, _NONE, rig, frames, {"max_disparity": config.max_disparity})
+
+
+def _camera_and_place(entry: JsonObject) -> tuple[Camera, np.ndarray]:
+    """Reads a camera and its camera_to_rgb."""
+    width, height = entry.integer("width", SIDE), entry.integer("height", SIDE)
+    k = entry.camera_matrix("K" if entry.has("K") else "cam_K")
+    return Camera(width, height, k, entry.lens("distortion")), entry.rigid_transform("camera_to_rgb")
 
 
 def _pairs(folder: Path) -> list[tuple[Path, Path]]:
