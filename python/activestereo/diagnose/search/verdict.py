@@ -43,21 +43,22 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     If none is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
     their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
     Beside other effects the structure must be a small part of the first one, for formulas are not exact. No more error
-    may be left than is explained. Test frames must confirm either case; beside a named effect they count as much as
-    train frames.
+    may be left than is explained, neither on train nor on test frames. Test frames must confirm either case; beside a
+    named effect they count as much as train frames.
     """
     if rest.is_full:
         return float("inf")
-    unconfirmed, is_tested = 0.0, rest.test_left is not None
-    if rest.test_left is not None:
-        unconfirmed = max(rest.test_left, 0.0) / max(rest.test_explained or 0.0, numbers.scene_error)
+    is_tested, test_left = rest.test_left is not None, max(rest.test_left or 0.0, 0.0)
+    test_explained = rest.test_explained or 0.0
+    unconfirmed = test_left / max(test_explained, numbers.scene_error)
     if not is_named or rest.explained - rest.drawn < numbers.least_excess:
         structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
         return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
-    train = max(structure, rest.left / max(rest.explained + rest.drawn, numbers.structure))
-    return max((train + unconfirmed) / 2.0 if is_tested else train, rest.strain / numbers.strain, unconfirmed)
+    train = max(structure, rest.left / max(rest.explained, numbers.structure))
+    beside = (train + unconfirmed) / 2.0 if is_tested else train
+    return max(beside, rest.strain / numbers.strain, test_left / max(test_explained, numbers.structure))
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:
