@@ -55,9 +55,13 @@ def nothing(dn, side, rng):
 
 
 def soft(dn, side, rng):
-    """Both cameras saturate softly: the black level and full scale stay."""
+    """Both cameras saturate softly; black level and full scale stay, but a room takes the bend for a black level."""
     x = np.maximum(dn - BLACK_DN, 0.0) / 255.0
-    return BLACK_DN + 255.0 * 1.4 * x / (1.0 + 0.4 * x)
+    return BLACK_DN + 255.0 * 2.2 * x / (1.0 + 1.2 * x)
+
+
+def glare(dn, side, rng):
+    return dn + 0.12 * (dn.mean() - dn)
 
 
 def pedestal(dn, side, rng):
@@ -148,9 +152,12 @@ def test_a_camera_that_lacks_nothing_is_told_so_and_what_would_tell_more(capture
     assert sum(result["probabilities"]["named"].values()) + result["probabilities"]["none"] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("change, also", [(nothing, []), (soft, ["response_gamma"]), (pedestal, ["black_level"])])
+@pytest.mark.parametrize(
+    "change, also",
+    [(nothing, []), (soft, ["response_gamma"]), (glare, ["veiling_glare"]), (pedestal, ["black_level"])],
+)
 def test_a_good_session_of_the_same_views_tells_what_one_alone_leaves_open(capture_with, change, also):
-    """Alone, a room takes for its own light whatever changes all of its images alike."""
+    """Alone, a room takes for its own light and black level whatever changes all of its images alike."""
     result = diagnose(capture_with(change), reference=[capture_with(again)]).result
     assert result["added"] == ["vignetting", *also]
 

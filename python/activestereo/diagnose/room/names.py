@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names the effects that a measured room shows. The likeliest is named if it exceeds the differences between sessions
-of one good unit, then the next one beside it."""
+of one good unit, then the next one beside it that is no twin of the first."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     ranking: tuple[Found, ...] = ()
     known = known_of(scores, spread)
     while len(named) < _MOST_NAMES:
-        before = {n.found.effect.id for n in named} | {f.effect.id for f in rows}
+        before = {member for n in named for member in n.members} | {f.effect.id for f in rows}
         found = [*(f for f in judged(scores, known, LOOKED, NEEDED) if f.effect.id not in before), *rows]
         found.sort(key=lambda f: -f.nats)
         ranking = ranking or tuple(found)
@@ -104,7 +104,9 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         own = {c.name for c in scores.columns if c.effect is best.effect}
         glare = glare_of(best, seen)
         if glare is not None:
-            best, members = glare, {glare.effect.id: 0.5, best.effect.id: 0.5}
+            half = 0.5 * members.pop(best.effect.id)
+            members = {glare.effect.id: half + members.pop(glare.effect.id, 0.0), best.effect.id: half, **members}
+            best = glare
             own |= {c.name for c in scores.columns if c.effect is best.effect}
         named.append(Named(best, members))
         known = {name: deviation for name, deviation in known.items() if name not in own}

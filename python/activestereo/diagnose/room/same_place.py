@@ -22,11 +22,12 @@ _SAME_TURN_RAD, _SAME_PLACE_M, _LEAST_SHARED = 0.05, 0.05, 0.05
 
 
 class RoomBeside(Room):
-    """A Room whose further views are those of a good session. good_to_world: 4x4, from that session's frame to the
-    room's. scale: factor on its exposures."""
+    """A Room whose further views are those of a good session. capture: the good session's, since a flaw in the camera
+    under test, such as a soft response, is in that one's black level and falloff. good_to_world: 4x4, from the good
+    session's frame to the room's. scale: factor on its exposures."""
 
     def __init__(self, room: Room, good: Room, good_to_world: NDArray[np.float64], scale: float = 1.0) -> None:
-        self.capture, self.rig, self.frames = room.capture, room.rig, [*room.frames, *good.frames]
+        self.capture, self.rig, self.frames = good.capture, room.rig, [*room.frames, *good.frames]
         self._room, self._good, self._good_to_world, self.judged = room, good, good_to_world, room.views
         further = [replace(i, view=i.view + room.views, exposure=scale * i.exposure) for i in good.images]
         self.images, self._places = [*room.images, *further], {}
@@ -53,7 +54,7 @@ def room_beside(room: Room, good: Room) -> RoomBeside | None:
     there = both.places(0, 2 * room.views)
     if there.seen.mean() < _LEAST_SHARED:
         return None
-    black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
+    black = good.capture.rig.black_dn[0] if good.capture.rig.black_dn else 0.0
     lit = [np.maximum(image[there.seen] - black, 1.0) for image in (room.images[0].dn, there.read(good.images[0].dn))]
     return RoomBeside(room, good, to_world, float(np.median(lit[1] / lit[0])))
 
