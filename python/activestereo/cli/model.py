@@ -8,7 +8,7 @@ from pathlib import Path
 from activestereo.cli.arguments import add_shared, integer_from, make_folder, names_of, print_json
 from activestereo.report.screen import wrapped_lines
 
-EXPORTS = ("isaac", "gazebo", "mujoco_ros2_control", "elevation_mapping", "open3d")
+EXPORTS = ("isaac", "gazebo", "elevation_mapping")
 
 _TEXT = """\
 A sensor model (model.json) in words, and in what other simulators have.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements the noise models of five simulators, each with the text of its file."""
+"""Implements the noise models of three systems, each with the text of its file."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.benchmarks.noise_profiles.profile import Profile, Views, clipped
-from activestereo.sensor.rival_noise import IsaacSettings, gaussian, isaac, redwood
-
-_FOCAL_BASELINE_PX_M = 35.13
-_CELLS, _CELL_PX, _PLANES, _SEEN = 80, 8, 5, 8000
+from activestereo.sensor.rival_noise import IsaacSettings, isaac
 
 
 @dataclass(frozen=True)
@@ -138,54 +135,6 @@ class Gazebo(Profile):
 
 
 @dataclass(frozen=True)
-class MujocoRos2Control(Profile):
-    """The noise model of mujoco_ros2_control's depth camera, written as a <ros2_control> sensor of a URDF.
-
-    The model is that of ros-controls/mujoco_ros2_control#303: NaN outside of a range, sigma(z) = z^2 subpixel / (fx
-    baseline) and a share of pixels that drop out. depth_min_range and depth_max_range are the pull request's names; the
-    other three follow its description. Compare them after its merge.
-
-    The defaults are a D435i's data sheet without drop-outs.
-    """
-
-    FILE = "mujoco_ros2_control.urdf"
-    LACKS = (
-        "bias, and steps of disparity",
-        "where holes are: drop-outs are spread evenly, not at edges, dark or glossy surfaces",
-        "errors that neighbours share",
-    )
-    FITTED: ClassVar = {"subpixel_px": (0.0, 1.5, 0.2), "dropout": (0.0, 0.5, 0.1)}
-
-    subpixel_px: float = 0.08
-    dropout: float = 0.0
-    near_m: float = 0.28
-    far_m: float = 10.0
-
-    @classmethod
-    def known(cls, views: Views) -> MujocoRos2Control:
-        return cls(near_m=views.near_m, far_m=views.far_m)
-
-    def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
-        noisy = gaussian(views.truth_m, self.subpixel_px / views.focal_baseline_px_m, random)
-        is_kept = random.random(views.truth_m.shape, np.float32) >= self.dropout
-        return np.where(is_kept, clipped(views.truth_m, noisy, self.near_m, self.far_m), np.float32(0.0))
-
-    def file_text(self, views: Views) -> str:
-        values = {
-            "depth_min_range": self.near_m,
-            "depth_max_range": self.far_m,
-            "depth_subpixel": self.subpixel_px,
-            "depth_baseline": views.baseline_m,
-            "depth_dropout": self.dropout,
-        }
-        lines = [f'    <param name="{name}">{value:.6g}</param>' for name, value in values.items()]
-        head = (
-            '<robot name="depth_camera">\n  <ros2_control name="MujocoSystem" type="system">\n  <sensor name="camera">'
-        )
-        return "\n".join([head, *lines, "  </sensor>\n  </ros2_control>\n</robot>\n"])
-
-
-@dataclass(frozen=True)
 class ElevationMapping(Profile):
     """elevation_mapping's variances of a depth camera's points, written as its YAML file.
 
@@ -233,64 +182,8 @@ class ElevationMapping(Profile):
         return "\n".join(["sensor_processor/type: structured_light", *lines, ""])
 
 
-@dataclass(frozen=True)
-class Open3D(Profile):
-    """Open3D's DepthNoiseSimulator, written as its file of a distortion model.
-
-    The file is that of Redwood's simdepth.py (Choi, Zhou and Koltun, CVPR 2015; Teichman et al., RSS 2013), as Open3D
-    reads it (t::io::DepthNoiseSimulator): five skipped lines, then a row of 23 numbers for each cell of 8 x 6 pixels of
-    a 640x480 image. Three are not read; five are counts, and a cell is blind if all are below 8000; ten are not read;
-    the last are divisors of depth at 1, 3, 5, 7 and 9 m. The noise is fixed: 1/36 px in steps of 1/8 px of a camera
-    with 35.13 px m. Depths in another unit have more of it, so depth_scale, simulate()'s argument, sets its size.
-
-    zoom: factor from our depth to its depth. bias_px: offset of its disparities, the same in all cells. blind_cells:
-    columns of cells at the left edge that give no depth.
-    """
-
-    FILE = "open3d.txt"
-    LACKS = (
-        "images of other sizes than 640x480",
-        "noise and steps by themselves: both grow with depth_scale",
-        "holes, other than cells of 8x6 pixels that never measure",
-        "errors that neighbours share, but for pairs of pixels",
-    )
-    FITTED: ClassVar = {"zoom": (0.2, 20.0, 3.0), "bias_px": (-0.5, 0.5, 0.0)}
-
-    zoom: float = 1.0
-    bias_px: float = 0.0
-    blind_cells: int = 0
-
-    @classmethod
-    def known(cls, views: Views) -> Open3D:
-        is_there = (views.truth_m >= views.near_m) & (views.truth_m <= views.far_m)
-        holes = 1.0 - (is_there & (views.found_m > 0)).sum(axis=(0, 1)) / np.maximum(is_there.sum(axis=(0, 1)), 1)
-        cells = holes[: holes.size // _CELLS * _CELLS].reshape(_CELLS, -1).mean(axis=1) > 0.5
-        return cls(blind_cells=int(np.argmin(cells)))
-
-    def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
-        inner = views.truth_m * np.float32(self.zoom)
-        factor = 1.0 + self.bias_px * inner / _FOCAL_BASELINE_PX_M
-        inner = (inner / np.maximum(factor, 0.1)).astype(np.float32)
-        depth = redwood(inner, _FOCAL_BASELINE_PX_M, random, farthest_m=np.inf) / np.float32(self.zoom)
-        depth[..., : self.blind_cells * views.truth_m.shape[2] // _CELLS] = 0.0
-        return depth
-
-    def file_text(self, views: Views) -> str:
-        factors = 1.0 + self.bias_px * (2.0 * np.arange(_PLANES) + 1.0) / _FOCAL_BASELINE_PX_M
-        head = [
-            f"% simulate(image, depth_scale={1000.0 / self.zoom:.6g}) of 16-bit depth in millimetres",
-            *("%" for _ in range(4)),
-        ]
-        divisors = [f"{factor:.6f}" for factor in factors]
-        seen = [str(0 if column < self.blind_cells else _SEEN) for column in range(_CELLS)]
-        rows = [" ".join(["0 0 0", *[own] * _PLANES, *["0"] * 10, *divisors]) for _ in range(_CELLS) for own in seen]
-        return "\n".join([*head, *rows, ""])
-
-
 PROFILES: dict[str, type[Profile]] = {
     "isaac": Isaac,
     "gazebo": Gazebo,
-    "mujoco_ros2_control": MujocoRos2Control,
     "elevation_mapping": ElevationMapping,
-    "open3d": Open3D,
 }
