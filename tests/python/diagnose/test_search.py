@@ -100,6 +100,7 @@ def fitted(name, chi2):
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.1), True, True, EFFECT),
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.3), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.1, test_left=0.13), True, True, UNKNOWN),
+        (Remainder(0.38, 0.13, 0.09, 0.43, test_explained=0.64, test_left=0.44), True, True, UNKNOWN),
         (Remainder(0.34, 0.36, 0.01, 0.1, drawn=0.07), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, strain=5.0), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, is_full=True), True, True, UNKNOWN),

@@ -44,7 +44,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
     Beside other effects the structure must be a small part of the first one, for formulas are not exact. No more error
     may be left than is explained, neither on train nor on test frames. Test frames must confirm either case; beside a
-    named effect they count as much as train frames.
+    named effect they count twice as much as train frames.
     """
     if rest.is_full:
         return float("inf")
@@ -57,7 +57,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
     train = max(structure, rest.left / max(rest.explained, numbers.structure))
-    beside = (train + unconfirmed) / 2.0 if is_tested else train
+    beside = train / 2.0 + unconfirmed if is_tested else train
     return max(beside, rest.strain / numbers.strain, test_left / max(test_explained, numbers.structure))
 
 
