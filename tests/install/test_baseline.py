@@ -15,10 +15,7 @@ BUILD = pathlib.Path(os.environ.get("ACTIVESTEREO_BUILD", ROOT / "build"))
 FROZEN = ROOT / "tests/capi/baseline"
 TODAY = {name: ROOT / "capi/include" for name in ("ks/effect.h", "kuafu/kuafu.h", "simsense/simsense.h")}
 # Names of the source, not of what was compiled.
-RENAMED = {
-    "ks_buffer_create": "ks_buffer_create_desc",
-    "KS_TYPE_BUFFER_CREATE": "KS_TYPE_BUFFER_CREATE_DESC",
-}
+RENAMED = {"ks_buffer_create": "ks_buffer_create_desc", "KS_TYPE_BUFFER_CREATE": "KS_TYPE_BUFFER_CREATE_DESC"}
 MAY_GROW = {"SIMSENSE_FAULTS_PUBLISHED"}
 
 baselines = pytest.mark.parametrize("baseline", sorted(FROZEN.glob("*.h")), ids=lambda path: path.stem)

@@ -133,9 +133,7 @@ def tangential_distortion(light: Light, view: View, size: float, direction_rad: 
     sine and cosine."""
     p1, p2 = size * np.sin(direction_rad), size * np.cos(direction_rad)
     return _bent(
-        light,
-        view,
-        lambda x, y, r2: (2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y),
+        light, view, lambda x, y, r2: (2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
     )
 
 

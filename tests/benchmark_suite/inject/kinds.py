@@ -96,15 +96,7 @@ KINDS: dict[str, Kind] = {
         in_dn=True,
     ),
     "row_noise": Kind(
-        effects.row_noise,
-        "sigma_dn",
-        "DN",
-        (0.3, 0.8, 2.0),
-        0.0,
-        30.0,
-        ("row_noise",),
-        behind_noise=True,
-        in_dn=True,
+        effects.row_noise, "sigma_dn", "DN", (0.3, 0.8, 2.0), 0.0, 30.0, ("row_noise",), behind_noise=True, in_dn=True
     ),
     "dead_dots": Kind(effects.dead_dots, "share", "1", (0.02, 0.06, 0.15), 0.0, 0.9, ("dot_gain_spread",)),
     "vignetting": Kind(effects.vignetting, "exponent", "1", (0.4, 1.2, 3.0), -8.0, 8.0, ("vignetting",)),

@@ -130,10 +130,7 @@ def test_rounding_of_a_poses_last_row_is_taken_away(folder):
 
 
 def test_every_number_has_a_finite_range(folder):
-    edit(
-        folder,
-        lambda root: root.update(lights=[{"name": "lamp", "position_m": [0, 0, 0], "radius_m": 0.1}]),
-    )
+    edit(folder, lambda root: root.update(lights=[{"name": "lamp", "position_m": [0, 0, 0], "radius_m": 0.1}]))
     edit(folder, lambda root: root["rig"]["readout"].update(line_time_s=1e-5))
     edit(folder, lambda root: root["frames"][0].update(ambient=1.0, temperature_c=20.0, depth_scale=0.001))
     text, tried = (folder / "capture.json").read_text(), set()

@@ -14,16 +14,7 @@ from activestereo.cli import main
 from activestereo.effects import builtin
 from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
-from activestereo.model import (
-    Imager,
-    Pattern,
-    Quantity,
-    Rig,
-    SensorModel,
-    model_json,
-    read_model,
-    write_model,
-)
+from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel, model_json, read_model, write_model
 from activestereo.model.words import diff, show
 
 EFFECTS = builtin()

@@ -213,13 +213,7 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
     to_right[0, 3], to_projector[:2, 3] = -0.06, (-0.02, 0.01)
     model = SensorModel(
         rig=Rig(
-            Camera(320, 180, k),
-            Camera(320, 180, k),
-            to_right,
-            to_projector,
-            bit_depth=10,
-            exposure_s=0.004,
-            gain=2.0,
+            Camera(320, 180, k), Camera(320, 180, k), to_right, to_projector, bit_depth=10, exposure_s=0.004, gain=2.0
         ),
         imager=Imager(Quantity(0.25 + 1 / 12), Quantity(0.01), Quantity(0.002)),
         nuisances={"projector_scale": Quantity(60000.0), "black_dn": Quantity(7.0)},

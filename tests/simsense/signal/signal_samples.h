@@ -2,7 +2,11 @@
 // The imager as its tests use it: flat fields and plain statistics.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "cpu/signal/imager.h"
@@ -84,6 +88,43 @@ inline std::vector<std::pair<const char*, simsense_signal>> every_stage() {
   everything.gain = 16;
   all.emplace_back("everything", everything);
   return all;
+}
+
+inline std::vector<float> ramp(size_t pixels) {
+  std::vector<float> image(pixels);
+  for (size_t i = 0; i < pixels; ++i) image[i] = static_cast<float>((i * 37) % 251);
+  return image;
+}
+
+/// A third of the light, more than all of it, none.
+inline std::vector<float> laser_part(std::vector<float> light) {
+  for (size_t i = 0; i < light.size(); ++i) light[i] *= i % 3 == 0 ? 1.0f / 3 : i % 3 == 1 ? 1.5f : 0.0f;
+  return light;
+}
+
+/// Float against double: a count changes where a value lies within rounding of a half, or a Poisson expansion misses by an electron.
+inline void expect_equal_but_for_rounding(const std::vector<double>& found, const std::vector<uint16_t>& exact, const char* name) {
+  size_t different = 0;
+  double worst = 0;
+  for (size_t i = 0; i < found.size(); ++i) {
+    different += found[i] != exact[i];
+    worst = std::max(worst, std::abs(found[i] - exact[i]));
+  }
+  EXPECT_LE(worst, 1) << name;
+  EXPECT_LE(static_cast<double>(different), 1e-3 * static_cast<double>(found.size())) << name;
+}
+
+inline const float infinite = std::numeric_limits<float>::infinity();
+inline const std::vector<float> wild{-infinite, -1e38f, -1, 0, 1e-40f, 1e38f, infinite, std::numeric_limits<float>::quiet_NaN()};
+
+/// Counts of `wild` under a signal of every_stage().
+inline void expect_in_range(const std::vector<double>& counts, const char* name, const simsense_signal& signal) {
+  const double full = std::pow(2.0, signal.bit_depth) - 1;
+  EXPECT_LE(counts[0], 0.2 * full) << name;
+  EXPECT_LE(counts[7], 0.2 * full) << name;
+  if (signal.full_well_e == 0) {
+    EXPECT_EQ(counts[6], full) << name;
+  }
 }
 
 struct Moments {
