@@ -4,13 +4,15 @@
 
     PYTHONPATH=build/python /usr/bin/python3 tests/bench/bench_gbuffer.py --seeds 1:41
 
-Differences of disparity are medians over what both measure. Each is divided by what two traced pictures of the same
-light with other noise have, and of these ratios the median over all worlds is printed, with the tenth and the ninetieth
-percentile. holes: intersection over union; truth: the error to the true disparity, over the traced picture's own.
+The reference is the mean of two pictures that are traced with other samples. Differences of disparity are medians over
+what both measure; the squared share of the reference's samples, a quarter of what they part two pictures by, is taken
+from their squares. Each is divided by what noise alone parts two results of the reference's light by, so that a picture
+of the true light is at 1; of these ratios the median over all worlds is printed, with the tenth and the ninetieth
+percentile. holes: intersection over union; truth: the error to the true disparity, over the reference's own.
 systematic: px on matt things, the imagers' noise switched off. seen: 'left' has the left camera's images alone, 'all'
-also the right camera's and the projector's; 'traced again' is a traced picture with other samples and other noise,
-beside which nothing can be expected to be better. Afterwards both take --environments pictures of 128x128 in turns, the
-tracer with 4 samples; the least of the rounds counts for each. 'on the device' has images there and leaves depth there.
+also the right camera's and the projector's; 'samples' are the two pictures themselves, with their samples' share.
+Afterwards both take --environments pictures of 128x128 in turns, the tracer with 4 samples; the least of the rounds
+counts for each. 'on the device' has images there and leaves depth there.
 """
 
 from __future__ import annotations
@@ -41,36 +43,38 @@ def compared(seed: int, scale: float, samples: int, device: str | int) -> dict[s
     """{seen: {measure: ratio}} of one world."""
     config = StereoDepthSensorConfig("D435").scaled(scale)
     config.samples_per_pixel = samples
-    world = World.draw(seed, device)
-    with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
-        sensor.take_picture(infrared_only=True)
-        sensor.compute_depth()
-        traced = sensor.get_disparity().copy()
-        light = [image.copy() for image in sensor._engine.picture().link.images()]
-        lasers = [image.copy() for image in sensor._engine.picture().link.laser().images()]
-        again = sensor.compute_depth_from(*light, *lasers, frame_index=_OTHER_NOISE)["disparity"]
-        quiet = _without_noise(sensor, light, lasers)
-        left, right = (world.gbuffers(sensor, side) for side in ("left", "right"))
-        projector = _seen_by_projector(world, sensor)
+    world, pictures = World.draw(seed, device), []
+    for _ in range(2):
+        config.render_seed += 1
+        with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
+            sensor.take_picture(infrared_only=True)
+            link = sensor._engine.picture().link
+            pictures.append([image.copy() for image in (*link.images(), *link.laser().images())])
+            if len(pictures) == 1:
+                continue
+            mean = [(one + other) / 2 for one, other in zip(*pictures, strict=True)]
+            traced, again, *apart = (
+                sensor.compute_depth_from(*light, frame_index=_OTHER_NOISE + n)["disparity"]
+                for n, light in enumerate((mean, mean, *pictures))
+            )
+            quiet = _without_noise(sensor, mean[:2], mean[2:])
+            left, right = (world.gbuffers(sensor, side) for side in ("left", "right"))
+            projector = _seen_by_projector(world, sensor)
     kind, pixels = world.kind_of(left), left["depth"] > 0
     truth = np.divide(config.focal_baseline_px_m, left["depth"], where=pixels, out=np.zeros_like(left["depth"]))
     silent = StereoDepthSensorConfig("D435").scaled(scale)
     silent.ir_signal = dict(silent.ir_signal) | _NO_NOISE
-    config.render_seed += 1
-    with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
-        sensor.take_picture(infrared_only=True)
-        light = [image.copy() for image in sensor._engine.picture().link.images()]
-        lasers = [image.copy() for image in sensor._engine.picture().link.laser().images()]
-        taken = sensor.compute_depth_from(*light, *lasers, frame_index=_OTHER_NOISE)["disparity"]
-    found = {"traced again": _ratios(taken, traced, again, truth, kind)}
+    found = {
+        "samples": {name: _apart(*apart, kind == n) / _apart(again, traced, kind == n) for n, name in enumerate(KINDS)}
+    }
     for seen, more in (("left", {}), ("all", {"right": right, "projector": projector})):
         own = {"ambient": config.ir_ambient_radiance + world.room_w_per_sr_m2, **left, **more}
         sensors = (GBufferStereo(c, materials=world.materials(), device=device) for c in (config, silent))
         taken, still = (sensor(**own, outputs=("disparity",))["disparity"][0] for sensor in sensors)
-        found[seen] = _ratios(taken, traced, again, truth, kind)
+        found[seen] = _ratios(taken, traced, again, apart, truth, kind)
         both = (still > 0) & (quiet > 0) & (kind == 0)
         found[seen]["systematic, px"] = float(np.median(np.abs(still - quiet)[both]))
-    return found
+    return {seen: {name: ratio for name, ratio in of.items() if np.isfinite(ratio)} for seen, of in found.items()}
 
 
 def _without_noise(sensor: StereoDepthSensor, light: list[Image], lasers: list[Image]) -> Image:
@@ -88,17 +92,25 @@ def _seen_by_projector(world: World, sensor: StereoDepthSensor) -> Image:
         return beside.get_picture("depth", "left")[..., 0]
 
 
-def _ratios(taken: Image, traced: Image, again: Image, truth: Image, kind: Image) -> dict[str, float]:
+def _ratios(
+    taken: Image, traced: Image, again: Image, apart: list[Image], truth: Image, kind: Image
+) -> dict[str, float]:
     here = kind >= 0
     holes = [(image <= 0) & here for image in (taken, traced, again)]
     out = {"holes": _iou(holes[0], holes[1]) / _iou(holes[2], holes[1])}
     for number, name in enumerate(KINDS):
-        both = (kind == number) & (taken > 0) & (traced > 0) & (again > 0)
-        if both.sum() >= _LEAST_PX:
-            out[name] = float(np.median(np.abs(taken - traced)[both]) / np.median(np.abs(again - traced)[both]))
+        own, noise, both = (_apart(*pair, kind == number) for pair in ((taken, traced), (again, traced), apart))
+        of_samples = max(both**2 - noise**2, 0.0) / 4  # of the mean of two pictures
+        out[name] = max(own**2 - of_samples, 0.0) ** 0.5 / noise
     both = here & (taken > 0) & (traced > 0)
     out["truth"] = float(np.median(np.abs(taken - truth)[both]) / np.median(np.abs(traced - truth)[both]))
     return out
+
+
+def _apart(one: Image, other: Image, where: Image) -> float:
+    """px; NaN where too few pixels are measured for a median."""
+    both = where & (one > 0) & (other > 0)
+    return float(np.median(np.abs(one - other)[both])) if both.sum() >= _LEAST_PX else float("nan")
 
 
 def _iou(a: Image, b: Image) -> float:
