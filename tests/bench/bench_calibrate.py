@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of `activestereo calibrate` and `overlay`, counted.
+"""Figures of `activestereo calibrate`, counted.
 
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py models [--draws 20]
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py wall [--scale 0.5] [--spp 256]
-    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py overlay SCENE.gltf
 
 models: how often `calibrate noise` names the noise model that frames were drawn from, shot noise and gamma noise in
 turns, with drawn parameters; asked: 19 of 20. wall: walls that kuafu renders are measured by `calibrate pattern` and
-rendered again from the same pose through the model; the residual of a frame over its noise floor, asked: 1.2. overlay:
-pictures a second that `activestereo overlay` blends where the camera stands still and where it moves, asked: 10.
+rendered again from the same pose through the model; the residual of a frame over its noise floor, asked: 1.2.
 """
 
 from __future__ import annotations
@@ -28,8 +26,6 @@ from activestereo.calibrate.noise import calibrate_noise
 from activestereo.calibrate.noise_fit import GammaModel, ShotModel
 from activestereo.calibrate.pattern import calibrate_pattern
 from activestereo.capture.capture import Capture, read_capture
-from activestereo.report.overlay import Overlay
-from activestereo.common.pose import look_at
 from activestereo.model.diagnosed import calibrated
 
 SIZE = (40, 64)
@@ -116,28 +112,9 @@ def walls(scale: float, spp: int, repeats: int, border_px: int) -> None:
         print(f"| {distance} m | {floor:.2f} | {frame:.2f} | {frame / floor:.2f} | {model:.2f} | {100 * worst:.0f} % |")
 
 
-def overlay_rates(scene: Path) -> None:
-    overlay = Overlay(scene)
-    print("| picture | camera stands still | moves |\n|--|--|--|")
-    for width, height in ((848, 480), (1280, 720)):
-        picture = np.zeros((height, width, 3), np.uint8)
-        K = np.array([[0.5 * width, 0, 0.5 * width], [0, 0.5 * width, 0.5 * height], [0, 0, 1.0]])
-        rates = []
-        for step_m, count in ((0.0, 100), (0.001, 30)):
-            pose = look_at(eye=(0.4, 0.5, 0.6), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0))
-            overlay.blend(picture, K, pose)
-            begin = time.perf_counter()
-            for _ in range(count):
-                pose[0, 3] += step_m
-                overlay.blend(picture, K, pose)
-            rates.append(count / (time.perf_counter() - begin))
-        print(f"| {width}x{height} | {rates[0]:.0f} /s | {rates[1]:.0f} /s |")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("figure", choices=("models", "wall", "overlay"))
-    parser.add_argument("scene", nargs="?", type=Path, help="glTF file, of overlay")
+    parser.add_argument("figure", choices=("models", "wall"))
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--scale", type=float, default=0.5, help="of 848x480")
     parser.add_argument("--spp", type=int, default=256)
@@ -147,8 +124,6 @@ def main() -> None:
     if args.figure == "models":
         models(args.draws, with_dark=True)
         models(args.draws, with_dark=False)
-    elif args.figure == "overlay":
-        overlay_rates(args.scene or parser.error("overlay needs a SCENE"))
     else:
         walls(args.scale, args.spp, args.repeats, args.border)
 

@@ -76,14 +76,13 @@ def calibrate_materials(
     path: Path,
     object_name: str,
     seed: int = 0,
-    full_grid: bool = False,
     device: str = "auto",
     model: SensorModel | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Materials:
-    """Measures the materials of an object in the capture at `path`. full_grid: renders all candidates of the wide
-    search with the most samples. model: a known rig and pattern in place of the capture's. Raises ValueError with the
-    fault: no such object, a part without material, two surfaces of one name, out of view, no infrared image."""
+    """Measures the materials of an object in the capture at `path`. model: a known rig and pattern in place of the
+    capture's. Raises ValueError with the fault: no such object, a part without material, two surfaces of one name, out
+    of view, no infrared image."""
     capture = read_capture(path)
     if model is not None:
         capture = calibrated(capture, model)
@@ -99,7 +98,7 @@ def calibrate_materials(
     fit = MaterialFit(scene, seen, surfaces, seed)
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
-    ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
+    ranked = _wide(fit, nominal, seed, part_of(tell, 0.0, 0.5))
     scenes_own = fit.with_colors(nominal, _FINE_SAMPLES)
     # The best candidate with another roughness than the first one's, or the second one if all have the same.
     rough = np.array([name == "roughness" for _, name in fit.parameters])
@@ -143,7 +142,7 @@ def calibrate_materials(
 
 
 def _wide(
-    fit: MaterialFit, nominal: NDArray[np.float64], seed: int, full_grid: bool, tell: Callable[[float], object]
+    fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Callable[[float], object]
 ) -> list[NDArray[np.float64]]:
     """Searches the whole range of the parameters by successive halving. Returns the best candidates, best first."""
     searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
@@ -155,9 +154,8 @@ def _wide(
     spread = np.tile(nominal, (_CANDIDATES, 1))
     spread[:, searched] = fit.low[searched] + unit * (fit.high - fit.low)[searched]
     candidates = [nominal, *spread]
-    rounds = (_SAMPLES[-1],) if full_grid else _SAMPLES
-    total, done = sum(len(candidates) // _KEEP**k * s for k, s in enumerate(rounds)), 0
-    for number, samples in enumerate(rounds):
+    total, done = sum(len(candidates) // _KEEP**k * s for k, s in enumerate(_SAMPLES)), 0
+    for number, samples in enumerate(_SAMPLES):
         losses = []
         for k, candidate in enumerate(candidates):
             theta = candidates[k] = fit.with_colors(candidate, samples)
@@ -165,6 +163,6 @@ def _wide(
             done += samples
             tell(min(done / total, 1.0))
         order = np.argsort(losses)
-        keep = len(candidates) if number == len(rounds) - 1 else max(_LEAST_KEPT, len(candidates) // _KEEP)
+        keep = len(candidates) if number == len(_SAMPLES) - 1 else max(_LEAST_KEPT, len(candidates) // _KEEP)
         candidates = [candidates[k] for k in order[:keep]]
     return candidates

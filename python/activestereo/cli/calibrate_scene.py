@@ -50,7 +50,6 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     add("capture", type=Path, metavar="CAPTURE", help="capture whose scene has the object at its place")
     add("--object", required=True, metavar="NAME", help="the object's name in the scene")
     add("-o", "--out", required=True, type=Path, metavar="FILE", help="model.json; other sections stay as they are")
-    add("--full-grid", action="store_true", help="render every candidate of the wide search in full, to check it")
     add_shared(materials, device=True, seed="same seed, same result", json=True, verbose="each material's fields")
     materials.set_defaults(run=_run_materials)
 
@@ -83,7 +82,7 @@ def _run_materials(args: argparse.Namespace) -> None:
     check_out_file(args.out)
     with ProgressBar(f"materials of {args.object}") as bar:
         model = read_model(args.out) if args.out.is_file() else None
-        found = calibrate_materials(args.capture, args.object, args.seed, args.full_grid, args.device, model, bar)
+        found = calibrate_materials(args.capture, args.object, args.seed, args.device, model, bar)
     replace_sections(args.out, found.model())
     folder = args.out.with_suffix("")
     next_step = command("compare", args.capture, "--model", args.out, *carried(args, "seed", "device"), "-o", folder)

@@ -37,9 +37,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "look for settings: most fill at the same noise, least noise at the same fill, or least error beside "
     text += "--truth; writes them for the camera"
     add("--search", nargs=2, metavar=("fill|noise|truth", "FILE.json"), help=text)
-    text = "16-bit depth of the same pairs, by name in order of the pairs: a folder of PNG files"
+    text = "16-bit depth of the same pairs in millimetres, by name in order of the pairs: a folder of PNG files"
     add("--truth", type=Path, metavar="DIR", help=text)
-    add("--truth-scale", type=float, default=0.001, metavar="M", help="metres per unit of it (default: 0.001)")
     text = "the camera whose matcher and nominal figures are taken (default: d415)"
     add("--sensor", default="d415", metavar="NAME", help=text)
 
@@ -241,7 +240,7 @@ def _truths(
         raise CommandError(f"--truth {args.truth}: has {len(files)} PNG files, the recording {chosen[-1] + 1} pairs")
     out = []
     for place in chosen:
-        depth_m = args.truth_scale * read_gray(files[place], (shape[1], shape[0]), "truth").astype(np.float64)
+        depth_m = 0.001 * read_gray(files[place], (shape[1], shape[0]), "truth").astype(np.float64)
         with np.errstate(divide="ignore"):
             disparity = cameras.focal_baseline_px_m / depth_m - cameras.offset_px
         out.append(np.where(depth_m > 0, disparity, np.nan).astype(np.float32))

@@ -28,7 +28,7 @@ The exit status is 0 where all is well, else 1.
 # {optional module: the package's extra that installs it}
 PACKAGES = {
     "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
-    "pyrealsense2": "live", "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "onnxruntime": "onnx",
+    "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "onnxruntime": "onnx",
     "lerobot": "lerobot", "h5py": "resense", "argcomplete": "completion",
 }  # fmt: skip
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, carried, make_folder, share, size
+from activestereo.cli.arguments import CommandError, Commands, add_shared, carried, make_folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,28 +18,23 @@ if TYPE_CHECKING:
 
 _TEXT = """\
 Lays a scene over the pictures of a real camera: contours of what is rendered in
-orange, and with --blend the surfaces themselves, lit from the camera, so that the eye
-sees whether things stand where the scene says. SOURCE is a capture (all its poses),
-one PNG file, a folder of PNG files, or live: a connected D4xx (needs: pip install
-pyrealsense2).
+orange, so that the eye sees whether things stand where the scene says. SOURCE is a
+capture (all its poses), one PNG file, or a folder of PNG files.
 
-Of files and of a live camera the scene's first camera says from where they look. In
-a window (q ends it) the scene is rendered once for each pose, so that a live picture
-keeps the camera's rate; with --out pictures are saved instead.
+Of files the scene's first camera says from where they look. The pictures are shown
+in a window (q ends it), or saved with --out.
 
 examples:
   activestereo overlay captures/desk --scene desk.gltf --out out/overlay
-  activestereo overlay live --scene desk.gltf --blend 0.5
+  activestereo overlay picture.png --scene desk.gltf
 """
 
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser("overlay", help="lay the rendered scene over a camera's pictures", description=_TEXT)
-    parser.add_argument("source", type=Path, metavar="SOURCE", help="capture, PNG file, folder of PNG files, or live")
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="capture, PNG file, or folder of PNG files")
     parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene (default: the capture's own)")
-    parser.add_argument("--blend", type=share, default=0.0, metavar="SHARE", help="of the surfaces, 0 to 1 (0)")
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="folder for PNG files; without it a window opens")
-    parser.add_argument("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera (848x480)")
     add_shared(parser, device=True)
     parser.set_defaults(run=_run)
 
@@ -51,15 +46,13 @@ def _run(args: argparse.Namespace) -> None:
 
     is_capture = (args.source / "capture.json").is_file() or args.source.name == "capture.json"
     if args.scene is None and not is_capture:
-        raise CommandError("--scene is needed for files and a live camera")
+        raise CommandError("--scene is needed for files")
     pictures = _of_capture(args) if is_capture else _of_files(args)
     if args.out is None:
         if not can_show_windows():
             raise CommandError("no window can be opened here: save the pictures by --out DIR")
         show_window(picture for _, picture in pictures)
         return
-    if str(args.source) == "live":
-        raise CommandError("live: a window shows it: leave --out away")
     make_folder(args.out)
     names = []
     for name, picture in pictures:
@@ -82,7 +75,7 @@ def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint
 
     capture = read_capture(args.source)
     rig, poses = capture.rig, dict[bytes, list[Frame]]()
-    overlay = Overlay(args.scene or capture.scene_path, args.device, args.blend)
+    overlay = Overlay(args.scene or capture.scene_path, args.device)
     for frame in capture.frames:
         poses.setdefault(np.round(frame.camera_to_world, 7).tobytes(), []).append(frame)
 
@@ -92,7 +85,7 @@ def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint
         else:
             image = np.mean([capture.ir(f, which) for f in frames], axis=0)[..., None] / rig.max_dn
         picture = np.rint(255 * np.clip(_undistorted(image, camera), 0, 1)).astype(np.uint8)
-        return overlay.blend(picture, camera.K, frames[0].camera_to_world @ np.linalg.inv(left_to))
+        return overlay.draw(picture, camera.K, frames[0].camera_to_world @ np.linalg.inv(left_to))
 
     is_empty = True
     for frames in poses.values():
@@ -119,15 +112,11 @@ def _undistorted(image: NDArray[np.floating], camera: Camera) -> NDArray[np.floa
 
 def _of_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     from activestereo.capture.images import read_color
-    from activestereo.report.overlay import Overlay, live_pictures
+    from activestereo.report.overlay import Overlay
 
-    overlay = Overlay(args.scene, args.device, args.blend)
-    if str(args.source) == "live":
-        for picture, K in live_pictures(args.size):
-            yield "live", overlay.blend(picture, K, None)
-        return
+    overlay = Overlay(args.scene, args.device)
     files = [args.source] if args.source.is_file() else sorted(args.source.glob("*.png"))
     if not files:
         raise CommandError(f"{args.source}: is no capture, no PNG file, and no folder of PNG files")
     for file in files:
-        yield file.stem, overlay.blend(read_color(file), None, None)
+        yield file.stem, overlay.draw(read_color(file), None, None)

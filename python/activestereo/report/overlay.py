@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a scene's contours, and on request its surfaces, over a camera's pictures."""
+"""Draws a scene's contours over a camera's pictures."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -19,42 +19,36 @@ _ORANGE = (255, 140, 0)
 _STRENGTH = 0.85
 _CREASE = 0.82
 _STEP = 0.02
-_LEAST_LIGHT = 0.3  # brightness of a surface seen edge on
 _NOTHING_M = 1e3  # depth of pixels without a surface
 _WINDOW = "activestereo overlay (q ends)"
 _WINDOW_SECONDS = 30.0
 
 
 class Overlay:
-    """Draws a scene over pictures. It renders once per camera; further pictures of the same camera are only blended."""
+    """Draws a scene over pictures. It renders once per camera; further pictures of the same camera take the same
+    contours."""
 
-    def __init__(self, scene_path: Path, device: str | int = "auto", share: float = 0.0) -> None:
-        """Loads the scene. share: weight of the rendered surfaces in the blend, 0 to 1; they are lit from the
-        camera."""
+    def __init__(self, scene_path: Path, device: str | int = "auto") -> None:
         self._device = kuafu.Device(device)
         self._scene, self._renderer = kuafu.Scene(self._device), kuafu.Renderer(self._device)
         load_scene_file(self._scene, scene_path)
-        self._path, self._share = scene_path, share
-        self._kept: tuple[bytes, NDArray[np.bool_], NDArray[np.uint8] | None] | None = None
+        self._path = scene_path
+        self._kept: tuple[bytes, NDArray[np.bool_]] | None = None
 
-    def blend(
+    def draw(
         self, picture: NDArray[np.uint8], K: NDArray[np.float64] | None, camera_to_world: NDArray[np.float64] | None
     ) -> NDArray[np.uint8]:
         """Returns the picture with the scene drawn over it, uint8 [h][w][3]. picture: uint8 [h][w][1 or 3]. K,
         camera_to_world: None for the scene's first camera."""
         out = np.array(np.broadcast_to(picture, (*picture.shape[:2], 3)))
-        lines, surfaces = self._rendered(out.shape[1], out.shape[0], K, camera_to_world)
-        if surfaces is not None:
-            mixed = cv2.addWeighted(out, 1.0 - self._share, surfaces, self._share, 0.0)
-            out = np.where(surfaces.any(axis=2, keepdims=True), mixed, out)
+        lines = self._contours(out.shape[1], out.shape[0], K, camera_to_world)
         out[lines] = np.rint((1.0 - _STRENGTH) * out[lines] + _STRENGTH * np.array(_ORANGE))
         return out
 
-    def _rendered(
+    def _contours(
         self, width: int, height: int, K: NDArray[np.float64] | None, pose: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None]:
-        """Renders a view. Returns its contours [h][w] and its surfaces, uint8 [h][w][3] with 0 = none, or None for
-        share 0."""
+    ) -> NDArray[np.bool_]:
+        """Renders a view and returns its contours [h][w]."""
         if K is None or pose is None:
             if self._scene.summary.camera_count == 0:
                 raise ValueError(f"{self._path}: has no camera: lay it over a capture, or add one to the scene")
@@ -68,17 +62,11 @@ class Overlay:
         key = np.concatenate([K.ravel(), np.asarray(pose).ravel(), [width, height]]).tobytes()
         if self._kept is None or self._kept[0] != key:
             camera = kuafu.Camera(width, height, K, pose)
-            outputs = ("depth", "normal", "instance_id", "albedo")[: 4 if self._share > 0 else 3]
+            outputs = ["depth", "normal", "instance_id"]
             images = self._renderer.render(self._scene, [camera], outputs, band="visible", spp=1)
-            depth, normal, instance = (np.asarray(images[name][0]) for name in outputs[:3])
-            lines = contours(depth[..., 0], normal, instance[..., 0])
-            surfaces = None
-            if self._share > 0:
-                facing = np.abs(normal @ np.asarray(pose, np.float32)[:3, 2])
-                light = np.asarray(images["albedo"][0]) * (_LEAST_LIGHT + (1.0 - _LEAST_LIGHT) * facing)[..., None]
-                surfaces = np.where(depth > 0, np.clip(255.0 * light ** (1 / 2.2), 1.0, 255.0), 0.0).astype(np.uint8)
-            self._kept = key, lines, surfaces
-        return self._kept[1:]
+            depth, normal, instance = (np.asarray(images[name][0]) for name in outputs)
+            self._kept = key, contours(depth[..., 0], normal, instance[..., 0])
+        return self._kept[1]
 
 
 def contours(depth: NDArray, normal: NDArray, instance: NDArray) -> NDArray[np.bool_]:
@@ -113,22 +101,3 @@ def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
         if cv2.waitKey(1) & 0xFF == ord("q"):
             break
     cv2.destroyAllWindows()
-
-
-def live_pictures(size: tuple[int, int]) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.float64]]]:
-    """Yields (colour image, K) of a connected D4xx until the caller stops. Raises ValueError if pyrealsense2 is
-    missing."""
-    try:
-        import pyrealsense2 as rs
-    except ImportError as error:
-        raise ValueError("live: needs the package pyrealsense2, which is missing: pip install pyrealsense2") from error
-    config, pipeline = rs.config(), rs.pipeline()
-    config.enable_stream(rs.stream.color, *size, rs.format.rgb8, 30)
-    profile = pipeline.start(config)
-    try:
-        lens = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
-        K = np.array([[lens.fx, 0.0, lens.ppx], [0.0, lens.fy, lens.ppy], [0.0, 0.0, 1.0]])
-        while True:
-            yield np.array(pipeline.wait_for_frames().get_color_frame().get_data()), K
-    finally:
-        pipeline.stop()
