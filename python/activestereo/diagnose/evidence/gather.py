@@ -128,7 +128,7 @@ def _observed(
             s.layers,
             s.measured,
             weight_of(noise_model, edge_discrepancy_m, s, expected[s.key]),
-            np.full(s.measured.shape, -1) if tile is None else tile,
+            np.full(s.measured.shape, -1, np.int32) if tile is None else tile,
             _material_index(s, materials, material_of),
             growing[s.key],
             moving[s.key],
@@ -207,7 +207,7 @@ def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.nda
         height, width = s.measured.shape
         rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
         across = columns[-1] + 1
-        out[s.key] = first + rows[:, None] * across + columns[None]
+        out[s.key] = (first + rows[:, None] * across + columns[None]).astype(np.int32)
         first += (rows[-1] + 1) * across
     return out, int(first)
 
@@ -237,7 +237,7 @@ def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -
 
 
 def _material_index(measured_image: MeasuredImage, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
-    index, seen = np.full(measured_image.measured.shape, -1), _materials(measured_image, material_of)
+    index, seen = np.full(measured_image.measured.shape, -1, np.int16), _materials(measured_image, material_of)
     for number, name in enumerate(materials):
         index[seen == name] = number
     return index

@@ -2,7 +2,7 @@
 """One camera's image of one frame beside the rendered light of the same view."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -49,11 +49,14 @@ def derivatives_in_dn(
     first = dict(reversed(list(zip(views, images, strict=True))))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         known = dict(zip(first, pool.map(of_light, first.values()), strict=True))
+    alike: dict[Hashable, NDArray[np.float32]] = {}  # repeats share theirs
     out = {}
     for light, image in zip(views, images, strict=True):
         projector, ambient = scales(image.frame)
-        levels = np.array([nuisances.projector_scale * projector, nuisances.ambient_scale * ambient], np.float32)
-        expected = predict(image.frame, image.layers, nuisances, image.view.max_dn)
-        inside = (expected > 0.0) & (expected < image.view.max_dn)
-        out[image.key] = np.tensordot(levels, known[light], axes=1) * inside
+        if (of_both := (light, projector, ambient)) not in alike:
+            levels = np.array([nuisances.projector_scale * projector, nuisances.ambient_scale * ambient], np.float32)
+            expected = predict(image.frame, image.layers, nuisances, image.view.max_dn)
+            inside = (expected > 0.0) & (expected < image.view.max_dn)
+            alike[of_both] = np.tensordot(levels, known[light], axes=1) * inside
+        out[image.key] = alike[of_both]
     return out

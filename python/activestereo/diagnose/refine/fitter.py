@@ -29,7 +29,7 @@ _HELD = 1e-3
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
 # Solutions whose images are remembered.
-_REMEMBERED = 12
+_REMEMBERED = 3
 
 
 class ImageResidual(NamedTuple):

@@ -59,7 +59,7 @@ class LightMemory:
 
     def __init__(self, observations: Sequence[MeasuredImage]) -> None:
         self._observations = observations
-        self._rendered: list[tuple[Light, Light] | None] = [None] * len(observations)
+        self._rendered: dict[int, tuple[Light, Light]] = {}  # by the layers, which frames of one pose share
         self._before: OrderedDict[tuple, Light] = OrderedDict()
         self._firsts = [_firsts_of_groups(observations, shared) for shared in _LEVELS]
         self._views = [
@@ -105,11 +105,11 @@ class LightMemory:
 
     def _of_layers(self, i: int) -> tuple[Light, Light]:
         """Returns the rendered light without and with supersampled images."""
-        known = self._rendered[i]
-        if known is None:
-            light = Light.of(self._observations[i].layers)
-            known = self._rendered[i] = Light(light.direct, light.indirect, light.ambient, light.flat), light
-        return known
+        layers = self._observations[i].layers
+        if id(layers) not in self._rendered:
+            light = Light.of(layers)
+            self._rendered[id(layers)] = Light(light.direct, light.indirect, light.ambient, light.flat), light
+        return self._rendered[id(layers)]
 
 
 def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, ...]) -> list[int]:
