@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws every effect of the library as 'activestereo effect show' does, and writes the page that shows them.
 
-    PYTHONPATH=build/python /usr/bin/python3 examples/effects/gallery.py [--out examples/effects]
+PYTHONPATH=build/python /usr/bin/python3 examples/effects/gallery.py [--out examples/effects]
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from activestereo.common.output_files import replace_file
 from activestereo.compare.effect_strip import StripWorld
-from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects import builtin
 from activestereo.report.strips import strip_figure
 
@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path(__file__).parent, help="folder of the page")
     out = parser.parse_args().out
     (out / "strips").mkdir(parents=True, exist_ok=True)
-    world = StripWorld(KuafuRenderer("cpu"))
+    world = StripWorld(CaptureRenderer("cpu"))
     families: dict[str, list[str]] = {}
     for name, effect in builtin().items():
         figure = strip_figure([world.strip(effect)])

@@ -129,6 +129,14 @@ def test_product_python_imports_no_test_and_no_example():
     assert not [f"{name_of(p)}: {m}" for p in sources("python", {".py"}) for m in imported_packages(p) & closed]
 
 
+def test_one_class_renders_captures():
+    lab = [
+        p for name in ("effects", "compare", "diagnose") for p in (ROOT / "python/activestereo" / name).rglob("*.py")
+    ]
+    found = {call: [p.stem for p in lab if call in p.read_text()] for call in ("kuafu.Renderer(", "= LoadedScene(")}
+    assert found == {"kuafu.Renderer(": ["loaded_scene"], "= LoadedScene(": ["capture_renderer"]}
+
+
 @pytest.mark.parametrize("folder, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
 def test_python_modules_of_the_engines_do_not_import_each_other(folder, other):
     closed = {other, "activestereo"}

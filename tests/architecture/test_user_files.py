@@ -20,8 +20,8 @@ OTHERS = {
     ("cli/depth.py", "np.save(file, depth.astype(np.float32))"): "replace_file()'s",
     ("cli/depth.py", "np.save(file, np.maximum(disparity, 0.0).astype(np.float32))"): "replace_file()'s",
     ("compare/cache.py", "np.savez(file, **arrays)"): "replace_file()'s",
-    ("effects/engines/scene_renderer.py", "Path('/proc/self/maps').read_text(encoding='utf-8')"): "the kernel's",
-    ("effects/engines/scene_renderer.py", "Path(path).read_bytes()"): "the loaded libraries",
+    ("effects/engines/loaded_scene.py", "Path('/proc/self/maps').read_text(encoding='utf-8')"): "the kernel's",
+    ("effects/engines/loaded_scene.py", "Path(path).read_bytes()"): "the loaded libraries",
     ("diagnose/refine/fit_cache.py", "path.read_bytes()"): "the package's sources",
     ("effects/core/differences.py", "_FILE.read_text(encoding='utf-8')"): "the package's",
     ("report/page.py", "resources.files('activestereo.report').joinpath(f'web/{name}').read_text(encoding='utf-8')"):

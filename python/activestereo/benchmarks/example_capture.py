@@ -45,10 +45,10 @@ def write_example_capture(
     HIDDEN, an effect to put into the images by formulas that the lab does not share; None: none."""
     with TemporaryDirectory() as place:
         capture = _without_images(Path(place))
-        renderer = CaptureRenderer(capture, device, samples_per_pixel, _BOUNCES, seed, smooth=False)
+        renderer = CaptureRenderer(device, samples_per_pixel, _BOUNCES, seed, smooth=False)
         random = np.random.Generator(np.random.PCG64([seed, 37]))
         images = {}
-        for key, light in renderer.lights(Model(), progress=progress).items():
+        for key, light in renderer.lights(capture, Model(), progress=progress).items():
             dn = _EXPOSURE_S * (_PROJECTOR_DN_PER_S * light.projector + _ROOM_DN_PER_S * light.ambient)
             image = _through_lens(dn.astype(np.float64), capture.rig.left.K, hidden)
             variance = _NOISE_FLOOR_DN2 + _NOISE_SLOPE_DN * np.maximum(image, 0.0) - ROUNDING_VARIANCE

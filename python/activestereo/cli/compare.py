@@ -59,9 +59,9 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import PHASES, compare
-    from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
+    from activestereo.effects.engines import CaptureRenderer
     from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
     from activestereo.report.screen import command
     from activestereo.report.summary import comparison_screen, is_near_noise
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
         comparison = compare(
-            args.capture, renderer=KuafuRenderer(args.device), samples_per_pixel=args.spp,
+            args.capture, renderer=CaptureRenderer(args.device), samples_per_pixel=args.spp,
             max_bounces=args.max_bounces, seed=args.seed, progress=phases, **under_model,
         )  # fmt: skip
         is_found = args.model is not None and is_near_noise(comparison.scores)

@@ -107,12 +107,12 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.engine_prediction import EngineImages, engines_of
-    from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
     from activestereo.diagnose import diagnose
     from activestereo.diagnose.numbers import NUMBERS
     from activestereo.diagnose.settings import PHASES
+    from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_screen
     from activestereo.report.write import WRITING, WRITING_TIME, write_diagnosis_report
@@ -129,7 +129,7 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
         phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
         diagnosis = diagnose(
-            args.capture, model=model, effects=effects, renderer=KuafuRenderer(args.device),
+            args.capture, model=model, effects=effects, renderer=CaptureRenderer(args.device),
             samples_per_pixel=args.spp, max_bounces=args.max_bounces, seed=args.seed,
             workers=args.workers or os.cpu_count() or 1, progress=phases, numbers=replace(NUMBERS, **given),
             rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,

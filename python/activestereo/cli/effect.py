@@ -91,7 +91,7 @@ def run_list(args: argparse.Namespace) -> None:
 def run_show(args: argparse.Namespace) -> None:
     from activestereo.common.output_files import write_text
     from activestereo.compare.effect_strip import StripWorld
-    from activestereo.compare.kuafu_renderer import KuafuRenderer
+    from activestereo.effects.engines import CaptureRenderer
     from activestereo.report.lettering import write_figure
     from activestereo.report.strips import strip_figure, strip_page
 
@@ -99,7 +99,7 @@ def run_show(args: argparse.Namespace) -> None:
         raise CommandError(f"--out {args.out}: a picture's name ends in .png, a page's in .html")
     check_out_file(args.out)
     chosen = _chosen(args.effects)
-    world = StripWorld(KuafuRenderer(args.device))
+    world = StripWorld(CaptureRenderer(args.device))
     if args.out.suffix.lower() == ".html":
         pages = [world.strengths(effect) for effect in chosen]
         strips = [own[len(own) // 2] for own in pages]

@@ -5,7 +5,6 @@ no ray.
 Entries are complete or absent (written aside, then renamed), so that parallel runs may share one folder.
 """
 
-import hashlib
 import os
 import warnings
 import zipfile
@@ -13,17 +12,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
-from activestereo.common.input_files import checked_file, read_bytes, read_json
+from activestereo.common.input_files import checked_file
 from activestereo.common.output_files import replace_file
-from activestereo.compare.layers import Layers, RenderRequest
+from activestereo.effects.engines.layers import Layers
 
-# Increase this number when the meaning of a cached array changes.
-_FORMAT = 4
 _LIMIT_GB = 2.0
 _LIMIT_VARIABLE = "ACTIVESTEREO_CACHE_GB"
 
@@ -46,44 +41,6 @@ def default_limit_bytes() -> int:
     if not 0.0 <= gigabytes < 1e6:
         raise ValueError(f"{_LIMIT_VARIABLE} is '{text}', expected gigabytes: a number of at least 0")
     return int(gigabytes * 1e9)
-
-
-def scene_digest(scene_path: str | Path) -> str:
-    """Returns a content hash of a glTF scene and every file it refers to."""
-    digest = hashlib.sha256()
-    path = Path(scene_path)
-    digest.update(read_bytes(path))
-    if path.suffix == ".gltf":
-        document = read_json(path)
-        for kind in ("buffers", "images"):  # entries without the right shape are the importer's to refuse
-            entries = document.get(kind) if isinstance(document, dict) else None
-            for entry in entries if isinstance(entries, list) else ():
-                uri = entry.get("uri") if isinstance(entry, dict) else None
-                if isinstance(uri, str) and uri and not uri.startswith("data:"):
-                    digest.update(read_bytes(path.parent / unquote(uri)))
-    return digest.hexdigest()
-
-
-def request_key(request: RenderRequest, renderer_version: str) -> str:
-    """Returns a hash of a RenderRequest and the renderer's version. Requests with equal keys give equal layers."""
-    digest = hashlib.sha256()
-
-    def add(value: Any) -> None:
-        if isinstance(value, np.ndarray):
-            digest.update(f"{value.dtype.str}{value.shape}".encode())
-            digest.update(np.ascontiguousarray(value).tobytes())
-        elif isinstance(value, tuple):
-            for camera in value:
-                for field in fields(camera):
-                    add(getattr(camera, field.name))
-        else:
-            digest.update(repr(value).encode())
-
-    add(repr((_FORMAT, renderer_version)))
-    for field in fields(request):
-        value = getattr(request, field.name)
-        add(scene_digest(value) if field.name == "scene_path" else value)
-    return digest.hexdigest()
 
 
 class CacheWarning(UserWarning):

@@ -101,9 +101,9 @@ def compare(
     if calibrate is not None:
         capture = calibrate(capture)
     if renderer is None:
-        from activestereo.compare.kuafu_renderer import KuafuRenderer
+        from activestereo.effects.engines import CaptureRenderer
 
-        renderer = KuafuRenderer()
+        renderer = CaptureRenderer()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.work = megapixels(capture)
     phases.begin(RENDERING)

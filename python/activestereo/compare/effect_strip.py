@@ -26,8 +26,8 @@ from activestereo.effects.core.view import View, random_stream
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture, Frame
     from activestereo.compare.cache import LayerCache
-    from activestereo.compare.layers import Layers
     from activestereo.compare.render import Renderer
+    from activestereo.effects.engines.layers import Layers
 
 # The right image, because effects that act between the cameras move this one.
 _SIDE = "right"

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
-from activestereo.compare.cache import LayerCache, scene_digest
-from activestereo.compare.layers import Layers
+from activestereo.compare.cache import LayerCache
 from activestereo.effects import Light, Model, View
-from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, scene_renderer
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, loaded_scene
+from activestereo.effects.engines.layers import Layers, scene_digest
 from activestereo.effects.engines.smooth import HALVES, half_samples
 
 # Albedos this close to the scene's hardly change bounced light, except at the surface that sends it to the camera.
@@ -34,7 +34,7 @@ def engines_of(
 
     def engines(capture: Capture) -> CaptureRenderer:
         samples = half_samples(samples_per_pixel or usual_samples(capture))
-        return CaptureRenderer(capture, device, samples, max_bounces, seed)
+        return CaptureRenderer(device, samples, max_bounces, seed)
 
     return engines
 
@@ -51,11 +51,11 @@ class EngineImages:
         self, capture: Capture, device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
     ) -> None:
         samples = max(1, (samples_per_pixel or usual_samples(capture)) // 8)
-        self._renderer = CaptureRenderer(capture, device, samples, max_bounces, seed)
-        self._cache = LayerCache()
+        self._renderer = CaptureRenderer(device, samples, max_bounces, seed)
+        self._capture, self._cache = capture, LayerCache()
 
     def __call__(self, model: Model) -> Mapping[ImageKey, LightOnly]:
-        return kept_lights(self._renderer, self._cache, model, self._renderer.capture.split("train"))
+        return kept_lights(self._capture, self._renderer, self._cache, model, self._capture.split("train"))
 
 
 class LightOnly(NamedTuple):
@@ -68,27 +68,27 @@ class LightOnly(NamedTuple):
 
 
 def kept_lights(
-    renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame],
+    capture: Capture, renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame],
     scene_measurement: SceneMeasurement | None = None, progress: Callable[[float], object] | None = None,
     half: int | None = None,
 ) -> dict[ImageKey, LightOnly]:  # fmt: skip
     """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): light}. The
     cache's key covers all that decides the light, including the renderer's code. half: 0 or 1 renders one half of the
     samples; None: all samples."""
-    code = [inspect.getsource(module) for module in (capture_renderer, scene_renderer)]
-    own = renderer.lights_key(model, frames, scene_measurement, half), code
-    of_world = scene_digest(renderer.capture.scene_path), scene_renderer.engine_version(renderer.device)
+    code = [inspect.getsource(module) for module in (capture_renderer, loaded_scene)]
+    own = renderer.lights_key(capture, model, frames, scene_measurement, half), code
+    of_world = scene_digest(capture.scene_path), loaded_scene.engine_version(renderer.device)
     key = hashlib.sha256(repr((own, of_world)).encode()).hexdigest()
     stored = cache.get_arrays(key)
     if stored is None:
-        seen = renderer.lights(model, frames, scene_measurement, progress=progress, half=half)
+        seen = renderer.lights(capture, model, frames, scene_measurement, progress, half)
         stored = {f"{side}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, side), x in seen.items()}
         cache.put_arrays(key, stored)
     return {(f.id, side): LightOnly(*stored[f"{side}_{f.id}"]) for f in frames for side in SIDES}
 
 
 def engine_lights(
-    model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer,
+    capture: Capture, model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer,
     layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
     progress: Callable[[float], object] | None = None,
 ) -> list[dict[ImageKey, Light]]:  # fmt: skip
@@ -98,7 +98,7 @@ def engine_lights(
     outside, halves = model.outside_engines(), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)
-        seen = kept_lights(renderer, cache, model, renderer.capture.frames, scene_measurement, share, half)
+        seen = kept_lights(capture, renderer, cache, model, capture.frames, scene_measurement, share, half)
         lights = {}
         for key, view in views.items():
             images = (*seen[key], layers[key[0]][key[1]].flat)

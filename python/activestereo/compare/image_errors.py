@@ -177,7 +177,7 @@ def image_errors(
     elif changes_no_ray(model, known):
         lights = [reflected_lights(model, known, of, views) for of in (layers, *halves)]
     else:
-        lights = engine_lights(model, known, engines(capture), layers, views, cache or LayerCache(), progress)
+        lights = engine_lights(capture, model, known, engines(capture), layers, views, cache or LayerCache(), progress)
     fit, expected = predict_under_model(capture, model, lights, views, counted)
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}

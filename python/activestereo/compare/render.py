@@ -14,9 +14,16 @@ import numpy as np
 from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.progress_bar import part_of
-from activestereo.compare.cache import LayerCache, request_key
-from activestereo.compare.layers import Layers, PixelLayers, RenderRequest, rig_request, sampling_of
+from activestereo.compare.cache import LayerCache
 from activestereo.effects.core.resample import SupersampledImages
+from activestereo.effects.engines.layers import (
+    Layers,
+    PixelLayers,
+    RenderRequest,
+    request_key,
+    rig_request,
+    sampling_of,
+)
 from activestereo.effects.engines.smooth import half_samples, half_seeds
 
 # {frame id: {side: Layers}}, and a pair of these from two independent halves of the samples.

@@ -23,7 +23,6 @@ from activestereo.capture.images import write_gray
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import look_at
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.effects.core.descriptor import Effect, Randomness
@@ -83,9 +82,11 @@ class _Run:
     """The small test world's images under one seed, by the engines and by formulas."""
 
     def __init__(self, capture: Capture, folder: Path, device: str | int, seed: int) -> None:
-        self._engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
-        renderer, cache = KuafuRenderer(self._engine.device, traced=True), LayerCache(folder / "cache")
-        self._layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, seed=seed, cache=cache, scale=WARP_SCALE)
+        self._engine = CaptureRenderer(device, _SAMPLES, _BOUNCES, seed, traced=True)
+        self._capture, cache = capture, LayerCache(folder / "cache")
+        self._layers = render_frames(
+            capture, self._engine, _SAMPLES, _BOUNCES, seed=seed, cache=cache, scale=WARP_SCALE
+        )
         self._views = {
             (f.id, side): View.of(capture, f, side, self._layers[f.id][side]) for f in capture.frames for side in SIDES
         }
@@ -99,7 +100,7 @@ class _Run:
 
     def _images(self, model: Model, by_engine: bool) -> dict[ImageKey, NDArray]:
         if by_engine:
-            return self._engine.expected(model, _NUISANCES)
+            return self._engine.expected(self._capture, model, _NUISANCES)
         lights = {key: model.light(self._layers[key[0]][key[1]], view) for key, view in self._views.items()}
         return {key: model.signal(lights[key], view, _NUISANCES) for key, view in self._views.items()}
 

@@ -180,9 +180,9 @@ def diagnose(
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
     capture = binned(whole, usual_binning(whole) if binning is None else binning)
     if renderer is None:
-        from activestereo.compare.kuafu_renderer import KuafuRenderer
+        from activestereo.effects.engines import CaptureRenderer
 
-        renderer = KuafuRenderer()
+        renderer = CaptureRenderer()
     tracer: Renderer = renderer
     kept = cache or LayerCache()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)

@@ -105,7 +105,6 @@ def test_designed_renders_lead_to_the_truth(fit):
 
 
 def test_a_models_materials_take_the_scenes_place(plastic):
-    import kuafu
     from activestereo.effects.core.model import Model
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import Quantity, SensorModel
@@ -113,8 +112,8 @@ def test_a_models_materials_take_the_scenes_place(plastic):
     capture = read_capture(plastic)
     fields = {"roughness": Quantity(0.2), "ir_albedo": Quantity(0.7), "transmission": Quantity(0.1)}
     scene_measurement = SensorModel(materials={"paint": fields}).scene_measurement(surface_names(capture.scene_path))
-    renderer = CaptureRenderer(capture, kuafu.Device(), samples_per_pixel=1)
-    material = renderer.inputs(capture.frames[0], Model(), scene_measurement).material(1)
+    renderer = CaptureRenderer(samples_per_pixel=1)
+    material = renderer.inputs(capture, capture.frames[0], Model(), scene_measurement).material(1)
     assert (material.roughness, material.transmission_roughness) == pytest.approx((0.2, 0.2))
     assert (material.ir_albedo, material.transmission, material.metallic) == pytest.approx((0.7, 0.1, 0.0))
 

@@ -7,7 +7,7 @@ from PIL import Image
 
 from activestereo.cli import main
 from activestereo.compare import effect_strip
-from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects import Stage, builtin
 from activestereo.report.strips import strip_page
 from chromium import Page, is_installed
@@ -19,7 +19,7 @@ BLACK_DN = 5.0
 def world(lab_cache):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(effect_strip, "_SAMPLES", 16)
-        return effect_strip.StripWorld(KuafuRenderer("cpu"), lab_cache)
+        return effect_strip.StripWorld(CaptureRenderer("cpu"), lab_cache)
 
 
 @pytest.mark.parametrize("name", builtin())

@@ -4,11 +4,11 @@
 import pytest
 
 from activestereo.cli import main
-from activestereo.compare import kuafu_renderer, model_file
+from activestereo.compare import model_file
 from activestereo.common.phases import Phases
 from activestereo.diagnose.settings import DEPTH, FITTING
 from activestereo.diagnose.refine.fitter import Fitter
-from activestereo.effects import builtin
+from activestereo.effects import builtin, engines
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
@@ -30,7 +30,7 @@ def test_going_on_after_ctrl_c_repeats_nothing(tmp_path, monkeypatch, capsys, wo
             work.append("render")
             return super().__call__(*given)
 
-    monkeypatch.setattr(kuafu_renderer, "KuafuRenderer", lambda device: Counted(world, grid=1))
+    monkeypatch.setattr(engines, "CaptureRenderer", lambda device: Counted(world, grid=1))
     few = {name: builtin()[name] for name in ("vignetting", "gain_mismatch")}
     monkeypatch.setattr(model_file, "library", lambda *files: few)
     monkeypatch.setenv("ACTIVESTEREO_CACHE", str(tmp_path / "cache"))

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from activestereo.compare.cache import CacheWarning, LayerCache, scene_digest
+from activestereo.compare.cache import CacheWarning, LayerCache
+from activestereo.effects.engines.layers import scene_digest
 
 ARRAYS = {"a": np.arange(6.0).reshape(2, 3)}
 

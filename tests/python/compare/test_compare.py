@@ -13,10 +13,11 @@ from lab_worlds import RememberingRenderer, WorldRenderer
 from activestereo.capture.capture import read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.capture.images import read_gray, write_gray
-from activestereo.compare.cache import LayerCache, request_key
+from activestereo.compare.cache import LayerCache
+from activestereo.effects.engines.layers import request_key
 from activestereo.compare.compare import compare
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
-from activestereo.compare.layers import rig_request
+from activestereo.effects.engines.layers import rig_request
 from activestereo.compare.noise import frame_noise_variances
 from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.report.summary import summary_table

@@ -49,14 +49,14 @@ def nominal(tmp_path_factory) -> Capture:
 
 
 @pytest.fixture(scope="module")
-def renderer(nominal) -> CaptureRenderer:
-    return CaptureRenderer(nominal, samples_per_pixel=SAMPLES, max_bounces=BOUNCES, seed=3)
+def renderer() -> CaptureRenderer:
+    return CaptureRenderer(samples_per_pixel=SAMPLES, max_bounces=BOUNCES, seed=3)
 
 
 @pytest.fixture(scope="module")
 def hidden(nominal, renderer, tmp_path_factory) -> Path:
     """The measurement of a sensor with the hidden effects."""
-    expected = renderer.expected(model_of(**HIDDEN), NUISANCES, scene_measurement=SCENE_MEASUREMENT)
+    expected = renderer.expected(nominal, model_of(**HIDDEN), NUISANCES, scene_measurement=SCENE_MEASUREMENT)
     rng = np.random.default_rng(1)
     images = {
         key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8)
@@ -68,7 +68,7 @@ def hidden(nominal, renderer, tmp_path_factory) -> Path:
 
 
 def rmse_of(hidden: Path, model: Model, scene_measurement: SceneMeasurement | None = None) -> float:
-    engines = lambda capture: CaptureRenderer(capture, samples_per_pixel=SAMPLES, max_bounces=BOUNCES)  # noqa: E731
+    engines = lambda capture: CaptureRenderer(samples_per_pixel=SAMPLES, max_bounces=BOUNCES)  # noqa: E731
     comparison = compare(
         hidden,
         model,
@@ -122,23 +122,26 @@ def test_the_command_takes_a_model_with_calibration_and_albedos(nominal, hidden,
 
 
 def test_the_scene_is_as_before_and_what_changes_no_ray_traces_none(nominal, renderer):
-    seen = renderer.lights(Model())
-    glossy = renderer.lights(model_of(specular={"factor": 0.8, "roughness": 0.3}))
-    again = CaptureRenderer(nominal, samples_per_pixel=SAMPLES, max_bounces=BOUNCES, seed=3).lights(Model())
+    seen = renderer.lights(nominal, Model())
+    glossy = renderer.lights(nominal, model_of(specular={"factor": 0.8, "roughness": 0.3}))
+    again = CaptureRenderer(samples_per_pixel=SAMPLES, max_bounces=BOUNCES, seed=3).lights(nominal, Model())
     key = (0, "left")
     assert np.abs(glossy[key].direct - seen[key].direct).max() > 0.01 * seen[key].direct.max()
-    np.testing.assert_array_equal(renderer.lights(Model())[key].direct, again[key].direct)
-    dim = renderer.lights(model_of(laser_power_drift={"per_k": -0.01}, gain_mismatch={"gain": 0.1}))
+    np.testing.assert_array_equal(renderer.lights(nominal, Model())[key].direct, again[key].direct)
+    dim = renderer.lights(nominal, model_of(laser_power_drift={"per_k": -0.01}, gain_mismatch={"gain": 0.1}))
     np.testing.assert_allclose(dim[key].direct, seen[key].direct * np.exp(-0.2), rtol=1e-6)
 
 
-def test_expected_images_leave_no_effect_out(renderer):
+def test_expected_images_leave_no_effect_out(nominal, renderer):
     with pytest.raises(ValueError, match="ambient_ir, double_image: no engine field"):
-        renderer.expected(model_of(ambient_ir={"level": 0.2}, double_image={"fraction": 0.1}), NUISANCES)
+        renderer.expected(nominal, model_of(ambient_ir={"level": 0.2}, double_image={"fraction": 0.1}), NUISANCES)
 
 
-def test_a_second_projector_is_the_rooms_light(renderer):
-    plain, more = renderer.lights(Model()), renderer.lights(model_of(second_projector={"intensity_m2": 8.0}))
+def test_a_second_projector_is_the_rooms_light(nominal, renderer):
+    plain, more = (
+        renderer.lights(nominal, Model()),
+        renderer.lights(nominal, model_of(second_projector={"intensity_m2": 8.0})),
+    )
     key = (0, "left")
     np.testing.assert_array_equal(more[key].direct, plain[key].direct)
     assert (more[key].ambient - plain[key].ambient).mean() > 0.05 * plain[key].ambient.mean()
@@ -147,11 +150,11 @@ def test_a_second_projector_is_the_rooms_light(renderer):
 def test_a_projector_in_the_room_stays_where_it_is_when_the_rig_moves(renderer, nominal):
     """The engine's dots are those of the formula, which knows the unit's place in the world, from every pose."""
     from activestereo.effects import Light, View
-    from activestereo.compare.layers import Layers
+    from activestereo.effects.engines.layers import Layers
 
     unit = {"intensity_m2": 8.0, "azimuth_rad": -2.57, "elevation_rad": -0.5, "roll_rad": 0.1}
     here, elsewhere = (unit | {"x_m": x_m, "y_m": 0.5, "z_m": 0.45} for x_m in (0.45, 0.3))
-    plain, more = renderer.lights(Model()), renderer.lights(model_of(room_projector=here))
+    plain, more = renderer.lights(nominal, Model()), renderer.lights(nominal, model_of(room_projector=here))
     assert not np.allclose(nominal.frames[0].camera_to_world, nominal.frames[-1].camera_to_world)
     for frame in (nominal.frames[0], nominal.frames[-1]):
         seen = plain[frame.id, "left"]
@@ -173,8 +176,8 @@ def _coarse(image):
 
 def test_light_that_was_rendered_once_is_taken_from_the_cache(renderer, nominal, tmp_path, monkeypatch):
     cache, model, frames = LayerCache(tmp_path), model_of(radial_distortion={"k1": 0.02}), nominal.frames
-    first = kept_lights(renderer, cache, model, frames, SCENE_MEASUREMENT, half=0)
-    rendered = renderer.lights(model, frames, SCENE_MEASUREMENT, half=0)
+    first = kept_lights(nominal, renderer, cache, model, frames, SCENE_MEASUREMENT, half=0)
+    rendered = renderer.lights(nominal, model, frames, SCENE_MEASUREMENT, half=0)
     for key, light in first.items():
         for name in ("direct", "indirect", "ambient"):
             np.testing.assert_array_equal(getattr(light, name), getattr(rendered[key], name))
@@ -188,17 +191,17 @@ def test_light_that_was_rendered_once_is_taken_from_the_cache(renderer, nominal,
     monkeypatch.setattr(CaptureRenderer, "_images", trace)
     moved = replace(frames[0], camera_to_world=frames[0].camera_to_world + np.eye(4)[3] * 1e-4)
     coarse = replace(nominal, rig=replace(nominal.rig, left=replace(nominal.rig.left, K=1.001 * nominal.rig.left.K)))
-    like = lambda capture, samples=SAMPLES: CaptureRenderer(capture, "auto", samples, BOUNCES, 3)  # noqa: E731
-    again = kept_lights(like(nominal), cache, model, frames, SCENE_MEASUREMENT, half=0)
+    like = lambda samples=SAMPLES: CaptureRenderer("auto", samples, BOUNCES, 3)  # noqa: E731
+    again = kept_lights(nominal, like(), cache, model, frames, SCENE_MEASUREMENT, half=0)
     assert all(np.array_equal(a, b) for key in first for a, b in zip(first[key], again[key], strict=True))
     wholly = (model, frames, SCENE_MEASUREMENT, None, 0)
-    for other, (own, seen, measured, _, half) in (
-        (like(nominal), (model_of(radial_distortion={"k1": 0.021}), *wholly[1:])),
-        (like(nominal), (model, (moved, *frames[1:]), *wholly[2:])),
-        (like(nominal), (model, frames, SceneMeasurement((0.002, 0.001), {1: 1.1}), None, 0)),
-        (like(nominal), (*wholly[:4], 1)),
-        (like(coarse), wholly),
-        (like(nominal, SAMPLES + 2), wholly),
+    for capture, other, (own, seen, measured, _, half) in (
+        (nominal, like(), (model_of(radial_distortion={"k1": 0.021}), *wholly[1:])),
+        (nominal, like(), (model, (moved, *frames[1:]), *wholly[2:])),
+        (nominal, like(), (model, frames, SceneMeasurement((0.002, 0.001), {1: 1.1}), None, 0)),
+        (nominal, like(), (*wholly[:4], 1)),
+        (coarse, like(), wholly),
+        (nominal, like(SAMPLES + 2), wholly),
     ):
         with pytest.raises(Traced):
-            kept_lights(other, cache, own, seen, measured, half=half)
+            kept_lights(capture, other, cache, own, seen, measured, half=half)

@@ -16,8 +16,8 @@ from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthModel
-from activestereo.compare.kuafu_renderer import KuafuRenderer
-from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
+from activestereo.effects.engines import CaptureRenderer
+from activestereo.effects.engines.layers import Layers, RenderRequest, ViewCamera
 from activestereo.compare.model_file import read_model
 from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
@@ -42,7 +42,7 @@ def test_an_edited_scene_is_rendered_anew(table_top, tmp_path):
     k = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]])
     camera, pattern = ViewCamera(64, 48, k, CAMERA_TO_WORLD), np.ones((8, 8), np.float32)
     request = RenderRequest(scene, (camera,), pattern, k, CAMERA_TO_WORLD, samples_per_pixel=1, max_bounces=1, seed=0)
-    renderer = KuafuRenderer(smooth=False)
+    renderer = CaptureRenderer(smooth=False)
     [bright] = renderer(request)
     document = json.loads(scene.read_text())
     for material in document["materials"]:
@@ -64,8 +64,8 @@ def test_images_are_smoothed_in_threads_that_leave_the_scene_alone(table_top, mo
     k, pattern = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]]), np.ones((8, 8), np.float32)
     cameras = (ViewCamera(64, 48, k, CAMERA_TO_WORLD),) * 2
     request = RenderRequest(table_top, cameras, pattern, k, CAMERA_TO_WORLD, samples_per_pixel=1, max_bounces=1, seed=0)
-    left, right = KuafuRenderer(smooth=True)(request)
-    raw, _ = KuafuRenderer(smooth=False)(request)
+    left, right = CaptureRenderer(smooth=True)(request)
+    raw, _ = CaptureRenderer(smooth=False)(request)
     np.testing.assert_array_equal(left.ambient, right.ambient)
     assert np.any(left.ambient != raw.ambient)
 

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from activestereo.compare import matt_world
-from activestereo.compare.kuafu_renderer import KuafuRenderer
-from activestereo.compare.layers import ViewCamera, rig_request, sampling_of
+from activestereo.effects.engines import matt_world
+from activestereo.effects.engines import CaptureRenderer
+from activestereo.effects.engines.layers import ViewCamera, rig_request, sampling_of
 from activestereo.compare.surrogate import trial_capture
 
 LIGHTS = ("direct", "flat", "indirect", "ambient", "ambient_direct")
@@ -21,7 +21,7 @@ def views(device, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         for name, samples in (("geometry", 32), ("few", 32), ("many", 1024)):
             request = rig_request(capture, capture.frames[0], samples, 4, 0, sampling)
-            rendered[name] = sampling.pixel_layers(KuafuRenderer(device)(request)[0], capture.rig.left)
+            rendered[name] = sampling.pixel_layers(CaptureRenderer(device)(request)[0], capture.rig.left)
             patch.setattr(matt_world, "is_matt_world", lambda *_: False)
     return rendered
 
@@ -43,7 +43,7 @@ def test_light_is_that_of_path_tracing(views, light):
 def test_light_off_the_first_surface_has_no_noise(device, tmp_path):
     capture = trial_capture(tmp_path)
     requests = (rig_request(capture, capture.frames[0], 4, 4, seed, sampling_of(capture.rig, 2)) for seed in (0, 1))
-    first, second = (KuafuRenderer(device)(request)[0] for request in requests)
+    first, second = (CaptureRenderer(device)(request)[0] for request in requests)
     for light in ("direct", "flat"):
         np.testing.assert_array_equal(getattr(first, light), getattr(second, light))
     assert (first.indirect != second.indirect).mean() > 0.5

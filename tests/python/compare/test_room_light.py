@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import SIDES, Frame, Uncertainty
-from activestereo.compare.kuafu_renderer import KuafuRenderer
-from activestereo.compare.layers import RenderRequest, ViewCamera
+from activestereo.effects.engines import CaptureRenderer
+from activestereo.effects.engines.layers import RenderRequest, ViewCamera
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, fit_under_model, fit_with_exposures
 from activestereo.effects import Light as Seen
 from activestereo.effects import Model, builtin
@@ -41,7 +41,7 @@ def layers_of(path, room_light, paint=None, seed=0, **how):
     camera = ViewCamera(40, 30, K, np.eye(4))
     pattern_K = np.array([[30.0, 0, 39.5], [0, 30.0, 29.5], [0, 0, 1.0]])  # wider than the camera
     request = RenderRequest(path, (camera,), np.ones((60, 80), np.float32), pattern_K, np.eye(4), 16, 4, seed)
-    return KuafuRenderer("cpu", **how)(request)[0]
+    return CaptureRenderer("cpu", **how)(request)[0]
 
 
 def test_the_ambient_layer_is_the_measured_emission(tmp_path):

@@ -39,10 +39,10 @@ def recorded(folder: Path, hidden: Model) -> Path:
     first, second = nominal.frames
     frames = *(replace(first, id=n, repeat_group=0) for n in (0, 1)), replace(second, id=2, split="test")
     nominal = replace(nominal, frames=frames)
-    light = CaptureRenderer(nominal, "auto", *SAMPLING)
+    light = CaptureRenderer("auto", *SAMPLING)
     scene_measurement = SceneMeasurement((0.002, 0.002), {1: 1.1})
     images, rng = (
-        light.expected(hidden, Nuisances(120000.0, 9000.0, 5.0), scene_measurement=scene_measurement),
+        light.expected(nominal, hidden, Nuisances(120000.0, 9000.0, 5.0), scene_measurement=scene_measurement),
         np.random.default_rng(1),
     )
     noisy = {
@@ -112,7 +112,7 @@ def test_a_diagnosis_is_kept_whole_but_with_an_effect_of_a_users_own(tmp_path, m
     capture, cache, said = recorded(tmp_path, hidden), LayerCache(tmp_path / "cache"), []
 
     def told(effects):
-        engines = lambda seen: CaptureRenderer(seen, "auto", *SAMPLING)  # noqa: E731
+        engines = lambda seen: CaptureRenderer("auto", *SAMPLING)  # noqa: E731
         settings = dict(zip(("samples_per_pixel", "max_bounces", "seed"), SAMPLING, strict=True))
         return diagnose(capture, None, effects, cache=cache, engines=engines, says=said.append, **settings)
 

@@ -10,12 +10,11 @@ import pytest
 from virtual_sensor.world import make_world
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.effects.engines import CaptureRenderer
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.diagnosis import Settings, examine
 from activestereo.diagnose.evidence import gather
 from activestereo.effects import Model, builtin
-from activestereo.effects.engines import CaptureRenderer
 
 TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 3
 HAZE = {"extinction_per_m": 0.6, "backscatter": 1.0, "housing_m": 0.05}
@@ -28,10 +27,10 @@ def hazy(tmp_path_factory):
     folder = tmp_path_factory.mktemp("many")
     world = make_world(folder / "world", grid=2)
     capture = read_capture(world.capture_path)
-    layers = render_frames(capture, KuafuRenderer(), 32, 2, cache=LayerCache(folder / "cache"))
+    layers = render_frames(capture, CaptureRenderer(), 32, 2, cache=LayerCache(folder / "cache"))
     clean = gather(capture, layers)
     model = Model().with_effect(builtin()["haze"], **HAZE)
-    hazy = CaptureRenderer(capture, "auto", 32, 2, seed=1).expected(model, clean.nuisances)
+    hazy = CaptureRenderer("auto", 32, 2, seed=1).expected(capture, model, clean.nuisances)
 
     def exposed(o):
         return replace(o, measured=np.rint(hazy[o.key]).astype(np.float32))
@@ -43,11 +42,11 @@ def test_many_diagnoses_with_many_processes_give_one_result(hazy):
     renders = []
 
     def result(workers):
-        renderer = CaptureRenderer(hazy.capture, "auto", 1, 2, 0)
+        renderer = CaptureRenderer("auto", 1, 2, 0)
 
         def rendering(model):
             renders.append(model)
-            return renderer.lights(model, hazy.capture.split("train"))
+            return renderer.lights(hazy.capture, model, hazy.capture.split("train"))
 
         return examine(hazy, Model(), EFFECTS, Settings(workers=workers, rendering=rendering)).result
 

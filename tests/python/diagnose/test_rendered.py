@@ -10,7 +10,7 @@ import pytest
 from activestereo.capture.capture import read_capture
 from activestereo.effects import Light, Model, Parameter, Stage, effect
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.layers import Layers
+from activestereo.effects.engines.layers import Layers
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.refine import Fitter, ParameterSpace
 from activestereo.diagnose.search.rendered import fitted_to_renders

@@ -12,8 +12,8 @@ from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.shading import reflected_share
 from activestereo.effects.core.laws import example_value, example_view
-from activestereo.compare.kuafu_renderer import KuafuRenderer
-from activestereo.compare.layers import RenderRequest, ViewCamera
+from activestereo.effects.engines import CaptureRenderer
+from activestereo.effects.engines.layers import RenderRequest, ViewCamera
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
 from virtual_sensor.view import PatternSource, look
 from virtual_sensor.world import look_at
@@ -179,8 +179,8 @@ def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_to
     request = RenderRequest(
         table_top, (camera,), PATTERN.astype(np.float32), PROJECTOR_K, camera.camera_to_world, 32, 4, 1
     )
-    raw, smooth = (KuafuRenderer(device, smooth=s)(request)[0] for s in (False, True))
-    reference = KuafuRenderer(device, smooth=False)(replace(request, samples_per_pixel=512, seed=2))[0].indirect
+    raw, smooth = (CaptureRenderer(device, smooth=s)(request)[0] for s in (False, True))
+    reference = CaptureRenderer(device, smooth=False)(replace(request, samples_per_pixel=512, seed=2))[0].indirect
     matt = raw.indirect != smooth.indirect
     assert 0.3 < matt.mean() < 1.0
     raw_error, smooth_error = (np.abs(layers.indirect - reference)[matt].mean() for layers in (raw, smooth))

@@ -16,8 +16,8 @@ def test_after_a_failed_render_the_next_one_is_as_if_it_had_not_been(tmp_path, m
     capture = trial_capture(tmp_path)
     effect = builtin()["specular"]
     model = Model().with_effect(effect, **effect.typical_values)
-    renderer = CaptureRenderer(capture, "cpu", 1, 1)
-    before = {key: light.ambient for key, light in CaptureRenderer(capture, "cpu", 1, 1).lights(Model()).items()}
+    renderer = CaptureRenderer("cpu", 1, 1)
+    before = {key: light.ambient for key, light in CaptureRenderer("cpu", 1, 1).lights(capture, Model()).items()}
 
     @contextmanager
     def left_changed(scene, inputs):
@@ -28,6 +28,6 @@ def test_after_a_failed_render_the_next_one_is_as_if_it_had_not_been(tmp_path, m
     with monkeypatch.context() as patch:
         patch.setattr("activestereo.effects.engines.capture_renderer.changed_world", left_changed)
         with pytest.raises(RuntimeError):
-            renderer.lights(model)
-    for key, light in renderer.lights(Model()).items():
+            renderer.lights(capture, model)
+    for key, light in renderer.lights(capture, Model()).items():
         assert np.array_equal(light.ambient, before[key])

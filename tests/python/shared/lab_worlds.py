@@ -9,9 +9,9 @@ import numpy as np
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray, write_gray
-from activestereo.compare.cache import request_key
+from activestereo.effects.engines.layers import request_key
 from activestereo.compare.depth_compare import DepthModel
-from activestereo.compare.layers import Layers
+from activestereo.effects.engines.layers import Layers
 from virtual_sensor.view import PatternSource, look
 
 DEPTH_SCALE_M = 1e-4

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import Frame, ImageKey
-from activestereo.compare.layers import Layers
 from activestereo.compare.nuisances import Nuisances, predict
 from activestereo.effects import View
 from activestereo.effects.core.model import scales
+from activestereo.effects.engines.layers import Layers
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,11 @@ import scipy
 import activestereo
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.processes import forked
-from activestereo.compare.cache import LayerCache, scene_digest
+from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.diagnose.refine.parameter_space import ParameterSpace
 from activestereo.effects import Effect, builtin
+from activestereo.effects.engines.layers import scene_digest
 
 # Raise it if the stored arrays change their meaning.
 _FORMAT = 1

@@ -40,7 +40,7 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RenderedSurfaces(Protocol):
-    """The rendered images of surfaces that a View takes (compare/layers.py), each [height][width]; normal
+    """The rendered images of surfaces that a View takes (effects/engines/layers.py), each [height][width]; normal
     [height][width][3], world. They may also have `ambient_direct`."""
 
     @property

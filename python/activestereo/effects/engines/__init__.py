@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Applies effects to the inputs of kuafu and simsense, and renders a capture's images under them.
 
-renderer = CaptureRenderer(read_capture("captures/table"))
-images = renderer.expected(model, nuisances)          # {(frame id, side): DN}
+images = CaptureRenderer().expected(read_capture("captures/table"), model, nuisances)          # {(frame id, side): DN}
 """
 
 from activestereo.effects.engines.capture_inputs import SceneMeasurement

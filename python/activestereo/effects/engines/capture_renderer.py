@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders a capture's frames under a model: its effects with an engine function act inside of the engines."""
+"""The one renderer of captures: layers of the base model, and frames under a model. Effects with an engine function act
+inside of the engines."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +22,11 @@ from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
 from activestereo.effects.core.room_light import BOUNCED_VERSION
 from activestereo.effects.core.view import View
+from activestereo.effects.engines import matt_world
+from activestereo.effects.engines.base_layers import FLAT_SHARE, FirstSurfaces, matt_layers, traced_layers
 from activestereo.effects.engines.capture_inputs import SceneMeasurement, capture_inputs
-from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer
+from activestereo.effects.engines.layers import Layers, RenderRequest, scene_digest
+from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene, engine_version
 from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
 from activestereo.effects.engines.world import (
     changed_world,
@@ -65,45 +72,66 @@ class _Job:
 
 
 class CaptureRenderer:
-    """Renders a capture's scene in kuafu. lights() and expected() leave the scene as they found it.
+    """Renders captures in kuafu: call it for a RenderRequest's layers, lights() or expected() for frames under a model.
+    The last scene is kept loaded, as its file has it; an edited file is loaded again.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filters bounced and ambient light on matt surfaces, see
-    effects/engines/smooth.py. Every call has the same seed, and frames have the same places in the batch. Images of two
-    models therefore differ by the models alone, not by noise.
+    device: 'auto', 'cpu', an index or a kuafu.Device. samples_per_pixel, max_bounces, seed: of frames under a model; a
+    request has its own. Every call has the same seed, and frames have the same places in the batch. Images of two
+    models therefore differ by the models alone, not by noise. smooth: filters bounced and ambient light on matt
+    surfaces, see smooth.py. traced: path-traces the layers of matt worlds, too, with the noise of frames under a model.
+    Raises kuafu.NoDeviceError or kuafu.FileError.
     """
 
     def __init__(
         self,
-        capture: Capture,
         device: str | int | kuafu.Device = "auto",
         samples_per_pixel: int = 64,
         max_bounces: int = 8,
         seed: int = 0,
         smooth: bool = True,
+        traced: bool = False,
     ) -> None:
-        self.capture = capture
+        self.device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self.samples_per_pixel, self.max_bounces, self.seed = samples_per_pixel, max_bounces, seed
-        self._world = SceneRenderer(capture.scene_path, device, smooth)
-        self._pattern = capture.rig.projector.pattern()
-        self._smooth = smooth
+        self._smooth, self._traced = smooth, traced
+        self._scene: LoadedScene | None = None
+        self._digest = ""
+        self._first: dict[str, FirstSurfaces] = {}
         self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
+        self._one_at_a_time = threading.RLock()
+        smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
+        way = f"bounced {BOUNCED_VERSION}, {'traced' if traced else f'matt {matt_world.VERSION}'}"
+        self.version = f"{engine_version(self.device)}{smoothed}, flat {FLAT_SHARE}, {way}"
 
-    @property
-    def device(self) -> kuafu.Device:
-        return self._world.device
+    @contextmanager
+    def _loaded(self, scene_path: Path) -> Iterator[LoadedScene]:
+        """Gives the loaded scene to one thread at a time."""
+        with self._one_at_a_time:
+            digest = scene_digest(scene_path)
+            if self._scene is None or digest != self._digest:
+                self._scene, self._digest = LoadedScene(scene_path, self.device, self._smooth), digest
+                self._first, self._kept = {}, {}
+            yield self._scene
 
-    def inputs(self, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None) -> EngineInputs:
+    def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
+        """Renders a request; returns one Layers per camera. progress: called as progress(fraction done)."""
+        with self._loaded(request.scene_path) as world, world.alone() as scene:
+            may_be_matt = self._smooth and not self._traced
+            if may_be_matt and matt_world.is_matt_world(scene, world.has_room_light):
+                return matt_layers(world, request, self._first, progress)
+            return traced_layers(world, request, progress)
+
+    def inputs(
+        self, capture: Capture, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None
+    ) -> EngineInputs:
         """Returns the engines' inputs for a frame: calibration and settings, the scene measurement's corrections, then
         the model's deterministic effects. Random effects have no part in an expected image."""
-        inputs = capture_inputs(self.capture, frame, self._world.scene, self._pattern, self.seed)
-        if scene_measurement is not None:
-            scene_measurement.apply(inputs)
-        expected = ((e, p) for e, p in model.effects if e.randomness is Randomness.NONE)
-        apply_engine(inputs, tuple((e, e.on_pixels(p, self.capture.binning)) for e, p in expected))
+        [(_, inputs)] = self._inputs(capture, model, [frame], scene_measurement)
         return inputs
 
     def lights(
         self,
+        capture: Capture,
         model: Model,
         frames: Iterable[Frame] | None = None,
         scene_measurement: SceneMeasurement | None = None,
@@ -114,8 +142,7 @@ class CaptureRenderer:
         or gain alone share their images. All poses with the same materials and medium are one render. half: 0 or 1, one
         of two independent halves of the samples (smooth.py)."""
         jobs: dict[tuple, _Job] = {}
-        for frame in self.capture.frames if frames is None else frames:
-            inputs = self.inputs(frame, model, scene_measurement)
+        for frame, inputs in self._inputs(capture, model, frames, scene_measurement):
             jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))
         worlds: dict[tuple, list[_Job]] = {}
         for job in jobs.values():
@@ -123,7 +150,7 @@ class CaptureRenderer:
         out: dict[ImageKey, CameraLight] = {}
         for done, group in enumerate(worlds.values()):
             share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
-            for job, sides in zip(group, self._images(group, share, half), strict=True):
+            for job, sides in zip(group, self._images(capture.scene_path, group, share, half), strict=True):
                 out |= {
                     (frame.id, side): _side_light(view, own)
                     for frame, own in job.frames
@@ -133,6 +160,7 @@ class CaptureRenderer:
 
     def lights_key(
         self,
+        capture: Capture,
         model: Model,
         frames: Iterable[Frame] | None = None,
         scene_measurement: SceneMeasurement | None = None,
@@ -140,55 +168,71 @@ class CaptureRenderer:
     ) -> str:
         """Returns a hash of all that decides lights(), but for the scene's files and the engine's version. It is equal
         in every process."""
-        inputs = [self.inputs(f, model, scene_measurement) for f in (self.capture.frames if frames is None else frames)]
+        inputs = [own for _, own in self._inputs(capture, model, frames, scene_measurement)]
         powers = [(i.frame.id, i.projector and i.projector.ir_intensity) for i in inputs]
         smooth = self._smooth and SMOOTH_VERSION
         settings = self.samples_per_pixel, self.max_bounces, self.seed, half, smooth, BOUNCED_VERSION
         return hashlib.sha256(repr((settings, powers, [_job_key(i) for i in inputs])).encode()).hexdigest()
 
     def expected(
-        self, model: Model, nuisances: Scales, scene_measurement: SceneMeasurement | None = None
+        self, capture: Capture, model: Model, nuisances: Scales, scene_measurement: SceneMeasurement | None = None
     ) -> dict[ImageKey, NDArray[np.float32]]:
         """Returns {(frame id, side): expected DN [height][width]} of all frames. Raises ValueError for an effect on
         light that no engine field expresses: compare() applies these."""
         if outside := [effect.id for effect, _ in model.outside_engines().on_light()]:
             raise ValueError(f"{', '.join(outside)}: no engine field expresses it; compare() applies image functions")
-        frames, out = {frame.id: frame for frame in self.capture.frames}, {}
-        for (number, side), light in self.lights(model, None, scene_measurement).items():
-            view = View.of(self.capture, frames[number], side, light, self.seed)
+        frames, out = {frame.id: frame for frame in capture.frames}, {}
+        for (number, side), light in self.lights(capture, model, None, scene_measurement).items():
+            view = View.of(capture, frames[number], side, light, self.seed)
             out[number, side] = model.signal(light, view, nuisances).astype(np.float32)
         return out
 
     # ---- inside ----
 
+    def _inputs(
+        self, capture: Capture, model: Model, frames: Iterable[Frame] | None, scene_measurement: SceneMeasurement | None
+    ) -> list[tuple[Frame, EngineInputs]]:
+        """Returns (frame, inputs()) of all frames; None: of the capture's."""
+        pattern, made = capture.rig.projector.pattern(), []
+        expected = [(e, e.on_pixels(p, capture.binning)) for e, p in model.effects if e.randomness is Randomness.NONE]
+        with self._loaded(capture.scene_path) as world:
+            for frame in capture.frames if frames is None else frames:
+                inputs = capture_inputs(capture, frame, world.scene, pattern, self.seed)
+                if scene_measurement is not None:
+                    scene_measurement.apply(inputs)
+                apply_engine(inputs, tuple(expected))
+                made.append((frame, inputs))
+        return made
+
     def _images(
-        self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
+        self, scene_path: Path, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
         """Returns the rendered images, {output: image}, by job and side: [job][side]. The last renders are remembered,
         so that changes which move no ray trace none."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
-        with self._world.alone() as scene:
+        with self._loaded(scene_path) as world, world.alone() as scene:
             if key not in self._kept:
                 with changed_world(scene, jobs[0].inputs):
-                    self._kept[key] = self._render_world(jobs, progress, half)
+                    self._kept[key] = self._render_world(world, jobs, progress, half)
                 while len(self._kept) > _KEPT:
                     self._kept.pop(next(iter(self._kept)))
             return self._kept[key]
 
     def _render_world(
-        self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
+        self, world: LoadedScene, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        images = self._render(jobs, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
+        images = self._render(world, jobs, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
             # All projectors share one pair of outputs, so a second render gives the further ones, which light the room.
-            others = self._render(jobs, LIGHT[:2], own=False, progress=None, half=half)
+            others = self._render(world, jobs, LIGHT[:2], own=False, progress=None, half=half)
             images["added"] = images["added"] + others["projector_direct"]
             images["added_indirect"] = others["projector_indirect"]
-        views = self._world.views(images, [side.camera for job in jobs for side in job.inputs.sides])
+        views = world.views(images, [side.camera for job in jobs for side in job.inputs.sides])
         return [views[k : k + len(SIDES)] for k in range(0, len(views), len(SIDES))]
 
     def _render(
         self,
+        world: LoadedScene,
         jobs: list[_Job],
         outputs: tuple[str, ...],
         own: bool,
@@ -207,8 +251,8 @@ class CaptureRenderer:
                 light.environment, light.light_group = environment, _ADDED_GROUP
                 lights.append((light, job.inputs.pattern if light.kind == "projector" else None))
         sides = [(moments.index((job, side.delay_s)), side) for job in jobs for side in job.inputs.sides]
-        with self._world.lit(lights):
-            images = self._world.images(
+        with world.lit(lights):
+            images = world.images(
                 [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides],
                 outputs + group,
                 self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),

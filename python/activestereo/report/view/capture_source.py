@@ -14,11 +14,11 @@ from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import Pose
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthModel
-from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.noise import fit_noise_model, repeat_statistics
 from activestereo.compare.nuisances import fit_nuisances
 from activestereo.compare.render import render_frames
 from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.engines import CaptureRenderer
 from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.configure import exposed
 from activestereo.model.diagnosed import calibrated
@@ -143,14 +143,14 @@ class CaptureSource:
         pattern = given.pattern or Pattern(projector.K, projector.pattern_path)
         model = replace(given, rig=own, pattern=pattern)
         if not {"projector_scale", "ambient_scale", "black_dn"} <= set(given.nuisances):
-            fitted = _fitted_nuisances(capture, KuafuRenderer(self._device))
+            fitted = _fitted_nuisances(capture, CaptureRenderer(self._device))
             model = replace(model, nuisances=fitted | dict(given.nuisances))
         if model.imager is None:
             model = replace(model, imager=_fitted_noise(capture, model.nuisances["black_dn"].value))
         return model
 
 
-def _fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Quantity]:
+def _fitted_nuisances(capture: Capture, renderer: CaptureRenderer) -> dict[str, Quantity]:
     """Fits projector scale, ambient scale and black level to a few frames by least squares, without effects. Returns
     {name: Quantity}. Raises ValueError if there is nothing to fit."""
     poses: dict[bytes, Frame] = {}

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders the known scene with kuafu for comparisons, in the infrared band: under the projector at power 1, and under
-ambient radiance 1."""
+"""Renders the layers of a loaded scene's base model: under the projector at power 1, and under ambient radiance 1."""
 
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -15,20 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.compare import matt_world
-from activestereo.compare.cache import request_key, scene_digest
-from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
-from activestereo.effects.core.room_light import BOUNCED_VERSION
-from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer, engine_version
-from activestereo.effects.engines.smooth import SMOOTH_VERSION
+from activestereo.effects.engines import matt_world
+from activestereo.effects.engines.layers import Layers, RenderRequest, ViewCamera, request_key
+from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
 
 # Light without the pattern varies only at edges, so it needs fewer samples.
-_FLAT_SHARE = 0.5
+FLAT_SHARE = 0.5
 # First surfaces are kept for poses with at most this many pixel squares in all: about 6 poses of 424 x 240.
 _KEPT_SQUARES = 25_000_000
 
 
-class _FirstSurfaces(NamedTuple):
+class FirstSurfaces(NamedTuple):
     """Caches the surfaces that a matt world's cameras see first. light: for each camera, (the pattern's light reflected
     there, the same under a pattern that is 1 everywhere). albedo: [camera][height][width][1] at FINER times the
     resolution. seen: images of these surfaces, named in matt_world.SURFACE."""
@@ -38,55 +33,8 @@ class _FirstSurfaces(NamedTuple):
     seen: dict[str, NDArray]
 
 
-class _World(NamedTuple):
-    """A loaded scene. digest: hash of its files. is_matt: whether all its surfaces are matt (matt_world.py). first: the
-    first surfaces of the latest requests, by a key without the seed, because they have no noise."""
-
-    digest: str
-    renderer: SceneRenderer
-    is_matt: bool
-    first: dict[str, _FirstSurfaces]
-
-
-class KuafuRenderer:
-    """Renders RenderRequests. A scene is loaded once and kept; an edited file is loaded again.
-
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filters bounced and ambient light on diffuse surfaces,
-    see smooth.py. traced: path-traces matt worlds, too, with the same noise as the engines' own images. Raises
-    kuafu.NoDeviceError or kuafu.FileError.
-    """
-
-    def __init__(self, device: str | int | kuafu.Device = "auto", smooth: bool = True, traced: bool = False) -> None:
-        self._smooth, self._traced = smooth, traced
-        self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
-        self._world: _World | None = None
-        self._one_at_a_time = threading.Lock()
-        smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
-        way = f"bounced {BOUNCED_VERSION}, {'traced' if traced else f'matt {matt_world.VERSION}'}"
-        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, {way}"
-
-    def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
-        """Renders a request; returns one Layers per camera. progress: called as progress(fraction done). Only one
-        thread renders at a time; after an error the scene is loaded again."""
-        with self._one_at_a_time:
-            world = self._load(request)
-            with world.renderer.alone():
-                if world.is_matt:
-                    return _matt_layers(world, request, progress)
-                return _traced_layers(world.renderer, request, progress)
-
-    def _load(self, request: RenderRequest) -> _World:
-        digest = scene_digest(request.scene_path)
-        if self._world is None or digest != self._world.digest:
-            renderer = SceneRenderer(request.scene_path, self._device, self._smooth)
-            may_be_matt = self._smooth and not self._traced
-            is_matt = may_be_matt and matt_world.is_matt_world(renderer.scene, renderer.has_room_light)
-            self._world = _World(digest, renderer, is_matt, {})
-        return self._world
-
-
-def _traced_layers(
-    world: SceneRenderer, request: RenderRequest, progress: Callable[[float], object] | None
+def traced_layers(
+    world: LoadedScene, request: RenderRequest, progress: Callable[[float], object] | None
 ) -> tuple[Layers, ...]:
     """Renders the layers of any world by path tracing. `flat` and `ambient_direct`, light reflected once, are rendered
     again under a pattern that is 1 everywhere."""
@@ -94,7 +42,7 @@ def _traced_layers(
     with world.lit([(_projector(request), request.pattern)]):
         images = world.images(cameras, LIGHT + GEOMETRY, spp, request.max_bounces, progress, seed=request.seed)
     with world.lit([(_projector(request), np.ones_like(request.pattern))]):
-        few = _share(request, _FLAT_SHARE)
+        few = _share(request, FLAT_SHARE)
         single = world.images(cameras, ("projector_direct", "ambient"), few, 0, seed=request.seed)
     images |= {"flat": single["projector_direct"], "ambient_direct": single["ambient"]}
     light = *LIGHT, "flat"
@@ -107,11 +55,13 @@ def _traced_layers(
     return tuple(map(layers, world.views(images, cameras)))
 
 
-def _matt_layers(
-    world: _World, request: RenderRequest, progress: Callable[[float], object] | None
-) -> tuple[Layers, ...]:
-    """Renders the layers of a matt world by the method of matt_world.py."""
-    images, spp, seed = world.renderer.images, request.samples_per_pixel, request.seed
+def matt_layers(
+    world: LoadedScene, request: RenderRequest, kept: dict[str, FirstSurfaces],
+    progress: Callable[[float], object] | None,
+) -> tuple[Layers, ...]:  # fmt: skip
+    """Renders the layers of a matt world by the method of matt_world.py. kept: the first surfaces of the latest
+    requests, by a key without the seed, because they have no noise."""
+    images, spp, seed = world.images, request.samples_per_pixel, request.seed
     wide = [_resized(camera, 1.0 / matt_world.FINER) for camera in request.cameras]
     # Small images get a larger share of samples for bounced light.
     camera = request.cameras[0]
@@ -119,14 +69,14 @@ def _matt_layers(
     bounces *= float(np.clip(matt_world.SHARED_PIXELS / (camera.width * camera.height), 1.0, matt_world.MOST_TIMES))
     few, of_sky = _share(request, bounces), _share(request, matt_world.SKY_SHARE * bounces)
     room = None
-    if world.renderer.has_room_light:
-        room = world.renderer.room_light(list(map(_camera, request.cameras)), spp, seed=seed)
+    if world.has_room_light:
+        room = world.room_light(list(map(_camera, request.cameras)), spp, seed=seed)
     even, wider = LIGHT[2:] if room is None else (), list(map(_camera, wide))
-    with world.renderer.lit([(_projector(request), request.pattern)]):
+    with world.lit([(_projector(request), request.pattern)]):
         surfaces = matt_world.SURFACE + LIGHT[1:2] + even
         bounced = images(wider, surfaces, few, request.max_bounces, progress, seed=seed)
         sky = images(wider, even, of_sky, 0, seed=seed)["ambient"] if room is None else room
-        first = _first_surfaces(world, request)
+        first = _first_surfaces(world, request, kept)
     light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
 
     def layers(i: int) -> Layers:
@@ -148,21 +98,21 @@ def _matt_layers(
         return tuple(pool.map(layers, range(len(request.cameras))))
 
 
-def _first_surfaces(world: _World, request: RenderRequest) -> _FirstSurfaces:
+def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, FirstSurfaces]) -> FirstSurfaces:
     """Returns the first surfaces of a request, from memory or rendered. The world must be lit by the request's
     projector."""
     key = request_key(replace(request, seed=0), "first surfaces")
-    if key not in world.first:
-        images, fewer = world.renderer.images, _share(request, matt_world.FINER**2 * matt_world.FIRST_SHARE)
+    if key not in kept:
+        images, fewer = world.images, _share(request, matt_world.FINER**2 * matt_world.FIRST_SHARE)
         finer = [_camera(_resized(camera, matt_world.FINER)) for camera in request.cameras]
         seen = images(list(map(_camera, request.cameras)), matt_world.SURFACE, fewer, 0)
         first = images(finer, matt_world.FIRST, fewer, 0)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             light = pool.map(lambda i: matt_world.first_light(first, i, request.pattern), range(len(finer)))
-            world.first[key] = _FirstSurfaces(list(light), first["albedo"].copy(), seen)
-        while len(world.first) > 1 and sum(known.albedo.size for known in world.first.values()) > _KEPT_SQUARES:
-            world.first.pop(next(iter(world.first)))
-    return world.first[key]
+            kept[key] = FirstSurfaces(list(light), first["albedo"].copy(), seen)
+        while len(kept) > 1 and sum(known.albedo.size for known in kept.values()) > _KEPT_SQUARES:
+            kept.pop(next(iter(kept)))
+    return kept[key]
 
 
 def _camera(camera: ViewCamera) -> kuafu.Camera:

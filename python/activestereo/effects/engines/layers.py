@@ -4,15 +4,21 @@ new render."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import hashlib
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
+from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.lens import distort, is_drawn, undistort
 from activestereo.effects.core.resample import SupersampledImages
 
+# Increase this number when the meaning of a cached array changes.
+_FORMAT = 4
 # Margin rendered beyond the frame at finer scales, which calibration errors, lenses and motion bring into view.
 _MARGIN_SHARE = 0.02
 _LARGEST_MARGIN_PX = 200
@@ -205,3 +211,41 @@ def rig_request(
         max_bounces=max_bounces,
         seed=seed,
     )
+
+
+def scene_digest(scene_path: str | Path) -> str:
+    """Returns a content hash of a glTF scene and every file it refers to."""
+    digest = hashlib.sha256()
+    path = Path(scene_path)
+    digest.update(read_bytes(path))
+    if path.suffix == ".gltf":
+        document = read_json(path)
+        for kind in ("buffers", "images"):  # entries without the right shape are the importer's to refuse
+            entries = document.get(kind) if isinstance(document, dict) else None
+            for entry in entries if isinstance(entries, list) else ():
+                uri = entry.get("uri") if isinstance(entry, dict) else None
+                if isinstance(uri, str) and uri and not uri.startswith("data:"):
+                    digest.update(read_bytes(path.parent / unquote(uri)))
+    return digest.hexdigest()
+
+
+def request_key(request: RenderRequest, renderer_version: str) -> str:
+    """Returns a hash of a RenderRequest and the renderer's version. Requests with equal keys give equal layers."""
+    digest = hashlib.sha256()
+
+    def add(value: Any) -> None:
+        if isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).tobytes())
+        elif isinstance(value, tuple):
+            for camera in value:
+                for own in fields(camera):
+                    add(getattr(camera, own.name))
+        else:
+            digest.update(repr(value).encode())
+
+    add(repr((_FORMAT, renderer_version)))
+    for own in fields(request):
+        value = getattr(request, own.name)
+        add(scene_digest(value) if own.name == "scene_path" else value)
+    return digest.hexdigest()

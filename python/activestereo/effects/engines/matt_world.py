@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 import kuafu
-from activestereo.compare.layers import ViewCamera
+from activestereo.effects.engines.layers import ViewCamera
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
 # Squares along each side of a pixel; a pixel of bounced light is as many pixels wide.

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loads a scene file into kuafu and renders images of its light in the infrared band. It is the one renderer of
-captures: the base model's layers (compare/kuafu_renderer.py) and the images under a model (capture_renderer.py) come
-from it."""
+"""Loads a scene file into kuafu, and renders images of its light in the infrared band for capture_renderer.py."""
 
 from __future__ import annotations
 
@@ -30,16 +28,15 @@ GEOMETRY = ("depth", "normal", "position", "material_id")
 _NOTHING_HIT = 0xFFFFFFFF
 
 
-class SceneRenderer:
-    """Renders a scene file whose ambient light is 1 from all sides, or the room's measured light; it has no other
+class LoadedScene:
+    """A scene file whose ambient light is 1 from all sides, or the room's measured light; it has no other
     light.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filters bounced and ambient light on matt surfaces, see
-    smooth.py. Raises kuafu.NoDeviceError or kuafu.FileError.
+    smooth: filters bounced and ambient light on matt surfaces, see smooth.py. Raises kuafu.FileError.
     """
 
-    def __init__(self, scene_path: Path, device: str | int | kuafu.Device = "auto", smooth: bool = True) -> None:
-        self.device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
+    def __init__(self, scene_path: Path, device: kuafu.Device, smooth: bool) -> None:
+        self.device = device
         self._renderer = kuafu.Renderer(self.device)
         self._path, self._smooth = scene_path, smooth
         self._one_at_a_time, self._is_changed = threading.Lock(), False
