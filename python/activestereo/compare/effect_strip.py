@@ -35,6 +35,10 @@ _SCALE = 2.0
 _SAMPLES, _BOUNCES = 128, 2
 _STRENGTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
+# In three times this light the dots fill their pixels.
+_BRIGHT = Nuisances(projector_scale=360000.0, ambient_scale=27000.0, black_dn=5.0)
+# An effect that changes fewer pixels than this share cannot be seen.
+_LEAST_CHANGED = 1e-3
 # Noise of the pairs that are matched; relative 0.01 is a speckle contrast of a tenth.
 _NOISE = NoiseModel(offset=1.0, shot=0.02, relative=0.01, black_dn=5.0)
 
@@ -122,7 +126,7 @@ class StripView:
 
 class StripWorld(StripView):
     """A StripView of the small test world of compare/surrogate.py, rendered once: a warm rig moves over bodies on a
-    table."""
+    table. An effect that cannot be seen there is shown in brighter light."""
 
     def __init__(self, renderer: Renderer, cache: LayerCache | None = None) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -130,3 +134,14 @@ class StripWorld(StripView):
             frame = capture.frames[0]
             layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=cache, scale=WARP_SCALE)[frame.id]
             super().__init__(capture, frame, layers, _NUISANCES)
+            self._bright = StripView(capture, frame, layers, _BRIGHT)
+
+    def strip(self, effect: Effect, given: Mapping[str, float] | None = None) -> EffectStrip:
+        shown = super().strip(effect, given)
+        if _is_seen(shown) or _is_seen(super().strip(effect)):
+            return shown
+        return self._bright.strip(effect, given)
+
+
+def _is_seen(strip: EffectStrip) -> bool:
+    return float(np.mean(strip.difference != 0.0)) > _LEAST_CHANGED
