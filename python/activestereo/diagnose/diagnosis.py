@@ -301,7 +301,7 @@ def examine(
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
     with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
     found = told(replace(outcome, rest=with_names), settings=settings)
-    confirmed = replace(outcome, rest=_on_test_frames(outcome, found.result))
+    confirmed = replace(outcome, rest=_on_test_frames(outcome, found.result, numbers))
     if _verdict(confirmed, numbers) != found.result["verdict"]:
         return told(confirmed, settings=replace(settings, phases=Phases(None, PHASES)))
     return replace(found, result=found.result | _rests_on(confirmed, numbers))
@@ -322,15 +322,24 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
     return verdict_of(outcome.rest, bool(outcome.names), outcome.evidence.has_floor, numbers)
 
 
-def _on_test_frames(outcome: Outcome, figures: Mapping[str, Any]) -> Remainder:
+def _on_test_frames(outcome: Outcome, figures: Mapping[str, Any], numbers: Numbers) -> Remainder:
     """Returns the remainder with the errors on test frames added. It stays unchanged without test frames, and beside
-    named random fields or noise: these draws differ from frame to frame, or their noise is not in the floor."""
-    after, floor = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"]
+    named noise, which the floor lacks. No model foretells draws: beside some, test frames count only where more is left
+    than the other names explain and twice what draws leave on train frames, by the same names' gain on either."""
+    after, floor, rest = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"], outcome.rest
     has_test = figures["curve"] and figures["curve"][-1]["heldout_ir_rmse"] is not None
-    if not has_test or not floor or any(n.field is not None or n.id in outcome.noise for n in outcome.names):
-        return outcome.rest
+    if not has_test or not floor or any(n.id in outcome.noise for n in outcome.names):
+        return rest
     explained = (figures["heldout_ir_rmse_geometry"] ** 2 - after**2) / floor**2
-    return replace(outcome.rest, test_explained=explained, test_left=after**2 / floor**2 - 1.0)
+    left = after**2 / floor**2 - 1.0
+    draws, by_others = [n.gain + n.field.unforeseen for n in outcome.names if n.field], rest.explained - rest.drawn
+    if draws:
+        if by_others < numbers.least_excess:
+            return rest
+        left -= 2.0 * explained / by_others * sum(draws)
+        if left <= explained:
+            return rest
+    return replace(rest, test_explained=explained, test_left=left)
 
 
 def _told(
