@@ -146,10 +146,10 @@ def _lamp(text: str) -> float:
 
 def run(args: argparse.Namespace) -> None:
     model = read_sensor_model(args)
-    if not args.scene.exists():
-        raise CommandError(f"{args.scene}: there is no such file")
     view = _view_of_capture(args) if args.scene.is_dir() else None
     config = make_config(args, model, view)
+    if not args.scene.exists():
+        raise CommandError(f"{args.scene}: there is no such file")
     from activestereo.cli.scene_report import warn_of_materials
     from activestereo.common.accuracy import accuracy_by_material
     from activestereo.common.progress_bar import ProgressBar
