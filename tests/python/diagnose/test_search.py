@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from activestereo.diagnose.answer.ranking import ranking_of
+from activestereo.diagnose.diagnosis import _on_test_frames
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.search.dictionary import carried
@@ -108,6 +109,20 @@ def fitted(name, chi2):
 )
 def test_the_verdict_follows_from_what_is_explained_and_left(rest, named, floor, verdict):
     assert verdict_of(rest, named, floor, NUMBERS) == verdict
+
+
+@pytest.mark.parametrize("left, denies", [(0.5, False), (3.0, True)])
+def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
+    """Each frame has its own draws, which no model foretells: as much as they leave says nothing."""
+    rest = Remainder(0.5, 0.02, 0.01, 0.6, drawn=0.1)
+    draws = SimpleNamespace(id="speckle", gain=0.07, field=SimpleNamespace(unforeseen=0.05))
+    outcome = SimpleNamespace(rest=rest, names=[draws, SimpleNamespace(id="vignetting", field=None)], noise=())
+    after = (1.0 + left) ** 0.5
+    figures = {"heldout_ir_rmse_geometry": (after**2 + 0.4) ** 0.5, "heldout_ir_rmse_after": after}
+    figures |= {"heldout_noise_floor": 1.0, "curve": [{"heldout_ir_rmse": after}]}
+    found = _on_test_frames(outcome, figures, NUMBERS)
+    assert (found.test_left is not None) == denies
+    assert (verdict_of(found, True, True, NUMBERS) == UNKNOWN) == denies
 
 
 def test_a_name_is_stated_the_likelier_right_the_less_is_missing():
