@@ -15,15 +15,16 @@ namespace ks {
 
 class Buffer {
  public:
-  /// Zero-filled. Storage, transfer and indirect usage with a device address. Host-visible memory is coherent, and cached where there is
-  /// such a type.
-  /// extra_usage: what acceleration structures need beyond that; such a buffer is not exportable.
+  /// Makes a zero-filled buffer for storage, transfers and indirect commands, with a device address. Host-visible memory is coherent, and
+  /// cached if the device has such a type.
+  /// extra_usage: further usage flags, for acceleration structures; such a buffer cannot be exported.
   static std::shared_ptr<Buffer> create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags /* KS_BUFFER_* */,
                                         VkBufferUsageFlags extra_usage = 0);
-  /// For tables that the host writes and only the device reads: mapped, and in the device's own memory where that can be mapped.
+  /// Makes a buffer for tables that the host writes and only the device reads: always mapped, in the device's own memory if that can be
+  /// mapped.
   static std::shared_ptr<Buffer> create_table(const std::shared_ptr<Device>& device, uint64_t size_bytes);
-  /// For arrays of which the host changes parts and only the device reads: in the device's own memory, and mapped where there is enough
-  /// that can be, so that a write is a store and no submission.
+  /// Makes a buffer for arrays that the host changes in parts and only the device reads. It lies in the device's own memory, and is mapped
+  /// if enough of that can be mapped: a write is then a store, without a submission.
   static std::shared_ptr<Buffer> create_array(const std::shared_ptr<Device>& device, uint64_t size_bytes,
                                               VkBufferUsageFlags extra_usage = 0);
   static std::shared_ptr<Buffer> import(std::shared_ptr<Device> device, const ks_buffer_desc& desc);
@@ -34,14 +35,14 @@ class Buffer {
   [[nodiscard]] ks_buffer_desc export_as(uint32_t memory) const;
   [[nodiscard]] uint64_t size_bytes() const { return size_bytes_; }
   [[nodiscard]] VkBuffer handle() const { return buffer_; }
-  /// For buffer_reference in shaders; 0 on the host device.
+  /// Device address for buffer_reference in shaders; 0 on the host device.
   [[nodiscard]] uint64_t address() const { return address_; }
-  /// Host address or nullptr when the memory is not host visible.
+  /// Host address; nullptr if the memory is not host visible.
   [[nodiscard]] void* mapped() const { return mapped_; }
   [[nodiscard]] const std::shared_ptr<Device>& device() const { return device_; }
 
-  /// Counted copies (Device::copied_bytes); through a staging buffer where the memory is not host visible. That of a read is kept for
-  /// the next copy, because making it takes longer than copying an image. Bounds are checked.
+  /// Copies data to or from the buffer; copied_bytes() counts it. Memory that the host cannot see is reached through a staging buffer,
+  /// which is kept for the next copy: making one takes longer than copying an image. Throws for a range outside the buffer.
   void write(uint64_t offset_bytes, const void* data, uint64_t size_bytes);
   void read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const;
 
@@ -50,21 +51,22 @@ class Buffer {
   static std::shared_ptr<Buffer> make(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags, VkBufferUsageFlags extra_usage,
                                       VkMemoryPropertyFlags preferred);
   void check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const;
-  /// Memory that the host sees, to copy so many bytes through: what was kept, unless another thread has it or it is too small.
+  /// Returns host-visible memory of at least size_bytes to copy through: the kept buffer, or a new one if that is too small or another
+  /// thread uses it.
   [[nodiscard]] std::shared_ptr<Buffer> take_staging(uint64_t size_bytes) const;
   void keep_staging(std::shared_ptr<Buffer> staging) const;
   void allocate_host();
   void allocate_vulkan(VkMemoryPropertyFlags preferred);
-  /// On a CPU device, in memory that the host lends.
+  /// Allocates host-lent memory on a CPU device.
   void allocate_lent();
-  /// Zero-filled memory that the host lends.
+  /// Takes zero-filled memory from the host.
   void take_lent(uint64_t bytes, uint64_t alignment);
   void import_host(const ks_buffer_desc& desc);
   void import_host_pages(const ks_buffer_desc& desc);
   void import_fd(const ks_buffer_desc& desc, VkExternalMemoryHandleTypeFlagBits handle_type);
   void import_vulkan(const ks_buffer_desc& desc);
   [[nodiscard]] uint32_t dma_buf_type(int fd, const VkMemoryRequirements& needs) const;
-  /// 0: it is not exportable.
+  /// Vulkan's handle type of the exported memory; 0 if the buffer cannot be exported.
   [[nodiscard]] VkExternalMemoryHandleTypeFlagBits exported_handle_type() const;
   VkMemoryRequirements make_vk_buffer(VkExternalMemoryHandleTypeFlags handle_types);
   void allocate_memory(uint64_t bytes, uint32_t type, bool dedicated, const void* chain);

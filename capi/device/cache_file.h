@@ -11,11 +11,12 @@
 
 namespace ks {
 
-/// Where to keep files: `asked` itself; NULL means $XDG_CACHE_HOME/activestereo, else $HOME/.cache/activestereo. Empty: keep none.
+/// Returns the folder for cache files: `asked`, or for NULL $XDG_CACHE_HOME/activestereo, else $HOME/.cache/activestereo. Empty: nothing is
+/// cached.
 std::filesystem::path cache_folder(const char* asked);
 
 std::optional<std::vector<std::byte>> read_cache_file(const std::filesystem::path& file);
-/// Makes the folders above it where needed. false: it could not be written, and what was there is still there.
+/// Writes a cache file and makes its folders. Returns false if writing failed; the former file is then unchanged.
 bool write_cache_file(const std::filesystem::path& file, std::span<const std::byte> bytes);
 
 }  // namespace ks

@@ -11,9 +11,8 @@
 
 namespace ks {
 
-/// guard(), but for a thread that ends inside (pthread_cancel, or pthread_exit in a callback): that is no exception of ours, and swallowing
-/// it would end the process. It goes on through the host's frames. What is caught then is a reference to nothing, which the
-/// undefined-behaviour sanitizer would report.
+/// Works as guard(), but lets the unwinding of a thread pass that ends inside (pthread_cancel, or pthread_exit in a callback). To catch it
+/// would end the process. The sanitizer is off here because that exception is caught as a reference to nothing.
 template <class F>
 __attribute__((no_sanitize("undefined"))) ks_status call(F&& fn) {
   const CancellationHeld held;

@@ -7,7 +7,7 @@
 
 namespace ks {
 
-/// While it lives, pthread_cancel waits.
+/// Delays pthread_cancel of this thread as long as the object lives.
 class CancellationHeld {
  public:
   CancellationHeld() { pthread_setcancelstate(PTHREAD_CANCEL_DISABLE, &before_); }
@@ -21,7 +21,7 @@ class CancellationHeld {
 
 inline thread_local int frames_of_others = 0;
 
-/// While it lives, functions of others stand between this thread's work and its call, and nobody may unwind them.
+/// Marks, as long as it lives, that the host's functions are on this thread's stack: they must not be unwound.
 class NoUnwinding {
  public:
   NoUnwinding() { ++frames_of_others; }
@@ -30,7 +30,7 @@ class NoUnwinding {
   NoUnwinding& operator=(const NoUnwinding&) = delete;
 };
 
-/// Between two steps of long work: a thread that was cancelled leaves from here, by unwinding.
+/// Lets a cancelled thread leave between two steps of long work, by unwinding.
 inline void cancellation_point() {
   if (frames_of_others > 0) return;
   int held = PTHREAD_CANCEL_DISABLE, ignored = 0;

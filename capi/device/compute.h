@@ -16,14 +16,14 @@ namespace ks {
 class Timeline;
 struct TimelinePoint;
 
-/// Specialisation constants that several shaders share, under ids from first_id on.
+/// Specialisation constants that several shaders share; their ids begin at first_id.
 struct SharedConstants {
   uint32_t first_id = 0;
   std::span<const uint32_t> values;
 };
 
-/// A compute pipeline whose only inputs are push constants (device addresses of its buffers live in them) and specialisation constants (ids
-/// 0..n-1, and the shared ones).
+/// A compute pipeline. Its inputs are push constants, which hold its buffers' device addresses, and specialisation constants: ids 0..n-1
+/// and the shared ones.
 class ComputePipeline {
  public:
   ComputePipeline(std::shared_ptr<Device> device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
@@ -42,9 +42,9 @@ class ComputePipeline {
   uint32_t push_constant_bytes_ = 0;
 };
 
-/// Records dispatches; each is followed by a full barrier of all device work (compute, transfer, indirect, ray tracing) unless said
-/// otherwise.
-/// Stage names given to begin_stage collect GPU time (timestamps; the wall time of flushes where the queue has none).
+/// Records dispatches. A full barrier of all device work (compute, transfer, indirect, ray tracing) follows each, unless automatic barriers
+/// are off.
+/// Names given to begin_stage() collect GPU time by timestamps, or the wall time of flushes if the queue has none.
 class Commands {
  public:
   explicit Commands(std::shared_ptr<Device> device);
@@ -56,8 +56,8 @@ class Commands {
   void dispatch(const ComputePipeline& pipeline, const Push& push, uint32_t groups_x, uint32_t groups_y = 1, uint32_t groups_z = 1) {
     dispatch_raw(pipeline, &push, sizeof(Push), groups_x, groups_y, groups_z);
   }
-  /// A line of groups, in rows where it is longer than the device's dispatches may be wide: a shader counts y * width + x, and minds that
-  /// there may be more groups than asked for.
+  /// Dispatches a line of groups, broken into rows if the device limits its width. A shader computes its index as y * width + x, and
+  /// ignores groups beyond the line.
   template <class Push>
   void dispatch_line(const ComputePipeline& pipeline, const Push& push, uint32_t groups) {
     const uint32_t rows = groups == 0 ? 0 : (groups - 1) / most_groups() + 1;
@@ -68,25 +68,25 @@ class Commands {
     dispatch_indirect_raw(pipeline, &push, sizeof(Push), arguments, offset_bytes);
   }
   void fill(const Buffer& buffer, uint64_t offset_bytes, uint64_t size_bytes, uint32_t value);
-  /// At most 65536 bytes, taken from `data` now and written when the commands run; multiples of 4.
+  /// Writes up to 65536 bytes, a multiple of 4, when the commands run. `data` is copied now.
   void update(const Buffer& buffer, uint64_t offset_bytes, const void* data, uint64_t size_bytes);
   void copy(const Buffer& from, uint64_t from_offset, const Buffer& to, uint64_t to_offset, uint64_t size_bytes);
   void barrier();
-  /// false: the caller places barriers itself.
+  /// on = false: the caller places the barriers.
   void set_automatic_barriers(bool on);
-  /// Submits what was recorded, waits on the host, and starts recording again. A no-op when nothing was recorded.
+  /// Submits the recorded commands, waits for them on the host, and starts a new recording. Does nothing if none were recorded.
   void flush();
-  /// Submits what was recorded and returns; it runs after `wait`, which the caller keeps until then, and `timeline` reaches `value` when it
-  /// has run. Nothing may be recorded before finish().
+  /// Submits the recorded commands and returns. They run after `wait`, which the caller must keep until then; `timeline` then reaches
+  /// `value`. Nothing may be recorded before finish().
   void submit(const Timeline& timeline, uint64_t value, const TimelinePoint& wait);
-  /// After the submitted work has run: takes its stage times. A no-op when nothing was submitted.
+  /// Reads the stage times after the submitted work has run. Does nothing if nothing was submitted.
   void finish();
 
   void begin_stage(const char* name);
-  /// Milliseconds per stage name, in order of first use, since construction or reset_stage_times(); valid after flush().
+  /// Milliseconds of each stage since construction or reset_stage_times(), in the order of first use; valid after flush().
   [[nodiscard]] std::vector<std::pair<std::string, double>> stage_times() const;
   void reset_stage_times();
-  /// Adds host time to a stage (a tracer on the host, a CPU stage).
+  /// Adds host time to a stage, such as a tracer's on the host.
   void add_host_time(const char* name, double milliseconds);
 
   [[nodiscard]] const std::shared_ptr<Device>& device() const;

@@ -24,13 +24,13 @@ class ThreadPool;
 struct DeviceFeatures;
 struct PhysicalFacts;
 
-/// Every Vulkan device there is, with the reasons of the refused ones. `why_none` says why the list is empty (no loader, no driver).
+/// Lists every Vulkan device; a refused one carries its reasons. `why_none` says why the list is empty (no loader, no driver).
 std::vector<ks_device_info> enumerate_devices(std::string* why_none);
 
 class Device : public std::enable_shared_from_this<Device> {
  public:
-  /// Throws KS_ERROR_NO_DEVICE with every device's reasons and what to install. `library`: name and version, whose pipelines are kept in
-  /// the cache folder; nullptr keeps none.
+  /// Opens the device. Throws KS_ERROR_NO_DEVICE with every device's reasons and what to install. `library`: name and version, under which
+  /// pipelines are cached; nullptr caches none.
   static std::shared_ptr<Device> create(const ks_device_desc& desc, const char* library = nullptr);
   ~Device();
   Device(const Device&) = delete;
@@ -38,10 +38,10 @@ class Device : public std::enable_shared_from_this<Device> {
 
   [[nodiscard]] const ks_device_info& info() const { return info_; }
   [[nodiscard]] bool has_vulkan() const { return device_ != VK_NULL_HANDLE; }
-  /// CPU devices (lavapipe): host memory is device memory, and host work beats shader work on rays.
+  /// True for CPU devices (lavapipe, host): device memory is host memory, and rays are faster in host code than in shaders.
   [[nodiscard]] bool is_cpu() const { return info_.kind == KS_DEVICE_KIND_CPU || info_.kind == KS_DEVICE_KIND_HOST; }
 
-  /// Per-device Vulkan functions: device->vk().vkCmdDispatch(...).
+  /// Vulkan functions of this device: device->vk().vkCmdDispatch(...).
   [[nodiscard]] const VolkDeviceTable& vk() const { return table_; }
   [[nodiscard]] VkDevice handle() const { return device_; }
   [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
@@ -49,39 +49,40 @@ class Device : public std::enable_shared_from_this<Device> {
   [[nodiscard]] const VkPhysicalDeviceLimits& limits() const { return limits_; }
   [[nodiscard]] uint32_t subgroup_size() const { return subgroup_size_; }
   [[nodiscard]] PipelineCache& pipeline_cache() const { return *pipeline_cache_; }
-  /// Whether a compute pipeline may ask for this subgroup size (VK_EXT_subgroup_size_control), or has it anyway.
+  /// Whether a compute pipeline may require this subgroup size (VK_EXT_subgroup_size_control), or always has it.
   [[nodiscard]] bool can_require_subgroup_size(uint32_t size) const;
-  /// Bits of a timestamp on our queue; 0 = the queue has none.
+  /// Valid bits of a timestamp on our queue; 0 if the queue has none.
   [[nodiscard]] uint32_t timestamp_bits() const { return timestamp_bits_; }
-  /// Alignment of imported host pointers; 0 when the device cannot import any.
+  /// Alignment of imported host pointers, bytes; 0 if the device cannot import any.
   [[nodiscard]] uint64_t host_pointer_alignment() const { return host_pointer_alignment_; }
   [[nodiscard]] const VkPhysicalDeviceMemoryProperties& memory_properties() const { return memory_; }
-  /// Of the device's own memory, what the host can map at most; 0 without such memory.
+  /// Bytes of the device's own memory that the host can map; 0 without such memory.
   [[nodiscard]] uint64_t mappable_bytes() const;
-  /// Of the features that this project uses, those that are enabled.
+  /// The features that are enabled, among those that this project uses.
   [[nodiscard]] const VkPhysicalDeviceVulkan11Features& features11() const { return features11_; }
   [[nodiscard]] const VkPhysicalDeviceVulkan12Features& features12() const { return features12_; }
-  /// Whether the VkDevice is the host's (KS_SELECT_VULKAN): then memory and semaphores of it may be shared as they are.
+  /// Whether the host made the VkDevice (KS_SELECT_VULKAN); its memory and semaphores can then be shared directly.
   [[nodiscard]] bool is_hosts() const { return hosts_; }
-  /// The VkDevice and its queue, for another library (KS_SELECT_VULKAN) whose objects all end before this device.
+  /// Lends the VkDevice and its queue to another library (KS_SELECT_VULKAN). That library's objects must end before this device.
   [[nodiscard]] ks_vulkan_device lend();
   /// Whether the extension is enabled.
   [[nodiscard]] bool has_extension(const char* name) const;
-  /// Index of a memory type in type_bits that has all `required` flags and as many `preferred` ones as there are; throws if none.
+  /// Returns the index of a memory type in type_bits that has all `required` flags and the most `preferred` ones. Throws if there is none.
   [[nodiscard]] uint32_t memory_type(uint32_t type_bits, VkMemoryPropertyFlags required, VkMemoryPropertyFlags preferred) const;
 
-  /// Submits one command buffer and waits for it on the host. Device loss is sticky and throws KS_ERROR_DEVICE_LOST.
+  /// Submits one command buffer and waits for it on the host. Throws KS_ERROR_DEVICE_LOST now and in all later calls once the device is
+  /// lost.
   void submit_and_wait(VkCommandBuffer commands);
-  /// Submits one command buffer, which begins when the semaphore `wait` (or VK_NULL_HANDLE) has reached its value; `timeline` reaches its
-  /// own when it has run.
+  /// Submits one command buffer. It begins when the semaphore `wait` (or VK_NULL_HANDLE) has reached wait_value; `timeline` reaches `value`
+  /// when it has run.
   void submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t value, VkSemaphore wait, uint64_t wait_value);
-  /// check() that remembers a lost device.
+  /// Works as check(), and remembers that the device was lost.
   void check_alive(VkResult result, const char* what);
 
   [[nodiscard]] ThreadPool& workers() const { return *workers_; }
-  /// For work that has a thread of its own.
+  /// Threads for work that must not wait for the caller's.
   [[nodiscard]] SpareThreads& spare_threads() const { return *spare_threads_; }
-  /// Memory that the host lends; nullptr where it lends none.
+  /// The host's memory functions; nullptr if it lends none.
   [[nodiscard]] HostMemory* host_memory() const { return host_memory_.get(); }
   void log(uint32_t level, const char* format, ...) const __attribute__((format(printf, 3, 4)));
 
@@ -94,14 +95,14 @@ class Device : public std::enable_shared_from_this<Device> {
   Device();
   void open_vulkan(const ks_device_desc& desc, const char* library);
   void run(VkCommandBuffer commands);
-  /// May call the log: never under a mutex, which the caller's other threads may be waiting for.
+  /// Writes the pipeline cache. May call the log, so never call it under a mutex.
   void save_pipelines();
   void take_hosts(const ks_device_desc& desc, const char* library);
   void take_services(const ks_device_desc& desc);
   void take_facts(const PhysicalFacts& facts);
   void create_vk_device(const PhysicalFacts& facts);
   void prepare_vulkan(const ks_device_desc& desc, const char* library, const VkPhysicalDeviceProperties& properties);
-  /// Takes the queue for the submission alone.
+  /// Submits to the queue, and holds the queue's lock only meanwhile.
   VkResult submit_to_queue(const VkSubmitInfo& submit, VkFence fence);
   ks_device_info info_{};
   std::shared_ptr<LogSink> log_;

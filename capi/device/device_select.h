@@ -9,7 +9,8 @@
 
 namespace ks {
 
-/// Index into `devices`; throws KS_ERROR_NO_DEVICE with every device's reasons, and `why_none` where there is no device at all.
+/// Returns the index of the chosen device. Throws KS_ERROR_NO_DEVICE with every device's reasons; `why_none` is the reason if the list is
+/// empty.
 size_t select_device(const std::vector<ks_device_info>& devices, const ks_device_desc& desc, const std::string& why_none);
 
 }  // namespace ks

@@ -10,7 +10,7 @@
 
 namespace ks {
 
-/// An error on its way to the C boundary: a status, and a text that says what, with the numbers, and what to do.
+/// An error on its way to the C boundary: a status, and a text with the thing, the numbers and the remedy.
 class Error : public std::exception {
  public:
   Error(ks_status status, std::string text) : status_(status), text_(std::move(text)) {}
@@ -22,14 +22,14 @@ class Error : public std::exception {
   std::string text_;
 };
 
-/// printf-style construction of Error; throws it.
+/// Throws an Error with a printf-style text.
 [[noreturn]] void fail(ks_status status, const char* format, ...) __attribute__((format(printf, 2, 3)));
 
-/// This thread's last error text (one per library, since each links its own copy of this leaf).
+/// This thread's last error text. Each library has its own, since each links its own copy of this file.
 const char* last_error() noexcept;
 void set_last_error(const char* text) noexcept;
 
-/// Runs fn and turns whatever it throws into a status plus last_error(). Every extern "C" function is one call of it.
+/// Runs fn, and turns an exception into a status and last_error(). Every extern "C" function is one call of it.
 template <class F>
 ks_status guard(F&& fn) noexcept {
   try {

@@ -9,23 +9,23 @@
 
 namespace ks {
 
-/// A field as messages show it.
+/// The name of a field as error messages show it.
 struct FieldName {
   const std::string& owner;
   const char* name;
   const char* unit;  // "" = none
 };
 
-/// low <= value <= high; NaN never is.
+/// Throws unless low <= value <= high; NaN always throws.
 void check_range(const FieldName& field, double value, double low, double high);
-/// value > low, and finite.
+/// Throws unless value > low and finite.
 void check_above(const FieldName& field, double value, double low);
-/// Finite; neither NaN nor infinite.
+/// Throws for NaN and infinity.
 void check_finite(const FieldName& field, double value);
 void check_allowed(const FieldName& field, uint32_t value, std::span<const uint32_t> allowed);
-/// One of `names`, which count from `first`.
+/// Throws unless the value is one of `names`, which are numbered from `first`.
 void check_choice(const FieldName& field, uint32_t value, uint32_t first, std::span<const char* const> names);
-/// A ks_lens.
+/// Throws unless the numbers make a valid ks_lens.
 void check_lens(const std::string& owner, uint32_t model, std::span<const double> distortion);
 
 }  // namespace ks

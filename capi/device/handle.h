@@ -15,9 +15,9 @@
 
 namespace ks {
 
-/// Base of kuafu_device_t and its like. tag_value differs for every kind of handle in both libraries. A child of fork has none of its
-/// parent's threads, neither ours nor the driver's: there a handle is refused, and its release does nothing. `without_threads`: one that
-/// is plain memory and works on.
+/// Base of kuafu_device_t and the other handles. tag_value differs for every kind of handle in both libraries. After a fork, the child has
+/// no threads of ours or of the driver: it refuses handles, and their release does nothing. `without_threads`: a handle that is plain
+/// memory, and still works there.
 template <class Object, uint32_t tag_value, bool without_threads = false>
 struct Handle {
   explicit Handle(std::shared_ptr<Object> shared) : object(std::move(shared)) {}
@@ -36,7 +36,7 @@ struct Handle {
   static void operator delete(void* memory) { give_handle_memory(memory); }
 };
 
-/// The object behind a handle. A handle that was released for good is recognised until many others were (handles_remembered).
+/// Returns the object behind a handle. Recognises a released handle until handles_remembered others were released.
 template <class H>
 const auto& object_of(H* handle, const char* name) {
   if (handle == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", name);
@@ -47,8 +47,8 @@ const auto& object_of(H* handle, const char* name) {
   return handle->object;
 }
 
-/// The object behind a handle, for one call at a time: a second one, of another thread or of a callback, is refused. The object lives as
-/// long as this, also where another thread releases the handle.
+/// Gives one call at a time access to the object behind a handle; a second call, by another thread or a callback, is refused. The object
+/// lives as long as this, even if another thread releases the handle.
 template <class H>
 class Exclusive {
  public:
@@ -76,7 +76,7 @@ void retain(H* handle, const char* name) noexcept {
   });
 }
 
-/// release(NULL) is a no-op.
+/// Releases a reference; NULL is allowed.
 template <class H>
 void release(H* handle, const char* name) noexcept {
   if (handle == nullptr || (handle->tag.load(std::memory_order_acquire) == H::expected_tag && handle->forked())) return;
@@ -88,7 +88,7 @@ void release(H* handle, const char* name) noexcept {
   });
 }
 
-/// Where a create call puts its handle: *out is NULL until it succeeds.
+/// Sets the output of a create call to NULL until it succeeds.
 template <class T>
 void clear_out(T** out) {
   if (out == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "out is NULL");

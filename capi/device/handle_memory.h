@@ -11,7 +11,7 @@ inline constexpr size_t handle_memory_bytes = 64;
 /// Blocks that wait at least: a handle is recognised as released until so many others were released.
 inline constexpr size_t handles_remembered = 1024;
 
-/// A block of handle_memory_bytes. Throws std::bad_alloc.
+/// Allocates a block of handle_memory_bytes. Throws std::bad_alloc.
 void* take_handle_memory();
 void give_handle_memory(void* block) noexcept;
 

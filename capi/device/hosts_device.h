@@ -7,8 +7,8 @@
 
 namespace ks {
 
-/// The physical device's facts, less the features and extensions that the host's VkDeviceCreateInfo did not enable, for the queue that the
-/// host gave. Throws KS_ERROR_INVALID_ARGUMENT for a missing handle or a queue family without compute.
+/// Returns the physical device's facts for the host's queue, without the features and extensions that its VkDeviceCreateInfo left off.
+/// Throws KS_ERROR_INVALID_ARGUMENT for a missing handle or a queue family without compute.
 PhysicalFacts hosts_facts(const ks_vulkan_device& host);
 
 }  // namespace ks

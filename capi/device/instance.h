@@ -15,9 +15,9 @@ namespace ks {
 
 class Instance {
  public:
-  /// nullptr when there is no loader, no driver or no Vulkan 1.2; why_not then says which, and what to install.
+  /// Makes an instance; nullptr without a loader, a driver or Vulkan 1.2. why_not then says which, and what to install.
   static std::unique_ptr<Instance> create(std::shared_ptr<LogSink> log, bool validation, std::string* why_not);
-  /// Makes the loader's functions known for an instance that the host has made; throws KS_ERROR_NO_DEVICE where there is no loader.
+  /// Loads the loader's functions for an instance that the host made. Throws KS_ERROR_NO_DEVICE without a loader.
   static void know_hosts(VkInstance instance);
   ~Instance();
   Instance(const Instance&) = delete;
@@ -25,7 +25,7 @@ class Instance {
 
   [[nodiscard]] std::vector<VkPhysicalDevice> physical_devices() const;
   [[nodiscard]] VkInstance handle() const { return instance_; }
-  /// What the application asked for: devices work at the lesser of this and their own version.
+  /// The Vulkan version that the application asked for. A device works at this or its own version, whichever is lower.
   [[nodiscard]] uint32_t api_version() const { return api_version_; }
 
  private:

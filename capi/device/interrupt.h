@@ -10,8 +10,8 @@
 
 namespace ks {
 
-/// Lives on the calling thread's stack while its call works. Long work passes interruption_point() at least every 50 ms or so, wherever it
-/// runs: there the caller's thread asks `ask` now and then, and every thread leaves by KS_ERROR_CANCELLED once the answer was true.
+/// Lets a call's long work end early. It lives on the calling thread's stack. Work passes interruption_point() about every 50 ms: the
+/// caller's thread then calls `ask`, and after an answer of true every thread throws KS_ERROR_CANCELLED.
 class Interrupt {
  public:
   using Ask = std::function<bool(float)>;  // takes the share that is done, 0..1; true: end
@@ -20,24 +20,24 @@ class Interrupt {
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;
 
-  /// Of the call that this thread works for; nullptr where there is none.
+  /// The interrupt of the call that this thread works for; nullptr if there is none.
   static Interrupt* current();
-  /// Asks now. On the caller's thread; throws like point().
+  /// Asks at once, with this progress. Only on the caller's thread; throws as point() does.
   void report(float fraction);
-  /// Throws KS_ERROR_CANCELLED if the work is to end. On the caller's thread it asks first, if the last time was long ago, and lets a
-  /// thread that was cancelled by pthread_cancel leave.
+  /// Throws KS_ERROR_CANCELLED if the work must end. On the caller's thread it first asks, if the last time was long ago, and lets a thread
+  /// leave that pthread_cancel has cancelled.
   void point();
-  /// As point(), but throws nothing of ours: for waits that must go on until others have stopped.
+  /// Asks as point() does, but throws nothing of ours: for waits that must go on until other threads have stopped.
   void ask_now_and_then();
   [[nodiscard]] bool requested() const { return requested_.load(std::memory_order_relaxed); }
   void request() { requested_.store(true, std::memory_order_relaxed); }
 
-  /// No thread is started for this call: watch() runs in the caller's.
+  /// Makes watch() run this call's work on the caller's thread, without a new one.
   void start_no_thread() { may_start_thread_ = false; }
-  /// Runs fn on another thread while this one asks: for work that calls interruption_point too seldom on the caller's thread, or on none.
+  /// Runs fn on another thread and asks meanwhile. For work that seldom or never calls interruption_point() on the caller's thread.
   static void watch(const std::function<void()>& fn);
 
-  /// While it lives, this thread works for the call of another.
+  /// Makes this thread work for another thread's call as long as it lives.
   class Adopted {
    public:
     explicit Adopted(Interrupt* of);
@@ -62,11 +62,11 @@ class Interrupt {
   std::chrono::steady_clock::time_point asked_ = std::chrono::steady_clock::now();
 };
 
-/// Where long work may end early; costs a few nanoseconds.
+/// Long work calls this at places where it may end early; it costs a few nanoseconds.
 inline void interruption_point() {
   if (Interrupt* interrupt = Interrupt::current()) interrupt->point();
 }
-/// For each step of a loop whose steps take nanoseconds; only every 65536th looks.
+/// Works as interruption_point() for loops with steps of nanoseconds: it looks only in every 65536th step.
 inline void interruption_point(size_t step) {
   if (step % 65536 == 0) interruption_point();
 }

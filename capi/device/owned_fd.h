@@ -8,7 +8,7 @@ namespace ks {
 
 class OwnedFd {
  public:
-  /// A duplicate of the caller's, which stays the caller's. Throws KS_ERROR_INVALID_ARGUMENT where there is no such descriptor.
+  /// Duplicates the caller's descriptor, which the caller keeps. Throws KS_ERROR_INVALID_ARGUMENT if it is not open.
   explicit OwnedFd(uint64_t callers);
   ~OwnedFd();
   OwnedFd(const OwnedFd&) = delete;

@@ -36,7 +36,7 @@ struct PhysicalFacts {
 
 PhysicalFacts query_facts(VkPhysicalDevice device, uint32_t instance_version);
 
-/// Every reason why this device cannot be used, joined by "; ". Empty when it can.
+/// Returns every reason why this device cannot be used, joined by "; "; empty if it can.
 std::string refusal(const PhysicalFacts& facts);
 
 ks_device_info describe(const PhysicalFacts& facts, uint32_t index);

@@ -10,21 +10,20 @@
 
 namespace ks {
 
-/// A name for what `library` (name and version) builds on this device and driver; other drivers' data would be refused.
+/// Returns the cache file's name for this library (name and version), device and driver: other drivers' data would be refused.
 std::string pipeline_file_name(const char* library, const VkPhysicalDeviceProperties& device);
 
 class PipelineCache {
  public:
-  /// Starts with what the file holds, if it is sound. An empty path: nothing is kept.
+  /// Starts with the file's content if it is valid. An empty path: nothing is cached.
   PipelineCache(const VolkDeviceTable& vk, VkDevice device, std::filesystem::path file);
   ~PipelineCache();
   PipelineCache(const PipelineCache&) = delete;
   PipelineCache& operator=(const PipelineCache&) = delete;
 
-  /// For one vkCreate...Pipelines; from then on there may be something to save.
+  /// Returns the cache for one vkCreate...Pipelines call, and marks it as changed.
   [[nodiscard]] VkPipelineCache for_new_pipeline();
-  /// Writes the file if pipelines were built since the last time and the driver has more to keep than before. false: it could not be
-  /// written.
+  /// Writes the file if pipelines were built since the last time and the driver's data grew. Returns false if writing failed.
   bool save();
 
  private:

@@ -11,14 +11,14 @@
 
 namespace ks {
 
-/// Thread rule: externally synchronised.
+/// A compute pipeline that is built on another thread. Thread rule: externally synchronised.
 class PipelineInBuild {
  public:
-  /// Has the building begin, so that it is ready sooner, or several are built side by side. What goes wrong is get()'s to tell.
+  /// Starts the build, so that it ends sooner and several run side by side. get() throws its errors.
   void begin(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
              std::span<const uint32_t> specialisation);
-  /// The pipeline, waiting for it where needed. Throws KS_ERROR_CANCELLED at an interruption point of the wait, and what building throws.
-  /// The SPIR-V lives as long as the library; the same arguments are given each time.
+  /// Returns the pipeline, and waits for it if necessary. Throws KS_ERROR_CANCELLED during the wait, and the build's errors. Pass the same
+  /// arguments each time; the SPIR-V must live as long as the library.
   const ComputePipeline& get(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
                              std::span<const uint32_t> specialisation);
 

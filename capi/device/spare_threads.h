@@ -16,12 +16,12 @@ namespace ks {
 class SpareThreads {
  public:
   SpareThreads() = default;
-  /// Waits for the work that was begun.
+  /// Waits until all work has ended.
   ~SpareThreads();
   SpareThreads(const SpareThreads&) = delete;
   SpareThreads& operator=(const SpareThreads&) = delete;
 
-  /// Begins the work in a thread that is done with its last one, or in a new one. What the work throws ends the process.
+  /// Starts the work on an idle thread or a new one. An exception that it throws ends the process.
   void run(std::function<void()> work);
 
  private:

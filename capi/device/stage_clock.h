@@ -19,11 +19,11 @@ class StageClock {
   StageClock(const StageClock&) = delete;
   StageClock& operator=(const StageClock&) = delete;
 
-  /// What is recorded from now on belongs to `name`; commands is VK_NULL_HANDLE while nothing is being recorded.
+  /// Assigns the time from here on to the stage `name`. commands: VK_NULL_HANDLE while nothing is being recorded.
   void begin_stage(const char* name, VkCommandBuffer commands);
   void begin_recording(VkCommandBuffer commands);
   void end_recording(VkCommandBuffer commands);
-  /// After the recorded commands have run; wall_ms is how long the host waited.
+  /// Reads the times after the recorded commands have run. wall_ms: how long the host waited.
   void collect(double wall_ms);
   void add(const char* name, double milliseconds);
 

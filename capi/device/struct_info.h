@@ -6,13 +6,13 @@
 
 namespace ks {
 
-/// Bytes of a struct that must be zero.
+/// The bytes of a struct that must be zero.
 struct ReservedBytes {
   uint32_t offset;
   uint32_t size;
 };
 
-/// reserved: what must be zero.
+/// Type number, name and reserved bytes of a public struct.
 template <class T>
 struct StructInfo;
 

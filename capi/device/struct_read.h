@@ -13,7 +13,7 @@
 
 namespace ks {
 
-/// A struct as this library knows it.
+/// A public struct as this library was compiled with it.
 struct KnownStruct {
   size_t size_bytes;
   std::span<const ReservedBytes> reserved;
@@ -24,15 +24,16 @@ KnownStruct known_struct() {
   return {sizeof(T), StructInfo<T>::reserved};
 }
 
-/// The caller's header, checked: right type and a length that a struct can have.
+/// Checks the caller's struct header: the right type and a possible length. Returns it.
 const ks_header* check_header(const void* from, uint32_t type, const char* name);
 
-/// The untyped halves of what follows. Kept out of line: the compiler must not believe that the caller's struct is as long as ours.
+/// The untyped halves of the functions below. They are not inlined: the compiler must not assume that the caller's struct is as long as
+/// ours.
 void read_struct_bytes(const void* from, uint32_t type, const char* name, const KnownStruct& known, void* out);
 void write_struct_bytes(void* to, uint32_t type, const char* name, const KnownStruct& known, const void* value);
 void check_embedded_bytes(const void* value, uint32_t type, const char* name, const KnownStruct& known);
 
-/// A copy in our layout; fields that an older caller does not have are 0.
+/// Copies the caller's struct to our layout; fields that an older caller lacks are 0.
 template <class T>
 [[nodiscard]] T read_struct(const T* from, uint32_t type, const char* name) {
   T out{};
@@ -40,19 +41,19 @@ template <class T>
   return out;
 }
 
-/// Fills in a struct that the caller initialised: as much of it as the caller knows; what only the caller knows becomes zero.
+/// Writes our struct to the caller's initialised one, up to the length that both know; the rest of the caller's becomes zero.
 template <class T>
 void write_struct(T* to, const T& value, uint32_t type, const char* name) {
   write_struct_bytes(to, type, name, known_struct<T>(), &value);
 }
 
-/// A struct inside another cannot grow by itself: its length must be ours.
+/// Checks that a struct inside another has our length: it cannot grow by itself.
 template <class T>
 void check_embedded(const T& value, uint32_t type, const char* name) {
   check_embedded_bytes(&value, type, name, known_struct<T>());
 }
 
-/// Fills in a caller's struct of `size_bytes` from our initialised one.
+/// Initialises a caller's struct of `size_bytes` with our defaults.
 void init_struct(void* out, uint32_t size_bytes, const void* value, size_t known_bytes);
 
 }  // namespace ks

@@ -7,8 +7,8 @@
 
 namespace ks {
 
-/// One line: control characters become spaces, and what is longer than `most` bytes is cut (never inside a UTF-8 character) and ends in
-/// "...".
+/// Returns the text as one line: control characters become spaces. A text longer than `most` bytes is cut between UTF-8 characters and ends
+/// in "...".
 inline std::string one_line(std::string_view text, size_t most) {
   const bool cut = text.size() > most;
   if (cut) {

@@ -12,18 +12,18 @@ namespace ks {
 
 class ThreadPool {
  public:
-  /// worker_count: 0 = one per core this process may run on (sched_getaffinity); 1 = everything on the caller.
+  /// worker_count: 0 = one thread per core of this process (sched_getaffinity); 1 = only the caller's thread.
   explicit ThreadPool(unsigned worker_count);
-  /// On the host's threads instead of its own; `worker_count` is how many tasks the host gets at once.
+  /// Uses the host's threads instead of own ones. worker_count: how many tasks the host gets at once.
   ThreadPool(unsigned worker_count, ks_parallel_for_fn parallel_for, void* user);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
   [[nodiscard]] unsigned size() const;
-  /// Whether the threads are the host's.
+  /// Whether the host provides the threads.
   [[nodiscard]] bool is_hosts() const;
-  /// Calls fn(index) for each index in [0, count), started in ascending order, on any thread; returns when all are done. Rethrows the first
-  /// exception. Called by a task, it runs everything in that task's thread.
+  /// Calls fn(index) for each index in [0, count) in ascending order of start, on any thread, and returns when all have ended. Rethrows the
+  /// first exception. A call from inside a task runs everything on that task's thread.
   void parallel_for(size_t count, const std::function<void(size_t)>& fn);
 
  private:

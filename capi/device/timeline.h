@@ -12,9 +12,9 @@ namespace ks {
 
 class Timeline {
  public:
-  /// At 0. Throws KS_ERROR_UNSUPPORTED where can_have(device) is false.
+  /// Makes a timeline semaphore at value 0. Throws KS_ERROR_UNSUPPORTED unless can_have(device).
   explicit Timeline(std::shared_ptr<Device> device);
-  /// Another's: by a duplicate of its KS_SYNC_TIMELINE_FD, or by its KS_SYNC_SEMAPHORE, which stays its owner's.
+  /// Imports another library's timeline: a duplicate of its KS_SYNC_TIMELINE_FD, or its KS_SYNC_SEMAPHORE, which its owner keeps.
   Timeline(std::shared_ptr<Device> device, const ks_sync& sync);
   ~Timeline();
   Timeline(const Timeline&) = delete;
@@ -23,11 +23,12 @@ class Timeline {
   static bool can_have(const Device& device);
   [[nodiscard]] VkSemaphore handle() const { return semaphore_; }
   [[nodiscard]] uint64_t reached() const;
-  /// false: it has not reached the value after so long (UINT64_MAX: however long it takes).
+  /// Waits for a value. Returns false if the timeout ended first (UINT64_MAX: no timeout).
   [[nodiscard]] bool wait(uint64_t value, uint64_t timeout_ns) const;
-  /// From the host; `value` is above what was reached.
+  /// Sets the value from the host; it must be larger than the present one.
   void signal(uint64_t value) const;
-  /// With this value: on the host's own device the semaphore, else a new opaque fd, the caller's to close (KS_CAP_TIMELINE_FD).
+  /// Exports the timeline with this value. On a device that the host made it is the semaphore, else a new opaque fd that the caller closes
+  /// (KS_CAP_TIMELINE_FD).
   [[nodiscard]] ks_sync exported(uint64_t value) const;
 
  private:
@@ -39,16 +40,17 @@ class Timeline {
   bool owned_ = true;
 };
 
-/// When a timeline has reached a value; at once where there is no timeline.
+/// A point in time: a timeline reaches a value. Without a timeline it has passed already.
 struct TimelinePoint {
   std::shared_ptr<const Timeline> timeline;
   uint64_t value = 0;
 
-  /// Throws KS_ERROR_CANCELLED where the call that this thread works for is to end.
+  /// Waits on the host. Throws KS_ERROR_CANCELLED if the call that this thread works for must end.
   void wait_on_host() const;
 };
 
-/// What a caller wants waited for; sync may be NULL. Throws for a kind that is not another's timeline, and what Timeline throws.
+/// Converts a caller's sync, which may be NULL, to a point in time. Throws for a kind other than an imported timeline, and Timeline's
+/// errors.
 TimelinePoint point_of(const std::shared_ptr<Device>& device, const ks_sync* sync);
 
 }  // namespace ks

@@ -6,7 +6,7 @@
 
 namespace ks {
 
-/// Throws ks::Error for a VkResult below zero; `what` names the call and its sizes.
+/// Throws ks::Error for a negative VkResult; `what` names the call and its sizes.
 void check(VkResult result, const char* what);
 const char* result_name(VkResult result);
 
