@@ -277,10 +277,10 @@ def capture_from(root: JsonObject) -> Capture:
     rig = _read_rig(root.object("rig"))
     frames = tuple(_read_frame(entry, rig) for entry in root.objects("frames"))
     if not frames:
-        root.complain("frames", "is empty")
+        root.fail("frames", "is empty")
     repeated = [number for number, count in Counter(frame.id for frame in frames).items() if count > 1]
     if repeated:
-        root.complain("frames", f"id {min(repeated)} is used more than once")
+        root.fail("frames", f"id {min(repeated)} is used more than once")
     lights = tuple(
         KnownLight(
             entry.text("name"), entry.numbers("position_m", [LENGTH] * 3),
@@ -336,12 +336,12 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     color_path = entry.file("color", optional=True)
     if color_path is not None:
         if rig.color is None:
-            entry.complain("color", "rig.color is missing: say which camera took it")
+            entry.fail("color", "rig.color is missing: say which camera took it")
         else:
             _check_size(entry, "color", (rig.color.width, rig.color.height))
     split = entry.text("split")
     if split not in SPLITS:
-        entry.complain("split", f"is {split!r}, expected 'train' or 'test'")
+        entry.fail("split", f"is {split!r}, expected 'train' or 'test'")
     masks = {side: entry.file(f"{side}_mask", optional=True) for side in SIDES}
     for side in SIDES:
         if masks[side] is not None:
@@ -373,12 +373,6 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
 
 def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
     path = entry.file(key)
-    if path is None or 0 in expected:  # this fault has been reported already
-        return
-    try:
-        size = image_size(path, entry.key(key))
-    except CaptureError as error:
-        entry.refuse(error)
-        return
+    size = image_size(path, entry.key(key))
     if size != expected:
-        entry.complain(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
+        entry.fail(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")

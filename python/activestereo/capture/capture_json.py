@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar, cast
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -25,45 +24,17 @@ class CaptureError(ValueError):
     """Raised if a capture is unusable. The message names the file, the key and the fault."""
 
 
-_Read = TypeVar("_Read", bound=Callable[..., Any])
-
-
-def _neutral(value: Callable[..., Any]) -> Callable[[_Read], _Read]:
-    """Decorates a method that reads a value, for objects that collect faults. Its CaptureError is then collected, and
-    value(object, its arguments) is returned instead. A read inside another one still raises, so each wrong value gives
-    one fault."""
-
-    def decorate(read: _Read) -> _Read:
-        @wraps(read)
-        def collecting(self: JsonObject, *arguments: Any, **options: Any) -> Any:
-            if self.faults is None or self._is_reading:
-                return read(self, *arguments, **options)
-            self._is_reading = True
-            try:
-                return read(self, *arguments, **options)
-            except CaptureError as error:
-                self.faults.append(str(error))
-                return value(self, *arguments)
-            finally:
-                self._is_reading = False
-
-        return cast(_Read, collecting)
-
-    return decorate
-
-
 class JsonObject:
     """One JSON object of a file, with typed reads by key; it remembers which keys were read. name: its path in the
-    file, for messages. faults: list that collects the faults' texts; None: the first fault is raised."""
+    file, for messages."""
 
-    def __init__(self, path: Path, name: str, values: dict[str, Any], faults: list[str] | None = None) -> None:
-        self.path, self.name, self.faults = path, name, faults
-        self._values, self._is_reading = values, False
+    def __init__(self, path: Path, name: str, values: dict[str, Any]) -> None:
+        self.path, self.name, self._values = path, name, values
         self._known: set[str] = set()
         self._children: list[JsonObject] = []
 
     @classmethod
-    def read(cls, path: str | Path, faults: list[str] | None = None) -> JsonObject:
+    def read(cls, path: str | Path) -> JsonObject:
         """Reads a file whose top level is a JSON object. Raises CaptureError otherwise."""
         try:
             values = read_json_object(path)
@@ -73,7 +44,7 @@ class JsonObject:
             ) from error
         except ValueError as error:
             raise CaptureError(str(error)) from error
-        return cls(Path(path), "", values, faults)
+        return cls(Path(path), "", values)
 
     def key(self, key: str) -> str:
         return f"{self.name}.{key}" if self.name else key
@@ -110,16 +81,6 @@ class JsonObject:
     def fail(self, key: str, what: str) -> NoReturn:
         raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
 
-    def complain(self, key: str, what: str) -> None:
-        """Reports a fault of a key: raises CaptureError, or collects its text."""
-        self.refuse(CaptureError(f"{self.path}: {self.key(key)}: {what}"))
-
-    def refuse(self, error: CaptureError) -> None:
-        """Raises the error, or collects its text if this object collects faults."""
-        if self.faults is None:
-            raise error
-        self.faults.append(str(error))
-
     def unknown_keys(self) -> list[str]:
         """Lists the keys that nobody has read, in this object and those below it, in the file's order."""
         own = [self.key(key) for key in self._values if key not in self._known]
@@ -132,7 +93,6 @@ class JsonObject:
             self.fail(key, "is missing" if key not in self._values else "is null")
         return value
 
-    @_neutral(lambda self, key, *_: JsonObject(self.path, self.key(key), {}, []))
     def object(self, key: str, optional: bool = False) -> Any:
         value = self._get(key, optional)
         return None if value is None else self._child(self.key(key), value)
@@ -140,16 +100,13 @@ class JsonObject:
     def objects(self, key: str) -> list[JsonObject]:
         values = self._get(key, optional=True)
         if not isinstance(values, list):
-            self.complain(key, "is missing" if values is None else "is not a list")
-            return []
-        children = (self._child(f"{self.key(key)}[{i}]", value) for i, value in enumerate(values))
-        return [child for child in children if child is not None]
+            self.fail(key, "is missing" if values is None else "is not a list")
+        return [self._child(f"{self.key(key)}[{i}]", value) for i, value in enumerate(values)]
 
-    @_neutral(lambda *_: None)
     def _child(self, name: str, value: Any) -> JsonObject:
         if not isinstance(value, dict):
             raise CaptureError(f"{self.path}: {name}: is not an object")
-        self._children.append(JsonObject(self.path, name, value, self.faults))
+        self._children.append(JsonObject(self.path, name, value))
         return self._children[-1]
 
     def free_form(self, key: str) -> dict[str, Any]:
@@ -159,24 +116,20 @@ class JsonObject:
             self.fail(key, "is not an object")
         return value or {}
 
-    @_neutral(lambda *_: "")
     def text(self, key: str) -> str:
         value = self._get(key)
         if not isinstance(value, str):
             self.fail(key, f"is {value!r}, expected text")
         return value
 
-    @_neutral(lambda *_: 0.0)
     def number(self, key: str, limits: Limits = ANY, optional: bool = False) -> Any:
         value = self._get(key, optional)
         return None if value is None else float(self._within(key, value, limits))
 
-    @_neutral(lambda *_: 0)
     def integer(self, key: str, limits: Limits = NUMBER, optional: bool = False) -> Any:
         value = self._get(key, optional)
         return None if value is None else self._within(key, value, limits)
 
-    @_neutral(lambda self, key, limits, *_: np.zeros(len(limits)))
     def numbers(self, key: str, limits: Sequence[Limits], optional: bool = False) -> Any:
         """Reads a list of numbers, one within each of `limits`, as float64; a matrix may be a list of rows."""
         values = self._get(key, optional)
@@ -191,14 +144,12 @@ class JsonObject:
             self._within(f"{key}[{i}]", value, own)
         return np.array(values, dtype=np.float64)
 
-    @_neutral(lambda *_: np.eye(3))
     def camera_matrix(self, key: str) -> np.ndarray:
         k = self.numbers(key, _CAMERA_MATRIX).reshape(3, 3)
         if min(k[0, 0], k[1, 1]) < FOCAL.low or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
             self.fail(key, f"is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
         return k
 
-    @_neutral(lambda *_: np.zeros(5))
     def lens(self, key: str) -> np.ndarray:
         """Reads five, eight or four distortion coefficients, see activestereo/common/lens.py."""
         values = self._get(key)
@@ -207,7 +158,6 @@ class JsonObject:
             self.fail(key, f"has {count} entries, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens")
         return self.numbers(key, [DISTORTION] * count)
 
-    @_neutral(lambda *_: np.eye(4))
     def rigid_transform(self, key: str) -> np.ndarray:
         pose = self.numbers(key, _TRANSFORM).reshape(4, 4)
         fault = rigid_fault(pose)
@@ -222,7 +172,6 @@ class JsonObject:
             self.fail(key, fault)
         return value
 
-    @_neutral(lambda *_: None)
     def file(self, key: str, optional: bool = False) -> Any:
         """Reads a file name relative to this file's folder and returns its path. The file must exist there (see
         own_files)."""

@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(comparison.scores)
         return
-    kept = f"{LayerCache().usage_text()} (activestereo cache list)"
+    kept = f"{LayerCache().usage_text()}"
     print(comparison_screen(comparison.scores, next_step, args.out / "report.html", kept, args.verbose))
 
 

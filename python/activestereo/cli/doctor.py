@@ -77,7 +77,7 @@ def examine() -> dict[str, Any]:
         "blas": _blas(),
         "cache": {
             "folder": str(cache.folder),
-            "used_bytes": sum(entry.size_bytes for entry in cache.entries()),
+            "used_bytes": cache.used_bytes(),
             "limit_bytes": cache.limit_bytes,
         },
         "memory_free_bytes": free_bytes,

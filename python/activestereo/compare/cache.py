@@ -7,10 +7,9 @@ Entries are complete or absent (written aside, then renamed), so that parallel r
 
 import os
 import warnings
-import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import numpy as np
@@ -45,23 +44,6 @@ def default_limit_bytes() -> int:
 
 class CacheWarning(UserWarning):
     """Warns that renders cannot be stored, or that a stored entry cannot be read."""
-
-
-@dataclass(frozen=True)
-class CacheEntry:
-    """A file of the cache. used_s: when it was last written or read, seconds since 1970."""
-
-    path: Path
-    size_bytes: int
-    used_s: float
-
-    def kind(self) -> str:
-        """Returns the entry's content: "renders" (layers or images), "fits", or "damaged" if it is no array file."""
-        try:
-            with zipfile.ZipFile(checked_file(self.path)) as stored:
-                return "fits" if any("/" in name for name in stored.namelist()) else "renders"
-        except Exception:  # zipfile has no class of its own for what a damaged file does to it
-            return "damaged"
 
 
 class LayerCache:
@@ -118,29 +100,24 @@ class LayerCache:
             warnings.warn(text, CacheWarning, stacklevel=2)
             return
         used = 0
-        for entry in self.entries():
-            used += entry.size_bytes
+        for _, size, path in self._entries():
+            used += size
             if used > self.limit_bytes:
                 with suppress(OSError):
-                    entry.path.unlink(missing_ok=True)
+                    path.unlink(missing_ok=True)
 
-    def entries(self) -> list[CacheEntry]:
-        """Returns all entries, the last used one first."""
+    def used_bytes(self) -> int:
+        return sum(size for _, size, _ in self._entries())
+
+    def usage_text(self) -> str:
+        """Returns a line with the cache's size, limit and folder."""
+        return f"cache: {self.used_bytes() / 1e9:.2f} of {self.limit_bytes / 1e9:g} GB in {self.folder}"
+
+    def _entries(self) -> list[tuple[float, int, Path]]:
+        """Returns (seconds since 1970 of its last use, bytes, path) of each file, the last used one first."""
         found = []
         for path in self.folder.glob("*.npz"):
             with suppress(OSError):
                 status = path.stat()
-                found.append(CacheEntry(path, status.st_size, status.st_mtime))
-        return sorted(found, key=lambda entry: entry.used_s, reverse=True)
-
-    def clear(self) -> list[CacheEntry]:
-        """Removes all entries and returns them. Raises OSError if one cannot be removed."""
-        gone = self.entries()
-        for entry in gone:
-            entry.path.unlink(missing_ok=True)
-        return gone
-
-    def usage_text(self) -> str:
-        """Returns a line with the cache's size, limit and folder."""
-        used = sum(entry.size_bytes for entry in self.entries())
-        return f"cache: {used / 1e9:.2f} of {self.limit_bytes / 1e9:g} GB in {self.folder}"
+                found.append((status.st_mtime, status.st_size, path))
+        return sorted(found, reverse=True)

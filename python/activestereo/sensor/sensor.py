@@ -215,12 +215,6 @@ class StereoDepthSensor(SensorResults):
         """Returns 4x4, from the projector's own axes to the scene's, metres."""
         return self._place.matrix() @ camera_to_world(self._config.pose_rgb_irproj)
 
-    @property
-    def ir_gain(self) -> float:
-        """Returns the imagers' counts (DN) for a radiance of 1 W/(sr m^2), at the present exposure and gain."""
-        setting = self._engine.rig.setting
-        return setting.exposure_s * setting.gain * self._config.ir_responsivity_dn
-
     def rgb_camera(self) -> kuafu.Camera:
         return self._engine.rig.rgb_cameras(self._rigs())[0]
 
@@ -230,34 +224,12 @@ class StereoDepthSensor(SensorResults):
 
     # ---- parameters ----
 
-    def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
-        """Sets factors on the default noise, in place of ir_signal; ir_speckle_noise 0 switches both kinds off."""
-        self.change(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
-
-    def set_census_window_size(self, census_width: int, census_height: int) -> None:
-        """Sets the census window's sides, odd numbers of pixels."""
-        self.change(census_width=census_width, census_height=census_height)
-
-    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
-        """Sets the sides of the block that matching costs are summed over, odd numbers of pixels."""
-        self.change(block_width=block_width, block_height=block_height)
-
-    def set_penalties(self, p1: int, p2: int) -> None:
-        """Sets the costs of a disparity step between neighbours: p1 of one pixel, p2 of more."""
-        self.change(p1=p1, p2=p2)
-
-    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
-        """Sets by how many percent the best disparity must beat the others."""
-        self.change(uniqueness_ratio=uniqueness_ratio)
-
-    def set_lr_max_diff(self, lr_max_diff: int) -> None:
-        """Sets the largest difference of the left and right disparities, in pixels; -1 switches the check off."""
-        self.change(lr_max_diff=lr_max_diff)
-
     def change(self, **changes: Any) -> None:
-        """Changes those fields of the configuration that the matcher and the noise depend on. An invalid value raises
-        ValueError; nothing has changed then."""
+        """Changes those fields of the configuration that the matcher and the noise depend on. ir_speckle_noise and
+        ir_thermal_noise take the place of ir_signal. An invalid value raises ValueError; nothing has changed then."""
         config = self.get_config()
+        if "ir_speckle_noise" in changes:
+            config.ir_signal = None
         for name, value in changes.items():
             setattr(config, name, value)
         config.check()

@@ -95,7 +95,7 @@ def test_a_name_of_two_lines_is_told_in_one(run, arguments):
 
 
 def test_a_name_that_is_no_utf8_is_told(build, tmp_path):
-    command = [build / "bin" / "activestereo", "capture", "check", tmp_path / "\udcff"]
+    command = [build / "bin" / "activestereo", "compare", tmp_path / "\udcff", "-o", tmp_path / "out"]
     environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
     result = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
-    assert r"\udcff" in one_line(result, 1) and r"\udcff" in result.stdout
+    assert r"\udcff" in one_line(result)

@@ -12,9 +12,9 @@ from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from command_line import leaves
 
 TABLES = {
-    "simulate", "presets", "depth", "pair", "depth-quality", "compare", "diagnose", "capture check", "effect list",
+    "simulate", "presets", "depth", "pair", "depth-quality", "compare", "diagnose", "effect list",
     "effect check", "effect show", "benchmark sim-to-real", "benchmark realism",
-    "cache list", "devices", "doctor", "model show", "model diff", "model export", "calibrate noise", "calibrate drift",
+    "devices", "doctor", "model show", "model diff", "model export", "calibrate noise", "calibrate drift",
     "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate world",
     "calibrate camera", "calibrate poses", "calibrate dots", "calibrate exposure", "calibrate albedo",
 }  # fmt: skip

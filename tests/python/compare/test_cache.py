@@ -33,8 +33,7 @@ def test_a_damaged_entry_is_dropped_and_said(tmp_path: Path) -> None:
     dropped = 0
     for content in [b"", b"no archive", whole[:-30], *damaged]:
         entry.write_bytes(content)
-        (listed,) = cache.entries()
-        assert listed.kind() in ("renders", "fits", "damaged")
+        assert cache.used_bytes() == len(content)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             stored = cache.get_arrays("key")
@@ -49,9 +48,29 @@ def test_a_damaged_entry_is_dropped_and_said(tmp_path: Path) -> None:
 def test_a_pipe_in_an_entrys_place_is_not_waited_for(tmp_path: Path) -> None:
     cache = LayerCache(tmp_path)
     os.mkfifo(tmp_path / "key.npz")
-    assert cache.entries()[0].kind() == "damaged"
     with pytest.warns(CacheWarning, match="key.npz: cannot be read"):
         assert cache.get_arrays("key") is None
+
+
+def test_the_entry_unused_for_longest_goes_at_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ACTIVESTEREO_CACHE", str(tmp_path))
+    cache = LayerCache()
+    for key, size in (("old", 500_000), ("used", 250_000)):
+        cache.put_arrays(key, {"a": np.zeros(size, np.uint8)})
+    (tmp_path / "notes.txt").write_text("no entry")
+    used = sum(path.stat().st_size for path in tmp_path.glob("*.npz"))
+    assert cache.used_bytes() == used and f"0.00 of 2 GB in {tmp_path}" in cache.usage_text()
+    os.utime(tmp_path / "old.npz", (1, 1))
+    monkeypatch.setenv("ACTIVESTEREO_CACHE_GB", "0.0006")
+    LayerCache().put_arrays("new", {"a": np.zeros(250_000, np.uint8)})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.npz", "notes.txt", "used.npz"]
+
+
+@pytest.mark.parametrize("text", ["much", "-1", "nan", "inf"])
+def test_a_limit_that_is_none_is_refused_by_its_name(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ACTIVESTEREO_CACHE_GB", text)
+    with pytest.raises(ValueError, match=f"ACTIVESTEREO_CACHE_GB is '{text}'"):
+        LayerCache()
 
 
 def test_a_folder_that_cannot_be_made_is_one_warning(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_late_maps_are_of_the_engine_that_the_depth_is_of(small_config, table_to
         sensor.take_picture(infrared_only=True)
         sensor.compute_depth()
     expected = early.get_disparity(), early.get_ir_measured()
-    late.set_penalties(1, 200)
+    late.change(p1=1, p2=200)
     late.set_conditions(temperature_c=60.0)
     np.testing.assert_array_equal(late.get_disparity(), expected[0])
     np.testing.assert_array_equal(late.get_ir_measured(), expected[1])

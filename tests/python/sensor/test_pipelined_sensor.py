@@ -142,7 +142,7 @@ def test_the_scene_changes_only_after_waiting(config):
         sensor.take_picture(infrared_only=True)
         sensor.compute_depth()
         before = sensor.get_disparity()
-        sensor.set_penalties(1, 200)  # waits; what has been computed stays
+        sensor.change(p1=1, p2=200)  # waits; what has been computed stays
         np.testing.assert_array_equal(sensor.get_disparity(), before)
         with pytest.raises(ValueError, match="no progress"):
             sensor.take_picture(progress=lambda share: False)
@@ -161,7 +161,7 @@ def test_new_noise_holds_for_the_next_depth(config, mode, count):
             sensor.take_picture(infrared_only=True)
             if step == 0:
                 quiet = np.array(results(sensor, False)[2])
-                sensor.set_ir_noise(40.0, 10.0)
+                sensor.change(ir_speckle_noise=40.0, ir_thermal_noise=10.0)
             serial.append(results(sensor, False))
     with StereoDepthSensor(config, scene, pipelined=True) as sensor:
         sensor.take_picture(infrared_only=True)
@@ -169,7 +169,7 @@ def test_new_noise_holds_for_the_next_depth(config, mode, count):
         for step in range(count):
             sensor.take_picture(infrared_only=True)
             if step == 0:
-                sensor.set_ir_noise(40.0, 10.0)
+                sensor.change(ir_speckle_noise=40.0, ir_thermal_noise=10.0)
             late.append(results(sensor, False))
     assert not np.array_equal(serial[0][2], quiet)
     for expected, found in zip(serial, late, strict=True):
@@ -188,7 +188,7 @@ def test_a_picture_keeps_the_exposure_that_it_settled_at(config, waits):
         sensor.take_picture(infrared_only=True)
         if waits:
             sensor.wait()
-        sensor.set_penalties(8, 200)
+        sensor.change(p1=8, p2=200)
         sensor.take_picture(infrared_only=True)
         assert 255.0 * sensor.get_ir()[0].mean() == pytest.approx(config.ir_exposure_target_dn, rel=0.1)
 

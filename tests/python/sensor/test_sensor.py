@@ -178,12 +178,12 @@ def test_same_seed_same_frame_and_a_new_frame_differs(small_config, table_top):
 
 def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     sensor = StereoDepthSensor(small_config, wall_scene(1.0))
-    sensor.set_census_window_size(5, 7)
-    sensor.set_matching_block_size(3, 5)
-    sensor.set_penalties(5, 50)
-    sensor.set_uniqueness_ratio(20)
-    sensor.set_lr_max_diff(-1)
-    sensor.set_ir_noise(2.0, 3.0)
+    sensor.change(census_width=5, census_height=7)
+    sensor.change(block_width=3, block_height=5)
+    sensor.change(p1=5, p2=50)
+    sensor.change(uniqueness_ratio=20)
+    sensor.change(lr_max_diff=-1)
+    sensor.change(ir_speckle_noise=2.0, ir_thermal_noise=3.0)
     p = sensor.engine.parameters
     names = (
         "census_width",
@@ -197,16 +197,16 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     )
     assert [p[name] for name in names] == [5, 7, 3, 5, 5, 50, 20, -1]
     assert (p["speckle_shape"], p["adc_noise_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
-    sensor.set_ir_noise(0.0, 0.0)
+    sensor.change(ir_speckle_noise=0.0, ir_thermal_noise=0.0)
     assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["adc_noise_dn"] == 0.0
-    assert (
-        p["exposure_s"] * p["responsivity_e"] == pytest.approx(sensor.ir_gain)
-        and p["black_level_dn"] == small_config.ir_black_level_dn
-    )
+    c = sensor.get_config()
+    dn = c.ir_camera_exposure * c.ir_camera_gain * c.ir_responsivity_dn
+    assert p["exposure_s"] * p["responsivity_e"] == pytest.approx(dn)
+    assert p["black_level_dn"] == small_config.ir_black_level_dn
     for bad in (
-        lambda: sensor.set_penalties(50, 5),
-        lambda: sensor.set_ir_noise(1.0, 0.0),
-        lambda: sensor.set_census_window_size(4, 4),
+        lambda: sensor.change(p1=50, p2=5),
+        lambda: sensor.change(ir_speckle_noise=1.0, ir_thermal_noise=0.0),
+        lambda: sensor.change(census_width=4, census_height=4),
     ):
         with pytest.raises(ValueError):
             bad()
@@ -315,10 +315,9 @@ def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
     sensor = StereoDepthSensor(small_config, scene, pose=body_pose(scene.camera(0).camera_to_world))
     sensor.take_picture(infrared_only=True)
     sensor.compute_depth()
-    counts_per_radiance = sensor.ir_gain * 100.0
-    for got, clean, all_light, laser in zip(
-        sensor.get_ir_measured(), sensor.get_ir(), *light_of(sensor), strict=True
-    ):
+    c = sensor.get_config()
+    counts_per_radiance = 100.0 * c.ir_camera_exposure * c.ir_camera_gain * c.ir_responsivity_dn
+    for got, clean, all_light, laser in zip(sensor.get_ir_measured(), sensor.get_ir(), *light_of(sensor), strict=True):
         noise = (got - 65535.0 * clean) / counts_per_radiance
         bright = (laser > 0.01) & (got < 65535)
         assert np.std(noise[bright] / laser[bright]) == pytest.approx(0.5, rel=0.03)  # Gamma(4, 1/4)'s
@@ -371,7 +370,7 @@ def test_setters_refuse_what_nothing_can_have(table):
     with pytest.raises(ValueError, match="time_s"):
         table.set_conditions(20.0, np.inf)
     with pytest.raises(ValueError, match="ir_speckle_noise is nan"):
-        table.set_ir_noise(np.nan, 1.0)
+        table.change(ir_speckle_noise=np.nan, ir_thermal_noise=1.0)
 
 
 def test_a_batch_refuses_what_no_picture_has():

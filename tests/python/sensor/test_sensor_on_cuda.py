@@ -65,7 +65,7 @@ def pictures(sensor: StereoDepthSensor, set_wall: Any, is_late: bool) -> Iterato
         if not is_late or step > 0:
             sensor.compute_depth()
             yield host_results(sensor)
-    sensor.set_census_window_size(3, 3)  # what is read now is of before
+    sensor.change(census_width=3, census_height=3)  # what is read now is of before
     yield host_results(sensor)
     sensor.compute_depth()
     yield host_results(sensor)

@@ -60,7 +60,7 @@ class Parameters:
         check_config(changed)
         if self._sensor is not None:
             native = {_NATIVE_NAMES.get(name, name): own_value(name, value) for name, value in changes.items()}
-            self._sensor.change(**native, **({"ir_signal": None} if "ir_speckle_noise" in changes else {}))
+            self._sensor.change(**native)
         for name, value in changes.items():
             setattr(self._config, name, value)
 
