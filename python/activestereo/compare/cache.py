@@ -9,14 +9,15 @@ import os
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from activestereo.common.input_files import checked_file
 from activestereo.common.output_files import replace_file
-from activestereo.effects.engines.layers import Layers
+from activestereo.effects.core.layers import Layers
 
 _LIMIT_GB = 2.0
 _LIMIT_VARIABLE = "ACTIVESTEREO_CACHE_GB"
@@ -57,16 +58,18 @@ class LayerCache:
 
     def get(self, key: str) -> tuple[Layers, ...] | None:
         """Returns the stored layers, one Layers per camera, or None."""
-        stored = self.get_arrays(key) or {}
-        names = [field.name for field in fields(Layers)]
-        present = {f.name for f in fields(Layers) if f.default is MISSING or f"{f.name}_0" in (stored or {})}
+        stored, names = self.get_arrays(key) or {}, [field.name for field in fields(Layers)]
+        cameras: list[dict[str, Any]] = [
+            {name: stored[at] for name in names if (at := f"{name}_{i}") in stored}
+            for i in range(int(stored.get("count", 0)))
+        ]
         try:
-            count = int(stored["count"])
-            return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names if n in present}) for i in range(count))
-        except (KeyError, ValueError):  # no such entry
+            return tuple(Layers(**camera) for camera in cameras) or None
+        except TypeError:  # an entry of another format
             return None
 
     def put(self, key: str, layers: tuple[Layers, ...]) -> None:
+        """Stores the layers as they were rendered, without supersampled images."""
         arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
         arrays = {name: array for name, array in arrays.items() if array is not None}
         self.put_arrays(key, arrays | {"count": np.array(len(layers))})

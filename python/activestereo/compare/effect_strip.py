@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import SIDES
 from activestereo.compare.depth_compare import SETTLING_FRAMES, DepthModel, expose
 from activestereo.compare.noise import NoiseModel
-from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.compare.surrogate import trial_capture
 from activestereo.effects.core.descriptor import Effect, Stage
-from activestereo.effects.core.model import Model, inverse_depth
+from activestereo.effects.core.model import Model, Nuisances, inverse_depth
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.core.view import View, random_stream
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from activestereo.capture.capture import Capture, Frame
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.render import Renderer
-    from activestereo.effects.engines.layers import Layers
+    from activestereo.effects.core.layers import Layers
 
 # The right image, because effects that act between the cameras move this one.
 _SIDE = "right"

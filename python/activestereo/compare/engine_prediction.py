@@ -7,7 +7,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,9 @@ from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.effects import Light, Model, View
+from activestereo.effects.core.layers import Layers
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, loaded_scene
-from activestereo.effects.engines.layers import Layers, scene_digest
+from activestereo.effects.engines.layers import scene_digest
 from activestereo.effects.engines.smooth import HALVES, half_samples
 
 # Albedos this close to the scene's hardly change bounced light, except at the surface that sends it to the camera.
@@ -54,27 +54,18 @@ class EngineImages:
         self._renderer = CaptureRenderer(device, samples, max_bounces, seed)
         self._capture, self._cache = capture, LayerCache()
 
-    def __call__(self, model: Model) -> Mapping[ImageKey, LightOnly]:
+    def __call__(self, model: Model) -> Mapping[ImageKey, NDArray[np.float32]]:
         return kept_lights(self._capture, self._renderer, self._cache, model, self._capture.split("train"))
-
-
-class LightOnly(NamedTuple):
-    """The radiance behind a camera's optics, float32 [height][width] each: direct and indirect (one reflection, more)
-    under projector power 1, ambient under ambient radiance 1."""
-
-    direct: NDArray[np.float32]
-    indirect: NDArray[np.float32]
-    ambient: NDArray[np.float32]
 
 
 def kept_lights(
     capture: Capture, renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame],
     scene_measurement: SceneMeasurement | None = None, progress: Callable[[float], object] | None = None,
     half: int | None = None,
-) -> dict[ImageKey, LightOnly]:  # fmt: skip
-    """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): light}. The
-    cache's key covers all that decides the light, including the renderer's code. half: 0 or 1 renders one half of the
-    samples; None: all samples."""
+) -> dict[ImageKey, NDArray[np.float32]]:  # fmt: skip
+    """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): images
+    [3][height][width] of direct, indirect and ambient light}. The cache's key covers all that decides the light,
+    including the renderer's code. half: 0 or 1 renders one half of the samples; None: all samples."""
     code = [inspect.getsource(module) for module in (capture_renderer, loaded_scene)]
     own = renderer.lights_key(capture, model, frames, scene_measurement, half), code
     of_world = scene_digest(capture.scene_path), loaded_scene.engine_version(renderer.device)
@@ -84,7 +75,7 @@ def kept_lights(
         seen = renderer.lights(capture, model, frames, scene_measurement, progress, half)
         stored = {f"{side}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, side), x in seen.items()}
         cache.put_arrays(key, stored)
-    return {(f.id, side): LightOnly(*stored[f"{side}_{f.id}"]) for f in frames for side in SIDES}
+    return {(f.id, side): stored[f"{side}_{f.id}"] for f in frames for side in SIDES}
 
 
 def engine_lights(

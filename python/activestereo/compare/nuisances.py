@@ -21,7 +21,7 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture, CaptureError, Frame, ImageKey
 from activestereo.common.normal_matrix import inverse_normal_matrix
-from activestereo.effects.core.model import scales
+from activestereo.effects.core.model import Nuisances, scales
 
 if TYPE_CHECKING:
     from activestereo.effects.core.view import View
@@ -36,19 +36,6 @@ _WORSE = 1.01
 # (Frame or View, light, the nuisances or None at the start) -> (columns [3][n], offset [n] or 0): the expected image is
 # offset + nuisances @ columns.
 _Line: TypeAlias = Callable[[Any, Any, "np.ndarray | None"], "tuple[np.ndarray, np.ndarray | float]"]
-
-
-@dataclass(frozen=True)
-class Nuisances:
-    """The unknowns of exposure and light. projector_scale, ambient_scale: DN per (second x gain x unit of rendered
-    radiance); black_dn: DN without light."""
-
-    projector_scale: float
-    ambient_scale: float
-    black_dn: float
-
-    def vector(self) -> np.ndarray:
-        return np.array([self.projector_scale, self.ambient_scale, self.black_dn])
 
 
 @dataclass(frozen=True)

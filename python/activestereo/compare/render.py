@@ -15,15 +15,9 @@ from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
+from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.resample import SupersampledImages
-from activestereo.effects.engines.layers import (
-    Layers,
-    PixelLayers,
-    RenderRequest,
-    request_key,
-    rig_request,
-    sampling_of,
-)
+from activestereo.effects.engines.layers import RenderRequest, request_key, rig_request, sampling_of
 from activestereo.effects.engines.smooth import half_samples, half_seeds
 
 # {frame id: {side: Layers}}, and a pair of these from two independent halves of the samples.
@@ -54,7 +48,7 @@ def render_frames(
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base
     model. cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image
-    samples per pixel side; from 2 on the layers are PixelLayers, whose supersampled images keep warps (lenses,
+    samples per pixel side; from 2 on their supersampled images keep warps (lenses,
     calibration, motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay. Raises
     CaptureError for a nominal lens that distorts too much.
     """
@@ -147,8 +141,8 @@ def _mean_layers(first: Layers, second: Layers) -> Layers:
     if first.ambient_direct is not None and second.ambient_direct is not None:
         names.append("ambient_direct")
     light: dict[str, Any] = {name: mean(getattr(first, name), getattr(second, name)) for name in names}
-    if isinstance(first, PixelLayers) and isinstance(second, PixelLayers):
-        fine = first.supersampled
-        images = mean(fine.images(), second.supersampled.images())
+    fine, other = first.supersampled, second.supersampled
+    if fine is not None and other is not None:
+        images = mean(fine.images(), other.images())
         light["supersampled"] = SupersampledImages(images, fine.scale, fine.margin_px)
     return replace(first, **light)

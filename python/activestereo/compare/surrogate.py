@@ -23,10 +23,9 @@ from activestereo.capture.images import write_gray
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import look_at
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.effects.core.descriptor import Effect, Randomness
-from activestereo.effects.core.model import Model
+from activestereo.effects.core.model import Model, Nuisances
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.core.view import View
 from activestereo.effects.engines.capture_renderer import CaptureRenderer

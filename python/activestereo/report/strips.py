@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from activestereo.common.html_table import text
 from activestereo.common.palette import INK, MUTED
 from activestereo.compare.effect_strip import StripView
-from activestereo.compare.nuisances import Nuisances
+from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.report.encode import data_address
 from activestereo.report.first_screen import where_most_goes

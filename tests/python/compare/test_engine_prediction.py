@@ -150,7 +150,7 @@ def test_a_second_projector_is_the_rooms_light(nominal, renderer):
 def test_a_projector_in_the_room_stays_where_it_is_when_the_rig_moves(renderer, nominal):
     """The engine's dots are those of the formula, which knows the unit's place in the world, from every pose."""
     from activestereo.effects import Light, View
-    from activestereo.effects.engines.layers import Layers
+    from activestereo.effects.core.layers import Layers
 
     unit = {"intensity_m2": 8.0, "azimuth_rad": -2.57, "elevation_rad": -0.5, "roll_rad": 0.1}
     here, elsewhere = (unit | {"x_m": x_m, "y_m": 0.5, "z_m": 0.45} for x_m in (0.45, 0.3))
@@ -178,9 +178,8 @@ def test_light_that_was_rendered_once_is_taken_from_the_cache(renderer, nominal,
     cache, model, frames = LayerCache(tmp_path), model_of(radial_distortion={"k1": 0.02}), nominal.frames
     first = kept_lights(nominal, renderer, cache, model, frames, SCENE_MEASUREMENT, half=0)
     rendered = renderer.lights(nominal, model, frames, SCENE_MEASUREMENT, half=0)
-    for key, light in first.items():
-        for name in ("direct", "indirect", "ambient"):
-            np.testing.assert_array_equal(getattr(light, name), getattr(rendered[key], name))
+    for key, images in first.items():
+        np.testing.assert_array_equal(images, [rendered[key].direct, rendered[key].indirect, rendered[key].ambient])
 
     class Traced(Exception):
         """A ray was traced."""

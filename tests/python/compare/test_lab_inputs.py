@@ -17,7 +17,8 @@ from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.effects.engines import CaptureRenderer
-from activestereo.effects.engines.layers import Layers, RenderRequest, ViewCamera
+from activestereo.effects.core.layers import Layers
+from activestereo.effects.engines.layers import RenderRequest, ViewCamera
 from activestereo.compare.model_file import read_model
 from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD

@@ -11,7 +11,7 @@ from activestereo.effects.core.laws import example_view
 from activestereo.diagnose.evidence.geometry import focal_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.compare.nuisances import Nuisances
-from activestereo.effects.engines.layers import Layers, PixelLayers
+from activestereo.effects.core.layers import Layers
 
 # Dots 2.9 pixels apart, as in the benchmark suite's worlds: radians of phase per unit of a direction's tangent.
 PHASE = 130.0
@@ -40,7 +40,7 @@ def test_the_slope_along_the_focal_length_is_that_of_finer_images(scale, error):
         images = SupersampledImages(
             np.stack([supersampled, 0 * supersampled, 0 * supersampled, supersampled]), scale, MARGIN_PX
         )
-        layers = PixelLayers(dots, none, none, dots, none, none, none, supersampled=images)
+        layers = Layers(dots, none, none, dots, none, none, none, supersampled=images)
     shot = MeasuredImage(view.frame, view.side, view, layers, dots)
     slope = focal_slopes([shot], Nuisances(40.0, 0.0, 4.0))[shot.key]
     step = 1e-4

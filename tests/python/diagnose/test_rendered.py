@@ -2,7 +2,6 @@
 """An image function only proposes: the engine's images, which follow another formula, decide an effect's parameters."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ import pytest
 from activestereo.capture.capture import read_capture
 from activestereo.effects import Light, Model, Parameter, Stage, effect
 from activestereo.compare.cache import LayerCache
-from activestereo.effects.engines.layers import Layers
+from activestereo.effects.core.layers import Layers
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.refine import Fitter, ParameterSpace
 from activestereo.diagnose.search.rendered import fitted_to_renders
@@ -64,9 +63,7 @@ def rendering_of(evidence, calls):
         amount = model.effects[0][1]["amount"] if model.effects else 0.0
         calls.append(amount)
         lights = {o.key: brightened(Light.of(o.layers), o.view, amount, engine_law) for o in evidence.train}
-        return {
-            key: SimpleNamespace(direct=x.direct, indirect=x.indirect, ambient=x.ambient) for key, x in lights.items()
-        }
+        return {key: light.images[:3].astype(np.float32) for key, light in lights.items()}
 
     return rendering
 

@@ -13,7 +13,8 @@ from activestereo.effects import Light, Model, Stage, builtin
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.core.resample import blur
 from activestereo.common.lens import distort, undistort
-from activestereo.effects.engines.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
+from activestereo.effects.core.layers import Layers
+from activestereo.effects.engines.layers import Sampling, ViewCamera, ideal_pixels, sampling_of
 from activestereo.effects.engines.smooth import Surfaces, smooth_bounced
 
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])

@@ -11,7 +11,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.effects.engines.layers import request_key
 from activestereo.compare.depth_compare import DepthModel
-from activestereo.effects.engines.layers import Layers
+from activestereo.effects.core.layers import Layers
 from virtual_sensor.view import PatternSource, look
 
 DEPTH_SCALE_M = 1e-4

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.diagnose.evidence.observation import Observation
+from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.resample import blur
-from activestereo.effects.engines.layers import Layers
 
 # Least known share of a blurred pixel, against division by zero.
 _LEAST = 1e-6

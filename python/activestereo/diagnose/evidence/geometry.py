@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, logm
 
 from activestereo.capture.capture import SIDES, Camera, Capture, ImageKey
-from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.measured_image import MeasuredImage, derivatives_in_dn
 from activestereo.effects import Light
 from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.view import View
 
 TWIST = 6

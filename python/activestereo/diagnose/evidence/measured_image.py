@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import Frame, ImageKey
-from activestereo.compare.nuisances import Nuisances, predict
+from activestereo.compare.nuisances import predict
 from activestereo.effects import View
-from activestereo.effects.core.model import scales
-from activestereo.effects.engines.layers import Layers
+from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.model import Nuisances, scales
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ import numpy as np
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseModel
-from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
+from activestereo.effects.core.model import Nuisances
 
 # Side of the tiles by which correlated errors are judged.
 TILE_PX = 16

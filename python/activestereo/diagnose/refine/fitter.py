@@ -14,13 +14,13 @@ import numpy as np
 
 from activestereo.common.computed_once import computed_once
 from activestereo.common.normal_matrix import inverse_normal_matrix
-from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.observation import NuisancePrior, Observation
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, fit_key
 from activestereo.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
 from activestereo.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.effects import Light, Model
+from activestereo.effects.core.model import Nuisances
 
 # Deviation of a parameter's prior, in ranges: it only breaks ties.
 _PRIOR_RANGES = 3.0

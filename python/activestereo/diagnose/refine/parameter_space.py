@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.normal_equations import Sums
 from activestereo.effects import Effect, Model, Parameter, Randomness, Stage
+from activestereo.effects.core.model import Nuisances
 
 # The step of a finite difference: this share of a parameter's typical value, or of a quarter of its distance from
 # neutral.

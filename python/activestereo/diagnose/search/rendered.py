@@ -18,7 +18,6 @@ from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.effects import Effect, Light, Model, Stage, View
-from activestereo.effects.core.light import RenderedLight
 
 # Rounds of rendering and fitting, and steps of each fit. A difference steps by this share of the typical value or of
 # the parameter's own distance. A round moves a parameter by at most so many steps, and is the last below a half.
@@ -27,13 +26,14 @@ _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
 _TRUSTED, _SETTLED = 6.0, 0.5
 
 
+_Images = Mapping[ImageKey, np.ndarray]
+
+
 class Rendering(Protocol):
-    """Renders a capture's train frames under a model, with the same random numbers in every call."""
+    """Renders a capture's train frames under a model, with the same random numbers in every call: light (direct,
+    indirect, ambient), float32 [3][height][width]."""
 
-    def __call__(self, model: Model) -> Mapping[ImageKey, RenderedLight]: ...
-
-
-_Images = dict[ImageKey, np.ndarray]
+    def __call__(self, model: Model) -> _Images: ...
 
 
 def is_transport(effect: Effect) -> bool:
@@ -78,11 +78,11 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
     """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the new
     fit, or `start` if it is no better."""
     effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
-    without = _images(rendering(Model()))
+    without = rendering(Model())
 
     def change(values: np.ndarray) -> _Images:
         named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
-        images = _images(rendering(Model().with_effect(effect, **named)))
+        images = rendering(Model().with_effect(effect, **named))
         return {key: image - without[key] for key, image in images.items()}
 
     best, theta, phi = start, start.theta, start.phi
@@ -116,7 +116,3 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
         step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)
         out.append(0.0 if p.choice or not p.in_engine else -step if v + step > p.high else step)
     return np.array(out)
-
-
-def _images(lights: Mapping[ImageKey, RenderedLight]) -> _Images:
-    return {key: np.stack([x.direct, x.indirect, x.ambient]).astype(np.float32) for key, x in lights.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,34 +13,13 @@ from activestereo.effects.core.resample import Spline, SupersampledImages, blur,
 from activestereo.effects.core.view import once_of_picked
 
 if TYPE_CHECKING:
+    from activestereo.effects.core.layers import Layers
     from activestereo.effects.core.view import View
 
 # Smaller relative changes are rounding of the rendered float32 images.
 _UNCHANGED = 1e-6
 _GAIN_SIGMA_PX = 2.0
 _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
-
-
-class RenderedLight(Protocol):
-    """Rendered radiance [height][width] of one view by source. direct, indirect: the projector's light off the first
-    surface, and the rest of it, at projector power 1. ambient: all other light, at ambient radiance 1."""
-
-    @property
-    def direct(self) -> np.ndarray: ...
-
-    @property
-    def indirect(self) -> np.ndarray: ...
-
-    @property
-    def ambient(self) -> np.ndarray: ...
-
-
-class Rendered(RenderedLight, Protocol):
-    """RenderedLight with a fourth image `flat`: the direct light of a pattern that is 1 everywhere. An object may also
-    have `supersampled`, a SupersampledImages."""
-
-    @property
-    def flat(self) -> np.ndarray: ...
 
 
 class _Part:
@@ -77,12 +56,10 @@ class Light:
     supersampled: SupersampledImages | None = None
 
     @classmethod
-    def of(cls, layers: Rendered) -> Light:
+    def of(cls, layers: Light | Layers) -> Light:
         """Returns the Light of rendered images."""
         images = (layers.direct, layers.indirect, layers.ambient, layers.flat)
-        return cls.of_images(
-            [np.asarray(image, dtype=np.float64) for image in images], getattr(layers, "supersampled", None)
-        )
+        return cls.of_images([np.asarray(image, dtype=np.float64) for image in images], layers.supersampled)
 
     @classmethod
     def of_images(

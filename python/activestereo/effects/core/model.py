@@ -5,40 +5,30 @@ sensor gives."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from activestereo.effects.core.descriptor import Effect, Randomness, Stage
-from activestereo.effects.core.light import Light, Rendered
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame
+    from activestereo.effects.core.layers import Layers
 
 
-class Scales(Protocol):
-    """Factors on the projector's and the ambient light, and the black level in DN; compare.nuisances.Nuisances has
-    them."""
+@dataclass(frozen=True)
+class Nuisances:
+    """The unknowns of exposure and light. projector_scale, ambient_scale: DN per (second x gain x unit of rendered
+    radiance); black_dn: DN without light."""
 
-    @property
-    def projector_scale(self) -> float: ...
+    projector_scale: float
+    ambient_scale: float
+    black_dn: float
 
-    @property
-    def ambient_scale(self) -> float: ...
-
-    @property
-    def black_dn(self) -> float: ...
-
-
-class SeenLight(Protocol):
-    """The projector's and the ambient light on an imager, [height][width] each; a Light has them."""
-
-    @property
-    def projector(self) -> np.ndarray: ...
-
-    @property
-    def ambient(self) -> np.ndarray: ...
+    def vector(self) -> np.ndarray:
+        return np.array([self.projector_scale, self.ambient_scale, self.black_dn])
 
 
 @dataclass(frozen=True)
@@ -56,7 +46,7 @@ class Model:
     def without_effect(self, effect_id: str) -> Model:
         return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
 
-    def light(self, layers: Rendered, view: View, random: bool = False, supersampled: bool = True) -> Light:
+    def light(self, layers: Light | Layers, view: View, random: bool = False, supersampled: bool = True) -> Light:
         """Returns the Light that falls on the sensor: rendered layers after all effects up to the lens. random=False
         leaves random effects out. supersampled=False: warps look up camera pixels, which takes less than half the time,
         for scans."""
@@ -79,7 +69,7 @@ class Model:
         linear but for clipping."""
         return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
 
-    def signal(self, light: SeenLight, view: View, nuisances: Scales, random: bool = False) -> np.ndarray:
+    def signal(self, light: Light | Layers, view: View, nuisances: Nuisances, random: bool = False) -> np.ndarray:
         """Returns DN [height][width] of a light, black level included. random=False: the expected value, without random
         effects. random=True: one exposure. Only effects round."""
         projector, ambient = scales(view.frame)

@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,26 +34,10 @@ def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: 
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture, Frame
+    from activestereo.effects.core.layers import Layers
 
 REFERENCE_TEMPERATURE_C = 25.0
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-class RenderedSurfaces(Protocol):
-    """The rendered images of surfaces that a View takes (effects/engines/layers.py), each [height][width]; normal
-    [height][width][3], world. They may also have `ambient_direct`."""
-
-    @property
-    def depth_m(self) -> np.ndarray: ...
-
-    @property
-    def normal(self) -> np.ndarray: ...
-
-    @property
-    def material(self) -> np.ndarray: ...
-
-    @property
-    def ambient(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -87,10 +71,9 @@ class View:
     before: np.ndarray | None = None
 
     @classmethod
-    def of(cls, capture: Capture, frame: Frame, side: str, layers: RenderedSurfaces, seed: int = 0) -> View:
+    def of(cls, capture: Capture, frame: Frame, side: str, layers: Layers, seed: int = 0) -> View:
         rig, bounced = capture.rig, None
-        direct = getattr(layers, "ambient_direct", None)
-        if direct is not None:
+        if (direct := layers.ambient_direct) is not None:
             whole = np.asarray(layers.ambient, dtype=np.float64)
             bounced = np.clip(1.0 - direct / np.where(whole > 0, whole, np.inf), 0.0, 1.0) * (whole > 0)
         left_to_camera = np.eye(4) if side == "left" else rig.left_to_right

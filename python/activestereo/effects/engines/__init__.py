@@ -5,6 +5,6 @@ images = CaptureRenderer().expected(read_capture("captures/table"), model, nuisa
 """
 
 from activestereo.effects.engines.capture_inputs import SceneMeasurement
-from activestereo.effects.engines.capture_renderer import CameraLight, CaptureRenderer
+from activestereo.effects.engines.capture_renderer import CaptureRenderer
 
-__all__ = ["CaptureRenderer", "CameraLight", "SceneMeasurement"]
+__all__ = ["CaptureRenderer", "SceneMeasurement"]

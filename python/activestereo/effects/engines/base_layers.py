@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.effects.core.layers import Layers
 from activestereo.effects.engines import matt_world
-from activestereo.effects.engines.layers import Layers, RenderRequest, ViewCamera, request_key
+from activestereo.effects.engines.layers import RenderRequest, ViewCamera, request_key
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
 
 # Light without the pattern varies only at edges, so it needs fewer samples.

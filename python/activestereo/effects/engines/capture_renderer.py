@@ -19,13 +19,14 @@ from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
-from activestereo.effects.core.model import Model, Scales
+from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.model import Model, Nuisances
 from activestereo.effects.core.room_light import BOUNCED_VERSION
 from activestereo.effects.core.view import View
 from activestereo.effects.engines import matt_world
 from activestereo.effects.engines.base_layers import FLAT_SHARE, FirstSurfaces, matt_layers, traced_layers
 from activestereo.effects.engines.capture_inputs import SceneMeasurement, capture_inputs
-from activestereo.effects.engines.layers import Layers, RenderRequest, scene_digest
+from activestereo.effects.engines.layers import RenderRequest, scene_digest
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene, engine_version
 from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
 from activestereo.effects.engines.world import (
@@ -42,24 +43,6 @@ from activestereo.effects.engines.world import (
 _ADDED_GROUP = 1
 # The number of renders that are remembered.
 _KEPT = 3
-
-
-@dataclass(frozen=True)
-class CameraLight:
-    """The light of one camera in one frame, lens effects applied, float32 [height][width]. direct, indirect:
-    radiance under projector power 1; ambient: under ambient radiance 1. depth_m: z, 0 = nothing there; normal:
-    [height][width][3], world; material: id."""
-
-    direct: NDArray[np.float32]
-    indirect: NDArray[np.float32]
-    ambient: NDArray[np.float32]
-    depth_m: NDArray[np.float32]
-    normal: NDArray[np.float32]
-    material: NDArray[np.uint32]
-
-    @property
-    def projector(self) -> NDArray[np.float32]:
-        return self.direct + self.indirect
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +120,8 @@ class CaptureRenderer:
         scene_measurement: SceneMeasurement | None = None,
         progress: Callable[[float], object] | None = None,
         half: int | None = None,
-    ) -> dict[ImageKey, CameraLight]:
-        """Returns {(frame id, side): CameraLight} of the frames, all by default. Frames that differ in exposure, power
+    ) -> dict[ImageKey, Layers]:
+        """Returns {(frame id, side): Layers} of the frames, all by default. Frames that differ in exposure, power
         or gain alone share their images. All poses with the same materials and medium are one render. half: 0 or 1, one
         of two independent halves of the samples (smooth.py)."""
         jobs: dict[tuple, _Job] = {}
@@ -147,7 +130,7 @@ class CaptureRenderer:
         worlds: dict[tuple, list[_Job]] = {}
         for job in jobs.values():
             worlds.setdefault(world_key(job.inputs), []).append(job)
-        out: dict[ImageKey, CameraLight] = {}
+        out: dict[ImageKey, Layers] = {}
         for done, group in enumerate(worlds.values()):
             share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
             for job, sides in zip(group, self._images(capture.scene_path, group, share, half), strict=True):
@@ -175,7 +158,7 @@ class CaptureRenderer:
         return hashlib.sha256(repr((settings, powers, [_job_key(i) for i in inputs])).encode()).hexdigest()
 
     def expected(
-        self, capture: Capture, model: Model, nuisances: Scales, scene_measurement: SceneMeasurement | None = None
+        self, capture: Capture, model: Model, nuisances: Nuisances, scene_measurement: SceneMeasurement | None = None
     ) -> dict[ImageKey, NDArray[np.float32]]:
         """Returns {(frame id, side): expected DN [height][width]} of all frames. Raises ValueError for an effect on
         light that no engine field expresses: compare() applies these."""
@@ -295,11 +278,13 @@ def _job_key(inputs: EngineInputs) -> tuple:
     return (*sides, projector, pattern.digest(), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
 
 
-def _side_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
-    """Makes the CameraLight of one rendered camera, scaled by the projector's power in a frame's inputs. view: {output:
+def _side_light(view: dict[str, NDArray], inputs: EngineInputs) -> Layers:
+    """Makes the Layers of one rendered camera, scaled by the projector's power in a frame's inputs. view: {output:
     [height][width][channels]}."""
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
     ambient = view["ambient"] + view["added"] + view["added_indirect"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
     direct, indirect, room, depth = (image[..., 0].astype(np.float32) for image in lights)
-    return CameraLight(direct, indirect, room, depth, view["normal"], view["material_id"][..., 0])
+    return Layers(
+        direct, indirect, room, np.full_like(direct, np.nan), depth, view["normal"], view["material_id"][..., 0]
+    )

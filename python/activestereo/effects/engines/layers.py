@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light layers: images of one rig pose under each light alone. Exposure, power and scales are applied to them without a
-new render."""
+"""Requests of renders: all that decides the images of one rig pose, and the resolution at which they are rendered."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -15,6 +14,7 @@ import numpy as np
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.lens import distort, is_drawn, undistort
+from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.resample import SupersampledImages
 
 # Increase this number when the meaning of a cached array changes.
@@ -56,39 +56,6 @@ class RenderRequest:
 
 
 @dataclass(frozen=True)
-class Layers:
-    """One camera's images of light and geometry, float32 [height][width] unless stated. Radiance is the mean over the
-    pixel's square.
-
-    direct, indirect: the projector's light at power 1, after one reflection and after more; flat: `direct` under a
-    pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions. depth_m: z, 0 = nothing hit;
-    normal: [height][width][3], world frame; material: uint32. ambient_direct: the part of `ambient` that is reflected
-    once; None if the renderer does not separate it.
-    """
-
-    direct: np.ndarray
-    indirect: np.ndarray
-    ambient: np.ndarray
-    flat: np.ndarray
-    depth_m: np.ndarray
-    normal: np.ndarray
-    material: np.ndarray
-    ambient_direct: np.ndarray | None = None
-
-    @property
-    def projector(self) -> np.ndarray:
-        return self.direct + self.indirect
-
-
-@dataclass(frozen=True)
-class PixelLayers(Layers):
-    """Layers at a camera's pixels. supersampled: the finer and wider images (direct, indirect, ambient, flat) of which
-    the pixels are means."""
-
-    supersampled: SupersampledImages = field(kw_only=True)
-
-
-@dataclass(frozen=True)
 class Sampling:
     """The resolution of rendered images: scale x scale image points in each camera pixel, and a margin of margin_px
     camera pixels around the frame.
@@ -111,7 +78,7 @@ class Sampling:
         return ViewCamera(width, height, to_fine @ camera.K, camera.camera_to_world)
 
     def pixel_layers(self, layers: Layers, camera: Camera) -> Layers:
-        """Reduces the Layers rendered with camera() to the PixelLayers of a capture's Camera; applies its lens
+        """Reduces the Layers rendered with camera() to the pixels of a capture's Camera; applies its lens
         distortion."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
         supersampled = SupersampledImages(images, self.scale, self.margin_px)
@@ -136,7 +103,7 @@ class Sampling:
         smooth = corners.max(axis=0) - corners.min(axis=0) < _SMOOTH_SHARE * corners.min(axis=0)
         depth_m = np.where(smooth, mean, nearest).astype(np.float32)
         surfaces = depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
-        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled=supersampled)
+        return Layers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled)
 
 
 def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
