@@ -60,19 +60,17 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import PHASES, compare
     from activestereo.compare.model_file import library
-    from activestereo.compare.phase_times import PhaseTimes
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
     from activestereo.report.screen import command
     from activestereo.report.summary import comparison_screen, is_near_noise
-    from activestereo.report.write import WRITING, WRITING_TIME, write_report
+    from activestereo.report.write import WRITING, WRITING_S, write_report
 
     effects = library(*args.effects)
     own = [word for file in args.effects for word in ("--effects", file)]
     under_model = {} if args.model is None else _under_model(args, capture, effects)
-    times = PhaseTimes("compare" if args.model is None else "compare --model")
     with ProgressBar(f"comparing {args.capture.name}") as bar:
-        phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
+        phases = Phases(bar, PHASES | {WRITING: WRITING_S})
         comparison = compare(
             args.capture, renderer=CaptureRenderer(args.device), samples_per_pixel=args.spp,
             max_bounces=args.max_bounces, seed=args.seed, progress=phases, **under_model,
@@ -88,7 +86,6 @@ def run(args: argparse.Namespace) -> None:
         if args.pdf:
             write_comparison_pdf(args.pdf, comparison)
         phases.end()
-    times.keep(phases.taken_s, phases.work)
     if args.json:
         print_json(comparison.scores)
         return

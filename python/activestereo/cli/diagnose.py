@@ -108,14 +108,13 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.engine_prediction import EngineImages, engines_of
     from activestereo.compare.model_file import library
-    from activestereo.compare.phase_times import PhaseTimes
     from activestereo.diagnose import diagnose
     from activestereo.diagnose.numbers import NUMBERS
     from activestereo.diagnose.settings import PHASES
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_screen
-    from activestereo.report.write import WRITING, WRITING_TIME, write_diagnosis_report
+    from activestereo.report.write import WRITING, WRITING_S, write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
 
     make_folder(args.out)
@@ -124,10 +123,8 @@ def run(args: argparse.Namespace) -> None:
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
     sampled = args.device, args.spp, args.max_bounces, args.seed
-    asked = "diagnose" + " --no-refine" * (not args.refine)
-    times = PhaseTimes(asked if args.spp is None else f"{asked} --spp {args.spp}")
     with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
-        phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
+        phases = Phases(bar, PHASES | {WRITING: WRITING_S})
         diagnosis = diagnose(
             args.capture, model=model, effects=effects, renderer=CaptureRenderer(args.device),
             samples_per_pixel=args.spp, max_bounces=args.max_bounces, seed=args.seed,
@@ -141,8 +138,6 @@ def run(args: argparse.Namespace) -> None:
         write_diagnosis(diagnosis, args.out)
         written = _paper(args, diagnosis)
         phases.end()
-    if diagnosis.before is not None:
-        times.keep(phases.taken_s, phases.work)
     if args.json:
         print_json(diagnosis.result)
         return

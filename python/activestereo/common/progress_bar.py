@@ -6,50 +6,15 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from statistics import median
+from collections.abc import Callable
 from types import TracebackType
 from typing import TextIO, overload
 
 from activestereo.common.shown import printable
 
-# A guess without earlier runs may be wrong by this factor, either way.
-_GUESS = 2.0
-# Earlier runs whose units of work differ by less than this factor predict the time directly.
-_ALIKE = 1.5
-# The next run may lie outside the span of the known runs by this share, divided by their number.
-_OTHER_RUNS = 0.5
-
-
-@dataclass(frozen=True)
-class UsualTime:
-    """The usual time of some work. runs: (units of work, seconds) of earlier runs. Without runs, the guess is fixed_s +
-    per_work_s * units of work."""
-
-    fixed_s: float = 0.0
-    per_work_s: float = 0.0
-    runs: Sequence[tuple[float, float]] = ()
-
-    def span_s(self, work: float) -> tuple[float, float, float]:
-        """Estimates the (shortest, likely, longest) seconds that `work` units of work take."""
-        alike = [seconds for other, seconds in self.runs if max(work, other) <= _ALIKE * min(work, other)]
-        if alike:
-            spread = 1.0 + _OTHER_RUNS / len(alike)
-            return min(alike) / spread, median(alike), spread * max(alike)
-        if self.runs:  # between a constant time and one proportional to the work
-            other, seconds = min(self.runs, key=lambda run: max(run[0] / work, work / run[0]))
-            ends = sorted((seconds, seconds * work / other))
-            return ends[0], (ends[0] * ends[1]) ** 0.5, ends[1]
-        guess = self.fixed_s + self.per_work_s * work
-        return guess / _GUESS, guess, guess * _GUESS
-
-
 _REDRAW_S = 0.1
 _LINE_S = 15.0
 _WIDTH = 28
-# Fewest and most seconds within the first factor print as one time, within the second as "about" one.
-_SURE, _NEARLY_SURE = 1.3, 4.0
 
 # Called with the fraction done, 0..1; work that can be cancelled ends when it returns True.
 Progress = Callable[[float], object]
@@ -80,7 +45,7 @@ class ProgressBar:
         self._clock = clock
         self._terminal = self._stream.isatty()
         self._start = self._drawn = clock()
-        self.phase = ""
+        self.phase = self._drawn_phase = ""
 
     def __enter__(self) -> ProgressBar:
         self._start = self._drawn = self._clock()
@@ -97,29 +62,13 @@ class ProgressBar:
             self._stream.flush()
 
     def __call__(self, fraction: float) -> None:
-        elapsed = self._clock() - self._start
-        left_s = elapsed * (1.0 - fraction) / fraction if fraction > 0.01 else None
-        self.show(fraction, None if left_s is None else (left_s, left_s))
-
-    def show(self, fraction: float, left_s: tuple[float, float] | None, at_once: bool = False) -> None:
-        """Draws the bar if the last drawing is old or `at_once`. left_s: the fewest and most seconds left, or None if
-        unknown."""
+        """Draws the bar if the last drawing is old or shows another phase."""
         now = self._clock()
-        if not at_once and now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
+        if self.phase == self._drawn_phase and now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
             return
-        self._drawn = now
-        if left_s is None:
-            self._say(fraction, "...")
-            return
-        # '40 s'; 'about 2 min' if the two are apart, 'perhaps 2 min' if they are far apart.
-        least_s, most_s = left_s
-        if most_s <= _SURE * least_s or most_s < 1.0:
-            self._say(fraction, f"{duration(0.5 * (least_s + most_s))} left")
-            return
-        middle_s = (max(least_s, 1.0) * most_s) ** 0.5
-        unit_s, unit = next(((s, u) for s, u in ((3600, "h"), (60, "min")) if middle_s >= s), (1, "s"))
-        number = round(middle_s / unit_s) if unit_s > 1 else max(1, 5 * round(middle_s / 5))
-        self._say(fraction, f"{'about' if most_s <= _NEARLY_SURE * least_s else 'perhaps'} {number} {unit} left")
+        self._drawn, self._drawn_phase = now, self.phase
+        elapsed_s = now - self._start
+        self._say(fraction, f"{duration(elapsed_s * (1.0 - fraction) / fraction)} left" if fraction > 0.01 else "...")
 
     def tell(self, text: str) -> None:
         """Writes a line that stays above the bar."""

@@ -18,13 +18,11 @@ from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
-from activestereo.common.progress_bar import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.image_errors import ImageErrors, error_shape, image_errors, residuals_of
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
-from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, LayersOfFrames, render_halves
 from activestereo.compare.where_channels import where_it_fails
 from activestereo.effects.core.model import Model
@@ -37,7 +35,7 @@ if TYPE_CHECKING:
 
 # Each phase's seconds, fixed and per megapixel of infrared images, on two cores: a guess for a first run.
 RENDERING, PREDICTING, LOOKING = "rendering the views", "expecting the images", "looking where it fails"
-PHASES = {RENDERING: UsualTime(1.0, 15.0), PREDICTING: UsualTime(0.5, 2.0), LOOKING: UsualTime(1.0, 5.0)}
+PHASES = {RENDERING: 60.0, PREDICTING: 10.0, LOOKING: 20.0}  # seconds of twelve frames of 424x240
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,6 @@ def compare(
 
         renderer = CaptureRenderer()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
-    phases.work = megapixels(capture)
     phases.begin(RENDERING)
     model, samples_per_pixel = model or Model(), samples_per_pixel or usual_samples(capture)
     halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)

@@ -26,7 +26,6 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
-from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, LayersOfFrames, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.albedo_json import albedo_json
@@ -186,7 +185,6 @@ def diagnose(
     tracer: Renderer = renderer
     kept = cache or LayerCache()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
-    phases.work = megapixels(capture)
     phases.begin(RENDERING)
     searched = half_samples(samples_per_pixel or usual_samples(capture))
     samples_per_pixel = samples_per_pixel or usual_samples(whole)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from activestereo.common.phases import Phases
-from activestereo.common.progress_bar import UsualTime
 from activestereo.diagnose.answer.figures import ErrorsOfModels
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.numbers import NUMBERS, Numbers
@@ -16,20 +15,14 @@ from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.effects import Model
 
-# The phases. Their times are guesses for a first run on two cores: seconds, and seconds per megapixel of infrared
-# images.
+# The phases, and how many seconds they take of some four megapixels of infrared images.
 RENDERING, FITTING, DEPTH, BOTH = (
     "rendering the views",
     "scoring and fitting effects",
     "judging the depth engine",
     "rendering what was found",
 )
-PHASES = {
-    RENDERING: UsualTime(2.0, 8.0),
-    FITTING: UsualTime(10.0, 15.0),
-    DEPTH: UsualTime(0.3, 2.0),
-    BOTH: UsualTime(3.0, 15.0),
-}
+PHASES = {RENDERING: 34.0, FITTING: 70.0, DEPTH: 8.0, BOTH: 63.0}
 
 
 @dataclass(frozen=True)

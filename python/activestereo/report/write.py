@@ -19,7 +19,6 @@ import numpy as np
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
-from activestereo.common.progress_bar import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library
 from activestereo.diagnose.refine.fit_cache import content_key
@@ -42,7 +41,7 @@ if TYPE_CHECKING:
     from activestereo.effects import Effect
 
 
-WRITING, WRITING_TIME = "writing the report", UsualTime(3.0, 2.0)  # the phase's name, and a guess of its time
+WRITING, WRITING_S = "writing the report", 10.0  # the phase's name, and how long it takes
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js", "strip.js")
 
 
