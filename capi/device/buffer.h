@@ -41,8 +41,8 @@ class Buffer {
   [[nodiscard]] void* mapped() const { return mapped_; }
   [[nodiscard]] const std::shared_ptr<Device>& device() const { return device_; }
 
-  /// Copies data to or from the buffer; copied_bytes() counts it. Memory that the host cannot see is reached through a staging buffer,
-  /// which is kept for the next copy: making one takes longer than copying an image. Throws for a range outside the buffer.
+  /// Copies data to or from the buffer; copied_bytes() counts it. Memory that the host cannot see is reached through a staging buffer. A
+  /// buffer that is read keeps its own: making one takes longer than copying an image. Throws for a range outside the buffer.
   void write(uint64_t offset_bytes, const void* data, uint64_t size_bytes);
   void read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const;
 
@@ -51,8 +51,8 @@ class Buffer {
   static std::shared_ptr<Buffer> make(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags, VkBufferUsageFlags extra_usage,
                                       VkMemoryPropertyFlags preferred);
   void check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const;
-  /// Returns host-visible memory of at least size_bytes to copy through: the kept buffer, or a new one if that is too small or another
-  /// thread uses it.
+  /// Returns host-visible memory to copy through, in pieces if size_bytes is large: the kept buffer, or a new one if that is too small or
+  /// in use.
   [[nodiscard]] std::shared_ptr<Buffer> take_staging(uint64_t size_bytes) const;
   void keep_staging(std::shared_ptr<Buffer> staging) const;
   void allocate_host();

@@ -12,7 +12,7 @@ struct ReservedBytes {
   uint32_t size;
 };
 
-/// Type number, name and reserved bytes of a public struct.
+/// The reserved bytes of a public struct, by the generated struct_table.h.
 template <class T>
 struct StructInfo;
 

@@ -6,7 +6,7 @@
 
 namespace simsense {
 
-/// As depth cameras do: no measurement beside a step, and none whose match lies near the right image's left or right edge.
+/// Rejects measurements as depth cameras do: beside a step of depth, and where the match lies near the right image's left or right edge.
 struct EdgeParameters {
   float step_px = 0;       // of disparity between neighbours, from which on both go; 0 = off
   uint32_t border_px = 0;  // width of the right image's edges in which no match lies; 0 = off

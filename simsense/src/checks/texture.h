@@ -8,9 +8,8 @@
 
 namespace simsense {
 
-/// A square of TEXTURE_SIDE pixels is blank where no two of its counts differ by at least min_texture_dn. Dots of a projector lie 12 pixels
-/// apart, so that gaps between them hold no such square. What lies up to TEXTURE_EDGE pixels inside of a blank square is near enough to
-/// texture to be measured.
+/// A square of TEXTURE_SIDE pixels is blank if all its counts differ by less than min_texture_dn. Dots of a projector lie 12 pixels apart,
+/// so the gaps between them hold no such square. The outer TEXTURE_EDGE pixels of a blank square are near enough to texture to be measured.
 struct TextureParameters {
   uint32_t min_texture_dn = 0;  // 0 = off
   static constexpr uint32_t window_reach = TEXTURE_SIDE / 2, drop_reach = TEXTURE_SIDE / 2 - TEXTURE_EDGE;

@@ -11,12 +11,12 @@ namespace simsense {
 
 class CpuCalls {
  public:
-  /// rig: outlives this.
+  /// rig must outlive this.
   CpuCalls(std::shared_ptr<ks::Device> device, const PreparedRig& rig);
 
-  /// Until the outputs are written.
+  /// Runs a call and returns when its outputs are written.
   void compute(const ComputeRequest& request, const StageSettings& settings);
-  /// The times of the last call.
+  /// The stage times of the last call.
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stages_.times(); }
 
  private:

@@ -18,18 +18,18 @@ constexpr uint32_t format_of = sizeof(T) == 1   ? KS_FORMAT_U8
                                : sizeof(T) == 2 ? KS_FORMAT_U16
                                                 : KS_FORMAT_F32;
 
-/// Metres to whole millimetres; beyond the type's range there is no measurement.
+/// Rounds metres to millimetres; 0 if the type cannot hold them.
 template <class T>
 T to_millimetres(float z_m) {
   const float mm = std::rint(z_m * 1000.0f);
   return mm <= static_cast<float>(std::numeric_limits<T>::max()) ? static_cast<T>(mm) : T{0};
 }
 
-/// Pixels to OpenCV's fixed point of four fractional bits.
+/// Converts pixels to OpenCV's fixed point with four fractional bits.
 inline int16_t to_sixteenths(float disparity_px) { return static_cast<int16_t>(std::lrint(disparity_px * 16.0f)); }
 
 struct HostFrame : FrameOf<HostImage> {
-  /// The memory for a stage's output of one component of type T.
+  /// Returns the memory that a stage writes: the caller's if it is packed and of type T, else `scratch`.
   template <class T>
   T* target(uint32_t output, uint32_t batch_index, std::vector<T>& scratch, size_t pixels) const {
     if (wants(output) && outputs[output]->is_packed() && outputs[output]->format() == format_of<T>)
@@ -38,13 +38,13 @@ struct HostFrame : FrameOf<HostImage> {
     return scratch.data();
   }
 
-  /// Scatters rows that a stage could not write in place.
+  /// Copies a stage's rows to the caller's image, unless the stage wrote there.
   template <class T>
   void store(uint32_t output, uint32_t batch_index, const T* from, ptrdiff_t row_stride, uint32_t width, uint32_t height) const {
     if (wants(output) && static_cast<const void*>(from) != outputs[output]->output(batch_index).data)
       scatter(output, batch_index, from, row_stride, width, height, [](T value) { return value; });
   }
-  /// Packed metres, as the caller's format has them.
+  /// Copies packed depths, metres, to the caller's image in its format.
   void store_depth(uint32_t output, uint32_t batch_index, const float* from, uint32_t width, uint32_t height) const {
     const uint32_t format = wants(output) ? outputs[output]->format() : 0;
     if (format == KS_FORMAT_F32) store(output, batch_index, from, width, width, height);

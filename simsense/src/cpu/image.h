@@ -13,16 +13,16 @@ namespace simsense {
 
 class HostImage {
  public:
-  /// Checks shape, bounds and pointers; throws KS_ERROR_INVALID_ARGUMENT that starts with `name`. Reads unmapped memory.
+  /// Checks shape, bounds and pointers; throws KS_ERROR_INVALID_ARGUMENT with `name` first. Reads a buffer that is not mapped.
   HostImage(const ks::Device& device, const ImageArgument& argument, const ImageShape& shape, const char* name);
 
   [[nodiscard]] uint32_t format() const { return layout_.image.format; }
   [[nodiscard]] ConstPlane input(uint32_t batch_index) const;
   [[nodiscard]] Plane output(uint32_t batch_index) const;
   [[nodiscard]] ptrdiff_t component_stride() const { return layout_.component_stride; }
-  /// Densely packed rows of one-component elements, aligned for them: a stage may write there itself.
+  /// Whether a stage may write the image directly: packed rows of one-component, aligned elements.
   [[nodiscard]] bool is_packed() const;
-  /// Writes an unmapped output back.
+  /// Copies an output back to its buffer if that is not mapped.
   void commit();
 
  private:

@@ -24,15 +24,15 @@ class CpuMatcher final : public Matcher, public MatchStages {
   void match(ConstImage left, ConstImage right, const MatchMaps& maps) override;
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const override { return clock_.times(); }
 
-  /// The images and maps of the stages that follow.
+  /// Sets the images and maps of the following stages.
   void begin(ConstImage left, ConstImage right, const MatchMaps& maps);
   void census() override;
   void cost() override {}
-  /// Paths up and down the image, which leave checkpoints.
+  /// Follows the paths up and down the image and leaves checkpoints.
   void sgm() override;
-  /// Rows and the checkpoints' columns together, winners, left-right check.
+  /// Follows the paths along rows, and those down from the checkpoints; finds winners and checks them against the right image.
   void winner() override;
-  /// The median, and what follows from it for the other maps.
+  /// Filters by the median, and adapts the other maps to it.
   void checks() override;
   void refine() override;
   void detection() override;

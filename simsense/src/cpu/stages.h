@@ -20,10 +20,10 @@ namespace simsense {
 
 class CpuStages final : public Stages {
  public:
-  /// rig: outlives this.
+  /// rig must outlive this.
   CpuStages(const PreparedRig& rig, ks::ThreadPool& workers);
 
-  /// All stages of one pair. progress: called with how far the pair is, 0..1; may throw.
+  /// Runs all stages of one pair. progress: called with the finished share of the pair, 0..1; may throw.
   void run(const StageSettings& settings, const HostFrame& frame, uint32_t pair, const std::function<void(float)>& progress);
   void reset_times() { clock_.reset(); }
   [[nodiscard]] const std::vector<ks_stage_time>& times() const { return clock_.times(); }

@@ -4,7 +4,7 @@
 
 namespace simsense {
 
-/// Keep min_m <= z < max_m, else 0. Applied to each output in that output's own camera frame.
+/// Keeps depths min_m <= z < max_m, and sets others to 0. It is applied to each output in its own camera's frame.
 struct DepthRange {
   float min_m = 0, max_m = 0;
   [[nodiscard]] float keep(float z) const { return z >= min_m && z < max_m ? z : 0; }

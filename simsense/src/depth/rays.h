@@ -10,12 +10,12 @@ namespace simsense {
 
 class PixelRays {
  public:
-  /// A pinhole without distortion.
+  /// For a pinhole without distortion.
   PixelRays(const Pinhole& camera, uint32_t width, uint32_t height);
-  /// A camera as it is: the ray of each pixel is undistorted once.
+  /// For a camera with its lens: each pixel's ray is undistorted once.
   explicit PixelRays(const simsense_camera& camera);
 
-  /// Ray slopes of each column and each row or, if is_per_pixel(), of each pixel, [height][width].
+  /// Ray slopes of each column and row; of each pixel, [height][width], if is_per_pixel().
   [[nodiscard]] const std::vector<float>& x() const { return x_; }
   [[nodiscard]] const std::vector<float>& y() const { return y_; }
   [[nodiscard]] bool is_per_pixel() const { return per_pixel_; }

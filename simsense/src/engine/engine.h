@@ -21,7 +21,7 @@ class Engine {
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
 
-  /// A refused set leaves the old one in force.
+  /// Sets the parameters; if one is refused, the former ones stay.
   void set_parameters(const simsense_parameters& parameters);
   [[nodiscard]] const simsense_parameters& parameters() const { return parameters_; }
   void set_signal(const simsense_signal& left, const simsense_signal& right);
@@ -30,17 +30,17 @@ class Engine {
   [[nodiscard]] uint32_t batch_count() const { return rig_.rig.batch_count; }
 
   void compute(const ComputeRequest& request);
-  /// compute() that returns before the work is done where that is possible: on a GPU with all images in its buffers. What the result says
-  /// is what wait() takes; the images must live until then.
+  /// Starts compute() and returns at once if possible: on a GPU, with all images in its buffers. wait() takes the result; the images must
+  /// live until then.
   ks_sync submit(const ComputeRequest& request);
-  /// false: it has not ended after so long (UINT64_MAX: however long it takes).
+  /// Returns false if the work has not ended after timeout_ns (UINT64_MAX: no timeout).
   [[nodiscard]] bool wait(const ks_sync& sync, uint64_t timeout_ns);
-  /// Ends the compute() that is under way on the CPU or waits to be sent to a device.
+  /// Ends a compute() that runs on the CPU or waits to be sent to a device.
   void cancel() { ++wishes_; }
-  /// The semaphore of submit()'s values, as an fd of the caller's; KS_ERROR_UNSUPPORTED where there is none.
+  /// Returns the semaphore of submit()'s values, as an fd that the caller closes. Throws KS_ERROR_UNSUPPORTED if there is none.
   [[nodiscard]] ks_sync export_timeline();
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
-  /// The times of the last compute() or wait().
+  /// The stage times of the last compute() or wait().
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stage_times_; }
 
  private:

@@ -12,7 +12,7 @@ namespace simsense {
 
 constexpr uint32_t output_count = SIMSENSE_OUTPUT_POINTS_COLORED + 1;
 
-/// Some pairs of a batch.
+/// A range of a batch's pairs.
 struct Pairs {
   uint32_t first = 0, count = 0;
 };

@@ -9,20 +9,20 @@
 
 namespace simsense {
 
-/// A strided view on a buffer, or on the caller's memory where buffer is empty.
+/// A strided view of a buffer, or of the caller's memory if there is no buffer.
 struct ImageArgument {
   std::shared_ptr<ks::Buffer> buffer;
   void* host = nullptr;
   ks_image_desc image{};
 };
 
-/// The shape that an image must have: [batch][height][width] or [batch][height][width][channels]; the batch dimension may be missing when
-/// it is 1.
+/// The shape that an image must have: [batch][height][width] or [batch][height][width][channels]. The batch dimension may be missing if it
+/// is 1.
 struct ImageShape {
   uint64_t batch = 1, height = 0, width = 0, channels = 0;  // channels 0: no such dimension
 };
 
-/// Strides in bytes; those of missing dimensions are 0.
+/// An image's strides in bytes; 0 for missing dimensions.
 struct ImageLayout {
   ks_image_desc image{};
   ImageShape shape;
@@ -34,8 +34,8 @@ struct ImageLayout {
   }
 };
 
-/// Throws KS_ERROR_INVALID_ARGUMENT that starts with `name`, unless the shape is the wanted one and the argument has memory that holds it:
-/// a buffer of the engine's device, or a host pointer.
+/// Throws KS_ERROR_INVALID_ARGUMENT with `name` first, unless the argument has this shape and memory that holds it: a buffer of the
+/// engine's device, or a host pointer.
 ImageLayout check_layout(const ks::Device& device, const ImageArgument& argument, const ImageShape& shape, const char* name);
 
 }  // namespace simsense

@@ -10,13 +10,13 @@
 
 namespace simsense {
 
-/// Which pixels of the window a census word compares.
+/// The pixels of the window that a census word compares.
 enum class CensusKind : uint8_t {
   center_symmetric = CENSUS_CENTER_SYMMETRIC,  // each pixel with its mirror through the centre: half the bits
   plain = CENSUS_PLAIN,                        // each pixel with the centre
 };
 
-/// The match's place between whole disparities, from the costs at winner - 1, winner and winner + 1.
+/// How a match is placed between whole disparities, from the costs at winner - 1, winner and winner + 1.
 enum class Subpixel : uint8_t {
   none = SUBPIXEL_NONE,
   parabola = SUBPIXEL_PARABOLA,  // vertex of the parabola through the aggregated costs, as the published SimSense; pulls towards whole

@@ -22,43 +22,45 @@
 
 namespace simsense {
 
-/// Side of the square whose mean is taken from a count, px, odd.
+/// Side of the square whose mean is subtracted from a count, px; odd.
 constexpr uint32_t detection_mean_side(uint32_t window) { return std::max(5u, 3 * window / 10 | 1); }
 
-/// How far from the middle of 3 x 3 px that show nothing a thing beside them is widened to, px.
+/// Distance, px, around the middle of a bare patch (3 x 3 px whose windows fail) in which all disparities go. By as much the windows widen
+/// things beside it.
 constexpr uint32_t detection_bare_reach(uint32_t window) { return window / 2 + detection_mean_side(window) / 2 + 1; }
 
-/// A pixel's part in the mean of a square of so many px a side, in 65536ths.
+/// Weight of a pixel in the mean of a square of mean_side px, in 65536ths.
 constexpr int32_t detection_part(uint32_t mean_side) {
   const auto area = static_cast<int32_t>(mean_side * mean_side);
   return (65536 + area / 2) / area;
 }
 
-/// count, sum: of a pixel and the square about it, as the refinement reads counts; part: detection_part(mean_side).
+/// Returns a count less the mean around it, in 8ths of a count. count, sum: of the pixel and of the square, in the refinement's unit; part:
+/// detection_part(mean_side).
 constexpr int32_t high_pass(int32_t count, int32_t sum, uint32_t mean_side, int32_t part, uint32_t extra_bits) {
   const int32_t difference = (static_cast<int32_t>(mean_side * mean_side) * count - sum) * 8 >> extra_bits;
   const int32_t h = (difference * part + 32768) >> 16;
   return h < -DETECTION_LARGEST ? -DETECTION_LARGEST : h > DETECTION_LARGEST ? DETECTION_LARGEST : h;
 }
 
-/// The energy of noise that a pixel adds to N, in quarters of E's unit. count: of 8 bits.
+/// A pixel's share in the noise energy N, in quarters of E's unit. count: of 8 bits.
 constexpr int32_t noise_energy(const DetectionNoise& noise, int32_t count) {
   const int32_t energy = (noise.dark + (noise.per_count + noise.per_count2 * count) * count) >> DETECTION_NOISE_BITS;
   return energy < noise.least ? noise.least : energy > DETECTION_MOST_NOISE ? DETECTION_MOST_NOISE : energy;
 }
 
-/// Variances of both images' counts, of 8 bits: dark + per_count v + per_count2 v^2, at least `least`.
+/// The variance of both images' counts, of 8 bits, after the mean is subtracted: dark + per_count v + per_count2 v^2, at least `least`.
 DetectionNoise detection_noise(double dark, double per_count, double per_count2, double least, uint32_t mean_side);
 
-/// Column of the right image that a disparity of the left one's column x means.
+/// The right image's column that matches column x of the left image at this disparity.
 inline int32_t matched_column(int32_t x, float disparity) { return x - static_cast<int32_t>(std::floor(disparity + 0.5f)); }
 
-/// Sums of a window: E, N in quarters of its unit, n.
+/// Sums of a window: energy E, noise N in quarters of E's unit, number of pixels n.
 struct DetectionSums {
   int32_t energy = 0, noise = 0, pixels = 0;
 };
 
-/// least: standard deviations.
+/// Whether the window shows more than noise, by at least `least` standard deviations.
 inline bool detects(const DetectionSums& sums, float least) {
   const auto noise = static_cast<float>(sums.noise), pixels = static_cast<float>(sums.pixels);
   const float expected = DETECTION_OF_NOISE * noise, excess = 4.0f * static_cast<float>(sums.energy) - expected;

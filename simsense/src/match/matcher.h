@@ -21,8 +21,8 @@ class ThreadPool;
 
 namespace simsense {
 
-/// Ranges are those of simsense_parameters, already checked. MatchFields has what keeps its name and value; here stands what a matcher
-/// wants in another form.
+/// Parameters of a matcher: those of simsense_parameters, already checked. MatchFields holds the ones that keep name and value; the others
+/// follow here.
 struct MatchParameters : MatchFields {
   MatchParameters() { block_width = block_height = 1; }  // a matcher by itself sums no block
   explicit MatchParameters(const MatchFields& fields) : MatchFields(fields) {}
@@ -40,9 +40,9 @@ struct MatchParameters : MatchFields {
   [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
   [[nodiscard]] bool refines() const { return subpixel == Subpixel::lucas_kanade; }
   [[nodiscard]] bool detects() const { return min_detection_sigma > 0; }
-  /// The side of the window; a client of an earlier header states none.
+  /// Side of detection's window, px. Callers of an earlier header state none.
   [[nodiscard]] uint32_t detection_side() const { return detection_window == 0 ? 31 : detection_window; }
-  /// The disparity of an invalid pixel: below every valid one.
+  /// The disparity of an invalid pixel, which is below every valid one.
   [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
 };
 
@@ -57,7 +57,7 @@ struct ConstImage {
   }
 };
 
-/// The maps of one match, [height][width] packed.
+/// The maps of one match, packed [height][width].
 struct MatchMaps {
   float* disparity = nullptr;     // pixels; invalid: MatchParameters::invalid_disparity(), -1 by default
   float* confidence = nullptr;    // if wanted: 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner; 0..1
@@ -65,20 +65,20 @@ struct MatchMaps {
   MatchMaps(float* disparities) : disparity(disparities) {}  // implicit: disparities alone are the usual wish
 };
 
-/// The stages of a matcher, in their order (match_order). A back end implements each in its folder of that name; what it does on another
-/// stage's way is empty there.
+/// The stages of a matcher, in the order of match_order. A back end implements each in the folder of its name. A stage does nothing if
+/// another one does its work.
 class MatchStages {
  public:
   virtual ~MatchStages() = default;
   virtual void census() = 0;
-  /// Only where stores_costs(); else each cost is made where a path needs it.
+  /// Called if stores_costs(); otherwise each path computes its costs on demand.
   virtual void cost() = 0;
   virtual void sgm() = 0;
   virtual void winner() = 0;
   virtual void checks() = 0;
-  /// Only where refines().
+  /// Called if refines().
   virtual void refine() = 0;
-  /// Only where detects().
+  /// Called if detects().
   virtual void detection() = 0;
   [[nodiscard]] virtual bool stores_costs() const = 0;
   [[nodiscard]] virtual bool refines() const = 0;
@@ -95,7 +95,7 @@ inline constexpr MatchStep match_order[] = {
     {"detection", &MatchStages::detection},
 };
 
-/// measure(name, run) runs a stage and takes its time.
+/// Runs the stages in order. measure(name, run) calls run() and takes its time.
 template <class Measure>
 void run_match(MatchStages& stages, const Measure& measure) {
   for (const MatchStep& step : match_order) {
@@ -106,18 +106,18 @@ void run_match(MatchStages& stages, const Measure& measure) {
   }
 }
 
-/// A matcher of images in the host's memory: the scalar reference, and for tests and measurements each back end.
+/// A matcher of images in host memory: the scalar reference, or a back end in tests and benchmarks.
 class Matcher {
  public:
   virtual ~Matcher() = default;
-  /// Both images have one element size.
+  /// Matches a pair. Both images have the same element size.
   virtual void match(ConstImage left, ConstImage right, const MatchMaps& maps) = 0;
   /// Milliseconds of each stage of the last match.
   [[nodiscard]] virtual std::vector<ks_stage_time> stage_times() const = 0;
-  /// progress: called now and then with how far match() is, 0..1, on the caller's thread. Where it throws, match() ends
-  /// with what it threw.
+  /// progress: called now and then with the finished share of match(), 0..1, on the caller's thread. An exception that it throws ends
+  /// match().
   void set_progress(std::function<void(float)> progress) { progress_ = std::move(progress); }
-  /// noise: of the images that follow, for the check that they show more.
+  /// noise: of the next images; detection compares them with it.
   void set_noise(const DetectionNoise& noise) { noise_ = noise; }
 
  protected:

@@ -23,10 +23,10 @@
 
 namespace simsense {
 
-/// The bits by which counts are finer than those of 8 bits.
+/// Bits by which the refinement's counts are finer than 8-bit counts.
 constexpr uint32_t refine_extra_bits(uint32_t element_bytes) { return element_bytes == 1 ? 0 : 4; }
 
-/// A count as the refinement reads it.
+/// Converts a count to the refinement's unit: 8 bits, or 12 bits for wider images.
 constexpr uint32_t refine_count(uint32_t count, uint32_t element_bytes, uint32_t bits) {
   if (element_bytes == 1) return count;
   return std::min(bits < 12 ? count << (12 - bits) : count >> (bits - 12), 4095u);

@@ -14,8 +14,8 @@ struct Region {
   bool operator==(const Region&) const = default;
 };
 
-/// The part to match for a region's disparities in an image of this size: they follow from its own columns and those that lie as far
-/// to the left (or right) as the disparities reach, and from some surroundings that steer the paths.
+/// Returns the part of an image that must be matched for a region's disparities: the region, the columns that its disparities reach, and a
+/// margin for the paths.
 Region reach(const Region& region, const MatchParameters& parameters, uint32_t width, uint32_t height);
 
 }  // namespace simsense

@@ -20,7 +20,7 @@ struct StereoGeometry {
   Rotation left_to_rectified{1, 0, 0, 0, 1, 0, 0, 0, 1};
 };
 
-/// Source coordinates of each rectified pixel, packed [height][width].
+/// The source coordinates of each rectified pixel, packed [height][width].
 struct RemapTable {
   uint32_t width = 0, height = 0;
   std::vector<float> x, y;
@@ -32,8 +32,8 @@ struct Rectification {
   [[nodiscard]] bool is_identity() const { return left.x.empty(); }
 };
 
-/// rig: checked by check_rig. Throws KS_ERROR_INVALID_ARGUMENT when the pair is not side by side (right camera to the right), or not
-/// rectified as it says.
+/// Computes the rectification of a rig that check_rig() accepts. Throws KS_ERROR_INVALID_ARGUMENT unless the cameras stand side by side,
+/// the right one to the right, and are rectified if the rig says so.
 Rectification make_rectification(const simsense_rig_desc& rig);
 
 }  // namespace simsense

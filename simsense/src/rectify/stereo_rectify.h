@@ -19,8 +19,8 @@ struct RectifiedPair {
   bool is_horizontal = false;  // else the cameras stand above each other, and columns would meet instead of rows
 };
 
-/// left_to_right: as in the rig. shrink: the focal length is lessened until every source pixel lies in its rectified image (OpenCV's alpha
-/// = 1); else it stays (alpha = -1).
+/// Rectifies a pair. left_to_right: as in the rig. shrink: reduces the focal length until every source pixel lies in its rectified image
+/// (OpenCV's alpha = 1); else it stays (alpha = -1).
 RectifiedPair rectify_pair(const simsense_camera& left, const simsense_camera& right, const Rigid& left_to_right, bool shrink);
 
 }  // namespace simsense

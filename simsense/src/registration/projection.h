@@ -12,10 +12,10 @@
 
 namespace simsense {
 
-/// Each point covers size x size pixels about its own; where the size is even, one more to the left and above.
+/// The size x size pixels that each point covers, centred on its own; an even size covers one more to the left and above.
 struct Splat {
   uint32_t size = 1;
-  /// How far it goes to the right and below, pixels.
+  /// Pixels that it covers to the right and below.
   [[nodiscard]] constexpr uint32_t reach() const { return (size - 1) / 2; }
 };
 static_assert(Splat{.size = 15}.reach() == SPLAT_MARGIN);
@@ -23,18 +23,18 @@ static_assert(Splat{.size = 15}.reach() == SPLAT_MARGIN);
 class RgbProjection {
  public:
   RgbProjection(const StereoGeometry& left, const simsense_camera& rgb, const Rigid& left_to_rgb);
-  /// With the faults of rig.faults.
+  /// Takes the faults in rig.faults into account.
   RgbProjection(const simsense_rig_desc& rig, const StereoGeometry& left);
 
-  /// A pixel's ray in the RGB camera, per unit depth: step times column plus its row's start.
+  /// A pixel's ray in the RGB camera, per metre of depth: ray_step() times the column, plus the row's start.
   [[nodiscard]] std::array<float, 3> ray_step() const;
   [[nodiscard]] std::array<float, 3> ray_start(uint32_t y) const;
-  /// The same in double precision: [3][3], direction per unit depth of a homogeneous left pixel.
+  /// The same in double precision, [3][3]: direction per metre of depth for a homogeneous left pixel.
   [[nodiscard]] const std::array<double, 9>& pixel_to_rgb() const { return pixel_to_rgb_; }
   [[nodiscard]] const std::array<float, 3>& translation() const { return translation_; }  // metres
   [[nodiscard]] bool is_unrectified() const { return unrectified_; }
   [[nodiscard]] bool splats_invalid() const { return splat_invalid_; }
-  /// How far beyond the image's border points are kept, pixels.
+  /// Pixels beyond the image's border in which points are kept.
   [[nodiscard]] int32_t landing_margin() const { return landing_margin_; }
   [[nodiscard]] const LensParameters& lens() const { return lens_; }
   [[nodiscard]] uint32_t width() const { return rgb_width_; }

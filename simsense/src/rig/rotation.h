@@ -14,12 +14,12 @@ Vector3 multiply(const Rotation& r, const Vector3& v);
 Vector3 cross(const Vector3& a, const Vector3& b);
 double length(const Vector3& v);
 
-/// The rotation about an axis by its length, radians (Rodrigues 1840).
+/// Returns the rotation about this axis by its length, radians (Rodrigues 1840).
 Rotation rotation_about(const Vector3& axis_angle);
-/// Its inverse: the axis, as long as the angle, 0..pi.
+/// Returns the axis of a rotation, with the angle, 0..pi, as its length.
 Vector3 axis_angle_of(const Rotation& rotation);
-/// The orthogonal factor of the polar decomposition, by Newton's iteration (Higham, Computing the polar decomposition, SIAM J. Sci. Stat.
-/// Comput. 7(4), 1986): what a calibration with few digits meant.
+/// Returns the nearest rotation to a matrix of few digits: the orthogonal factor of the polar decomposition, by Newton's iteration (Higham,
+/// Computing the polar decomposition, SIAM J. Sci. Stat. Comput. 7(4), 1986).
 Rotation nearest_rotation(const Rotation& matrix);
 
 }  // namespace simsense

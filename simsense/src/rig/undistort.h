@@ -12,11 +12,11 @@ namespace simsense {
 /// Normalised coordinates, x / z and y / z of a ray.
 using Normalised = std::array<double, 2>;
 
-/// The ray of a pixel, by Newton's method. Where the lens has folded back there is none: the pixel's ray without a lens then.
+/// Returns a pixel's ray by Newton's method. Where the lens has folded back there is none; the pixel's ray without a lens is then returned.
 Normalised ray_of_pixel(const simsense_camera& camera, double u, double v);
 
-/// The same by a given number of the fixed-point steps ray <- (pixel - tangential) / radial of Heikkila and Silven (A four-step camera
-/// calibration procedure, CVPR 1997): what OpenCV's undistortPoints takes, five of them by default. Of a fisheye lens as ray_of_pixel().
+/// Returns a pixel's ray by `steps` fixed-point steps ray <- (pixel - tangential) / radial (Heikkila and Silven, A four-step camera
+/// calibration procedure, CVPR 1997). OpenCV's undistortPoints takes five. A fisheye lens uses ray_of_pixel().
 Normalised ray_of_pixel_by_steps(const simsense_camera& camera, double u, double v, int steps);
 
 }  // namespace simsense

@@ -6,11 +6,11 @@
 
 namespace simsense {
 
-/// x with P(Gamma(shape, 1) <= x) = Phi(z), to about 1e-12 relative (1e-6 for shapes above 1e4). Precise in both tails.
+/// Returns x with P(Gamma(shape, 1) <= x) = Phi(z), to about 1e-12 relative (1e-6 for shapes above 1e4). Precise in both tails.
 double gamma_quantile(double shape, double z);
 
-/// Cube roots of Gamma(shape, scale) quantiles over z, which are nearly straight lines (Wilson and Hilferty, PNAS 17, 1931): linear
-/// interpolation keeps 1e-5 of the mean.
+/// A table of cube roots of Gamma(shape, scale) quantiles over z. They are nearly straight lines (Wilson and Hilferty, PNAS 17, 1931), so
+/// linear interpolation errs by 1e-5 of the mean.
 class GammaTable {
  public:
   static constexpr float z_min = -6.5f, z_max = 6.5f;
@@ -23,7 +23,7 @@ class GammaTable {
   GammaTable(double shape, double scale);
 
   [[nodiscard]] bool empty() const { return intervals_.empty(); }
-  /// [interval_count + 1]: the last one starts at z_max.
+  /// The intervals, [interval_count + 1]; the last one starts at z_max.
   [[nodiscard]] const Interval* intervals() const { return intervals_.data(); }
 
  private:

@@ -11,43 +11,43 @@
 
 namespace simsense {
 
-/// Throws KS_ERROR_INVALID_ARGUMENT with the side, the name, the value and the range of the first parameter that cannot be.
+/// Throws KS_ERROR_INVALID_ARGUMENT for the first invalid parameter, with side, name, value and range.
 void check_signal(const simsense_signal& signal, const char* side);
 
-/// A measured imager by its name in simsense.h. Throws KS_ERROR_INVALID_ARGUMENT with the known names.
+/// Returns the parameters of a measured imager, by its name in simsense.h. Throws KS_ERROR_INVALID_ARGUMENT with the known names.
 simsense_signal signal_preset(const char* name);
 
-/// The exposure at the reference temperature that gathers as much dark charge, seconds: dark current doubles every few kelvins (Widenhorn
+/// The exposure at the reference temperature, seconds, that gathers the same dark charge. Dark current doubles every few kelvins (Widenhorn
 /// et al., Temperature dependence of dark current in a CCD, SPIE 4669, 2002).
 inline float dark_exposure_s(const simsense_signal& s) {
   return s.exposure_s * std::exp2((s.temperature_c - s.dark_reference_c) / s.dark_doubling_k);
 }
 
-/// It drifts with temperature.
+/// The black level at the sensor's temperature, DN.
 inline float black_dn(const simsense_signal& s) {
   return s.black_level_dn + s.black_level_dn_per_k * (s.temperature_c - s.dark_reference_c);
 }
 
 inline float max_dn(const simsense_signal& s) { return static_cast<float>((1u << s.bit_depth) - 1); }
 
-/// The grain of speckle: weights of the standard normal numbers that neighbouring pixels share as a point spread function makes
-/// them, -radius..radius along one axis of the Gaussian PSF, their squares summing to 1; radius is 4 sigma, rounded up. Each sum is N(0,
-/// 1), so a quantile of it keeps its distribution; sums d pixels apart correlate by exp(-d^2 / (4 sigma^2)).
+/// Weights of speckle's grain, -radius..radius along one axis: neighbouring pixels share standard normals as a Gaussian PSF spreads them.
+/// radius is 4 sigma, rounded up. The squares sum to 1, so each sum is N(0, 1) and keeps its quantiles; sums d pixels apart correlate by
+/// exp(-d^2 / (4 sigma^2)).
 std::vector<float> grain_kernel(float sigma_px);
 
 class Imager {
  public:
-  /// signal has been checked. Gamma tables, which take milliseconds, are taken from `former` where it has the same speckle.
+  /// signal must have been checked. Takes the gamma tables, which cost milliseconds, from `former` if its speckle is the same.
   explicit Imager(const simsense_signal& signal = simsense_signal_init(), const Imager* former = nullptr);
 
   [[nodiscard]] const simsense_signal& signal() const { return signal_; }
   [[nodiscard]] bool is_wide() const { return signal_.bit_depth > 8; }
-  /// Factors of the speckle's parts; empty where there is no such part.
+  /// Factor tables of both parts of the speckle; empty for a part that does not occur.
   [[nodiscard]] const GammaTable& static_speckle() const { return static_speckle_; }
   [[nodiscard]] const GammaTable& temporal_speckle() const { return temporal_speckle_; }
-  /// Full wells overflow into their column.
+  /// Whether full wells overflow along their column.
   [[nodiscard]] bool blooms() const { return signal_.full_well_e > 0 && signal_.blooming > 0; }
-  /// 8-bit images come out as they go in.
+  /// Whether 8-bit images pass unchanged.
   [[nodiscard]] bool is_neutral() const { return is_neutral_; }
 
  private:

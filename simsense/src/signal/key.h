@@ -16,7 +16,7 @@ struct NoiseKey {
   uint32_t view = 0, side = 0;  // side: 0 left, 1 right
 };
 
-/// Every use of randomness has a number of its own.
+/// The uses of random numbers; each has a number of its own.
 enum class Dimension : uint32_t {
   speckle_static = DIMENSION_SPECKLE_STATIC,
   speckle_temporal = DIMENSION_SPECKLE_TEMPORAL,
@@ -32,15 +32,14 @@ enum class Dimension : uint32_t {
   adc = DIMENSION_ADC,
 };
 
-/// The 64-bit seed encrypts (index, view, side), so that 161 bits of address fit a 64-bit Philox key.
+/// Encrypts (index, view, side) by the 64-bit seed, so that 161 bits of address fit a 64-bit Philox key.
 inline PhiloxKey encrypted_key(const NoiseKey& k, uint64_t index) {
   const PhiloxBlock block = philox({static_cast<uint32_t>(index), static_cast<uint32_t>(index >> 32), k.view, k.side},
                                    {static_cast<uint32_t>(k.seed), static_cast<uint32_t>(k.seed >> 32)});
   return {block[0], block[1]};
 }
 
-/// The keys of what is new in each frame, of what stays with the scene, and of what stays with the sensor. A dimension is used with one of
-/// them only.
+/// The keys of a frame's noise: drawn anew in each frame, fixed to the scene, fixed to the sensor. Each dimension uses one of them only.
 struct StreamKeys {
   PhiloxKey frame, scene, sensor;
 
@@ -48,7 +47,7 @@ struct StreamKeys {
       : frame(encrypted_key(k, k.frame_index)), scene(encrypted_key(k, k.scene_index)), sensor(encrypted_key(k, 0)) {}
 };
 
-/// The uniform word of one pixel. Columns left of the image are negative numbers' two's complements.
+/// The uniform random word of one pixel. Columns left of the image are negative numbers in two's complement.
 inline uint32_t pixel_word(const PhiloxKey& key, Dimension dimension, uint32_t x, uint32_t y) {
   const auto block_x = static_cast<uint32_t>(static_cast<int32_t>(x) >> 2);
   return philox({block_x, y, static_cast<uint32_t>(dimension), 0}, key)[x & 3];

@@ -8,10 +8,10 @@
 
 namespace simsense {
 
-/// Throws KS_ERROR_INVALID_ARGUMENT with the name, the value and the range of the first parameter that cannot be.
+/// Throws KS_ERROR_INVALID_ARGUMENT for the first invalid parameter, with name, value and range.
 void check_parameters(const simsense_parameters& parameters);
 
-/// The same for the region of interest in an image of this size.
+/// Throws KS_ERROR_INVALID_ARGUMENT if the region of interest does not lie in an image of this size.
 void check_region(const simsense_parameters& parameters, uint32_t width, uint32_t height);
 
 MatchParameters match_parameters(const simsense_parameters& parameters);

@@ -11,7 +11,7 @@
 namespace simsense {
 
 struct PreparedRig {
-  /// Throws KS_ERROR_INVALID_ARGUMENT, with the number, for whatever in a rig cannot be.
+  /// Throws KS_ERROR_INVALID_ARGUMENT for an invalid rig, with the field and its value.
   explicit PreparedRig(const simsense_rig_desc& rig);
 
   simsense_rig_desc rig;

@@ -28,19 +28,19 @@ struct ComputeRequest {
   void* progress_user = nullptr;
   ks::TimelinePoint wait;  // what comes before its buffers are read or written
 
-  /// Any of its images lies in the host's memory, not in a buffer.
+  /// Whether any image lies in host memory.
   [[nodiscard]] bool has_host_image() const;
-  /// The share of the whole that is done; the caller may cancel, which throws KS_ERROR_CANCELLED.
+  /// Tells the caller the finished share of the whole. Throws KS_ERROR_CANCELLED if the caller cancels.
   void tell_progress(uint32_t pair, uint32_t pairs, float done_of_pair) const;
 };
 
-/// Throws KS_ERROR_INVALID_ARGUMENT for what cannot be among a request's images, before any of them is opened.
+/// Throws KS_ERROR_INVALID_ARGUMENT for images that a request must not have, before any is opened.
 void check_request(const ComputeRequest& request, const PreparedRig& rig, const StageSettings& settings);
 
 const char* output_name(uint32_t output);
 ImageShape output_shape(uint32_t output, const PreparedRig& rig);
 
-/// Opens all of a checked request's images; open(argument, shape, name) gives an image of the frame, or throws.
+/// Opens all images of a checked request. open(argument, shape, name) returns an image of the frame, or throws.
 template <class Frame, class Open>
 void open_frame(const ComputeRequest& request, const PreparedRig& rig, Frame& frame, const Open& open) {
   const ImageShape light{rig.rig.batch_count, rig.height(), rig.width(), 0};

@@ -17,7 +17,7 @@
 namespace simsense {
 
 struct StageSettings {
-  /// parameters: checked. imagers: outlive this.
+  /// parameters must have been checked. imagers must outlive this.
   StageSettings(const PreparedRig& rig, const simsense_parameters& parameters, const Imager (&imagers)[2],
                 std::span<const uint64_t> noise_seeds = {});
 
@@ -49,7 +49,7 @@ struct StageSettings {
   [[nodiscard]] NoiseKey noise_key(uint32_t pair, uint32_t side) const;
 };
 
-/// The region of interest; all of the image where there is none.
+/// The region of interest; the whole image if there is none.
 Region wanted_region(const simsense_parameters& parameters, uint32_t width, uint32_t height);
 
 }  // namespace simsense

@@ -28,7 +28,7 @@ struct Needs {
         points(frame.wants_points()) {}
 };
 
-/// One back end's stages, on pairs that it has been given.
+/// One back end's stages, for the pairs that it was given.
 class Stages {
  public:
   virtual ~Stages() = default;
@@ -37,7 +37,7 @@ class Stages {
   virtual void signal() = 0;
   virtual void rectify() = 0;
 
-  /// The matcher, with these pairs' images and maps in place.
+  /// The matcher, set to these pairs' images and maps.
   virtual MatchStages& matcher() = 0;
 
   // on the matcher's maps
@@ -56,11 +56,11 @@ class Stages {
   virtual void store_maps() = 0;  // confidence and reasons
 
   [[nodiscard]] virtual bool makes_points_apart() const = 0;
-  /// Runs a stage, or records it, and takes its time.
+  /// Runs or records a stage, and takes its time.
   virtual void measure(const char* name, const std::function<void()>& run) = 0;
 };
 
-/// All stages that the settings and the outputs ask for, in their order (stages.cpp).
+/// Runs the stages that the settings and outputs ask for, in order.
 void run_stages(Stages& stages, const StageSettings& settings, const Needs& needs);
 
 }  // namespace simsense

@@ -16,21 +16,21 @@ namespace simsense {
 
 class VulkanCalls {
  public:
-  /// rig: outlives this.
+  /// rig must outlive this.
   VulkanCalls(std::shared_ptr<ks::Device> device, const PreparedRig& rig);
   ~VulkanCalls();
   VulkanCalls(const VulkanCalls&) = delete;
   VulkanCalls& operator=(const VulkanCalls&) = delete;
 
-  /// Loads host inputs, records and submits. Returns the submission's number, from 1 on.
+  /// Copies host inputs to the device, records and submits a call. Returns the submission's number, from 1 on.
   uint64_t submit(const ComputeRequest& request, const StageSettings& settings);
-  /// Until that submission has run, and its host outputs are written; false: it has not after so long (UINT64_MAX: however long it takes).
+  /// Waits until a submission has run and its host outputs are written. Returns false if the timeout ended first (UINT64_MAX: no timeout).
   [[nodiscard]] bool wait(uint64_t submission, uint64_t timeout_ns);
   void wait_idle() { (void)wait(submitted_, UINT64_MAX); }
   [[nodiscard]] uint64_t submitted() const { return submitted_; }
-  /// nullptr where the device has none: a submission has run when submit() returns.
+  /// The timeline of submissions; nullptr if the device has none. submit() then returns after the work.
   [[nodiscard]] const ks::Timeline* timeline() const { return timeline_ ? &*timeline_ : nullptr; }
-  /// Times on the device of the submission waited for last.
+  /// Device times of the submission that was waited for last.
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stage_times_; }
 
  private:
@@ -57,7 +57,7 @@ class VulkanCalls {
   std::vector<ks_stage_time> stage_times_;
 };
 
-/// Why the device cannot run this rig's calls with these parameters; empty where it can.
+/// Returns why the device cannot run this rig's calls with these parameters; empty if it can.
 std::string why_no_vulkan_calls(const ks::Device& device, const simsense_rig_desc& rig, const MatchParameters& parameters);
 
 }  // namespace simsense

@@ -9,14 +9,14 @@ namespace simsense {
 
 inline uint32_t groups_of(uint64_t items, uint64_t per_group) { return static_cast<uint32_t>((items + per_group - 1) / per_group); }
 
-/// One invocation per pixel in workgroups of 32 x 8, one layer per pair.
+/// Dispatches one invocation per pixel, in workgroups of 32 x 8, one layer per pair.
 template <class Push>
 void dispatch_pixels(ks::Commands& commands, const ks::ComputePipeline& pipeline, const Push& push, uint32_t width, uint32_t height,
                      uint32_t pairs) {
   commands.dispatch(pipeline, push, groups_of(width, 32), groups_of(height, 8), pairs);
 }
 
-/// The place of the first element of packed images.
+/// Address of the first element of packed images.
 inline uint64_t address_of(const ImageRef& packed) { return packed.address + uint64_t{packed.first} * ks_format_bytes(packed.format); }
 
 inline ImageRef later_image(ImageRef image, uint32_t n) {

@@ -15,7 +15,7 @@ inline ImageRef ref_or_none(const std::optional<DeviceImage>& image, const Pairs
   return image ? image->ref(pairs.first) : ImageRef{};
 }
 
-/// The image where it can serve as a stage's own array: packed, and of the stage's format.
+/// Returns the image if a stage can use it as its own array: packed, and of the stage's format; else nothing.
 inline std::optional<ImageRef> packed_ref(const std::optional<DeviceImage>& image, const Pairs& pairs, uint32_t format) {
   if (!image || image->format() != format || !image->is_packed()) return std::nullopt;
   return image->ref(pairs.first);

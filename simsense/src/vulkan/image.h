@@ -11,12 +11,12 @@
 
 namespace simsense {
 
-/// Memory for images that lie with the host, kept between calls.
+/// Device memory for images in host memory, kept between calls.
 class HostStaging {
  public:
   explicit HostStaging(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
   std::shared_ptr<ks::Buffer> take(uint64_t bytes);
-  /// Ends all loans: memory may be taken again.
+  /// Makes all memory free for the next call.
   void reset() { taken_ = 0; }
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
 
@@ -28,17 +28,17 @@ class HostStaging {
 
 class DeviceImage {
  public:
-  /// Checks shape, bounds and pointers; throws KS_ERROR_INVALID_ARGUMENT that starts with `name`.
+  /// Checks shape, bounds and pointers; throws KS_ERROR_INVALID_ARGUMENT with `name` first.
   DeviceImage(HostStaging& staging, const ImageArgument& argument, const ImageShape& shape, const char* name);
 
   [[nodiscard]] uint32_t format() const { return layout_.image.format; }
-  /// Images from batch_index on.
+  /// The images from batch_index on.
   [[nodiscard]] ImageRef ref(uint32_t batch_index) const;
-  /// Images without gaps between pixels, rows and images: a stage may use them as its own arrays.
+  /// Whether a stage may use the images as its own arrays: no gaps between pixels, rows and images.
   [[nodiscard]] bool is_packed() const;
   [[nodiscard]] bool is_host() const { return host_ != nullptr; }
   [[nodiscard]] const std::shared_ptr<ks::Buffer>& buffer() const { return buffer_; }
-  /// Between the host's memory and the device's; nothing where they are the same.
+  /// Copies between host and device memory; does nothing if they are the same.
   void load();
   void commit();
 

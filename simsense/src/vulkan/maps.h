@@ -14,27 +14,27 @@
 
 namespace simsense {
 
-/// [pairs][height][width] packed: addresses, 0 = absent.
+/// Addresses of packed maps, [pairs][height][width]; 0 = absent.
 struct DeviceMaps {
   uint64_t disparity = 0, confidence = 0, reason = 0;
-  /// MAPS_*
+  /// The maps that are present, as MAPS_*.
   [[nodiscard]] uint32_t flags() const { return (confidence ? MAPS_CONFIDENCE : 0u) | (reason ? MAPS_REASON : 0u); }
 };
 
 class VulkanMaps {
  public:
-  /// pairs_at_once: at most, of later calls.
+  /// pairs_at_once: the most pairs of later calls.
   VulkanMaps(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, const StageSettings& settings, uint32_t pairs_at_once);
 
-  /// The maps of those pairs; disparity always.
+  /// Returns the maps of these pairs; the disparity is always there.
   DeviceMaps open(const DeviceFrame& frame, const Pairs& pairs);
-  /// Whether the disparities are made where the caller wants them.
+  /// Whether the matcher writes disparities directly to the caller's image.
   [[nodiscard]] static bool is_in_place(const DeviceFrame& frame);
-  /// The matcher's inputs and outputs: the maps themselves, or those of the part it sees. images: packed, both of one format.
+  /// The matcher's inputs and outputs: the maps, or for a region of interest those of the matched part. images: packed, both of one format.
   MatchArrays match_arrays(const ImageRef (&images)[2], const DeviceMaps& maps);
-  /// From the part's maps, as match_arrays() gave them, to those of the whole image.
+  /// Copies the matched part's maps, as match_arrays() gave them, into the whole image's.
   void place(ks::Commands& commands, const MatchArrays& part, const DeviceMaps& maps, uint32_t pairs);
-  /// Confidence and reasons to the caller, where they are not made there.
+  /// Copies confidence and reasons to the caller's images, unless they were written there.
   void store(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const DeviceMaps& maps);
   [[nodiscard]] uint64_t memory_bytes() const;
 

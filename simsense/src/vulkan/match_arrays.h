@@ -10,7 +10,7 @@
 
 namespace simsense {
 
-/// The arrays of one pass through the stages, by device address: [pairs][height][width].
+/// Device addresses of the arrays of one pass through the stages, [pairs][height][width].
 struct MatchArrays {
   uint64_t left = 0, right = 0;                // at a multiple of element_bytes
   uint32_t element_bytes = 1;                  // 1 or 2 per pixel
@@ -21,12 +21,12 @@ struct MatchArrays {
 
   [[nodiscard]] uint32_t pitch(const MatchPlan& plan) const { return image_pitch ? image_pitch : plan.width; }
   [[nodiscard]] uint32_t stride(const MatchPlan& plan) const { return image_stride ? image_stride : plan.width * plan.height; }
-  /// MAPS_*
+  /// The maps that are present, as MAPS_*.
   [[nodiscard]] uint32_t maps() const { return (confidence ? MAPS_CONFIDENCE : 0u) | (reason ? MAPS_REASON : 0u); }
 };
 
-/// The matcher's own, as in match_push.h, refine_push.h and detection_push.h; gray, cost, filtered, cells, high and energy only where they
-/// are needed.
+/// The matcher's own arrays, as match_push.h, refine_push.h and detection_push.h describe them. gray, cost, filtered, cells, high and
+/// energy exist only if needed.
 struct MatchBuffers {
   MatchBuffers(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked, filtered, cells, high, energy;
@@ -34,7 +34,7 @@ struct MatchBuffers {
 
   /// Address of the disparities after the median.
   [[nodiscard]] uint64_t after_median(const MatchArrays& arrays) const { return filtered ? filtered->address() : arrays.disparity; }
-  /// Address of the disparities after the refinement. Nobody reads the unchecked ones any more.
+  /// Address of the disparities after the refinement. It reuses the array of unchecked ones, which are no longer needed.
   [[nodiscard]] uint64_t refined(const MatchArrays& arrays) const {
     if (!high) return arrays.disparity;
     return cells ? unchecked->address() : filtered->address();

@@ -22,7 +22,7 @@
 
 namespace simsense {
 
-/// Packed images [batch][height][width] inside a buffer.
+/// Packed images [batch][height][width] in a buffer.
 struct DeviceImages {
   const ks::Buffer& buffer;
   uint64_t offset_bytes = 0;
@@ -35,11 +35,12 @@ class VulkanMatcher final : public MatchStages {
   VulkanMatcher(const VulkanMatcher&) = delete;
   VulkanMatcher& operator=(const VulkanMatcher&) = delete;
 
-  /// left, right: 8 bit; disparity: 32-bit float, pixels, -1 = invalid, at a multiple of 4 bytes. Returns when it can be read.
+  /// Matches, and returns when the result can be read. left, right: 8 bit. disparity: 32-bit float, pixels, -1 = invalid, at a multiple of
+  /// 4 bytes.
   void match(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity);
-  /// The same as part of other work, for at most plan().pairs_at_once pairs.
+  /// Records match() of at most plan().pairs_at_once pairs as a part of other work.
   void record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs);
-  /// Sets the commands and arrays into which following stages record.
+  /// Sets the commands and arrays that the following stages record into.
   void begin(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs);
   void census() override;
   void cost() override;
@@ -54,7 +55,7 @@ class VulkanMatcher final : public MatchStages {
 
   /// Milliseconds of each stage of the last call, on the device.
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const;
-  /// Device memory that this matcher holds.
+  /// Bytes of device memory that this matcher holds.
   [[nodiscard]] uint64_t memory_bytes() const { return buffers_.memory_bytes; }
   [[nodiscard]] const MatchPlan& plan() const { return plan_; }
 
@@ -79,14 +80,14 @@ class VulkanMatcher final : public MatchStages {
 
 std::vector<ks_stage_time> to_stage_times(const std::vector<std::pair<std::string, double>>& times);
 
-/// Why the Vulkan matcher cannot do this on the device; empty where it can.
+/// Returns why the Vulkan matcher cannot run on the device with these sizes and parameters; empty if it can.
 std::string why_not_vulkan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters);
 
-/// Throws KS_ERROR_UNSUPPORTED with that reason.
+/// Makes the matcher. Throws KS_ERROR_UNSUPPORTED with the reason of why_not_vulkan().
 std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
                                                    const MatchParameters& parameters, const MatchTuning& tuning = {});
 
-/// The same behind the interface of host images.
+/// Makes the Vulkan matcher behind the interface for host images.
 std::unique_ptr<Matcher> make_vulkan_host_matcher(const std::shared_ptr<ks::Device>& device, uint32_t width, uint32_t height,
                                                   const MatchParameters& parameters, const MatchTuning& tuning = {});
 

@@ -10,13 +10,13 @@
 
 namespace simsense {
 
-/// How the path stage takes minima: two at a time as half floats, where the device has them and the costs' range fits, or as integers.
+/// How the path stage takes minima: as pairs of half floats, if the device has them and the costs fit, or as integers.
 enum class Minima : uint8_t { automatic, half, integer };
 
-/// How costs of a block of pixels reach the paths: from a volume in memory, or summed again by each path (less than half of the memory).
+/// How a block's costs reach the paths: from a volume in memory, or summed again by each path, in less than half of the memory.
 enum class BlockCosts : uint8_t { automatic, stored, summed };
 
-/// Values that a caller may fix, to measure or to test; 0 = the default of the device.
+/// Values that a caller may fix for measurements or tests; 0 = the device's default.
 struct MatchTuning {
   uint32_t path_lanes = 0;     // power of two, 4 .. subgroup size
   uint32_t steps = 0;          // pixels that a path reads ahead: 4 or 8
@@ -45,11 +45,11 @@ struct MatchPlan {
   uint32_t block_group_parts = 0, block_rows_per_group = 0;  // workgroup of the block stage: parts of 4 pairs of disparities, rows
 
   [[nodiscard]] uint32_t padded_disparities() const { return path_lanes * lane_disparities; }
-  /// Columns that a workgroup of the block stage sums up, those beside its output included.
+  /// Columns that a workgroup of the block stage sums, including the margin beside its output.
   [[nodiscard]] uint32_t block_columns() const { return 256 / block_group_parts * 4; }
   [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
   [[nodiscard]] bool sums_blocks() const { return summed_lines > 0; }
-  /// The bytes of one volume.
+  /// Bytes of one volume.
   [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
   [[nodiscard]] uint64_t cost_volume_bytes() const { return stored_costs ? pixels() * padded_disparities() * 2 : 0; }
   [[nodiscard]] uint64_t right_copy_words() const { return uint64_t{right_pitch} * height * pairs_at_once; }

@@ -20,21 +20,21 @@ namespace simsense {
 
 class VulkanStages final : public Stages {
  public:
-  /// rig: outlives this.
+  /// rig must outlive this.
   VulkanStages(std::shared_ptr<ks::Device> device, const PreparedRig& rig);
 
-  /// Whether arrays stay as they are that recorded work may still use. Until prepare(), those of the last call.
+  /// Whether this call can use the last call's arrays. Recorded work may then still be under way.
   [[nodiscard]] bool keeps_arrays(const StageSettings& settings) const;
-  /// Makes what this call's disparities need; nothing may be under way unless keeps_arrays().
+  /// Makes the arrays of this call's disparities. No work may be under way unless keeps_arrays().
   void prepare(const StageSettings& settings, const Needs& needs);
-  /// Once per submission, before its pairs.
+  /// Uploads the settings; call once per submission, before its pairs.
   void begin(ks::Commands& commands, const StageSettings& settings);
-  /// Records all stages of some pairs, at most pairs_at_once().
+  /// Records all stages of at most pairs_at_once() pairs.
   void record(ks::Commands& commands, const StageSettings& settings, const DeviceFrame& frame, const Pairs& pairs);
   [[nodiscard]] uint32_t pairs_at_once() const;
-  /// After recorded work that was never submitted: what it was to upload is uploaded again.
+  /// Call after recorded work that was never submitted: its uploads are repeated.
   void discard() { imagers_.reset(); }
-  /// Device memory beside the caller's and the tables.
+  /// Bytes of device memory, without the caller's buffers and the tables.
   [[nodiscard]] uint64_t memory_bytes() const;
 
   void signal() override;

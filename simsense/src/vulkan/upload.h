@@ -15,7 +15,7 @@ inline std::shared_ptr<ks::Buffer> upload(const std::shared_ptr<ks::Device>& dev
   return buffer;
 }
 
-/// Room for so many bytes, kept where there is enough.
+/// Makes the buffer hold at least `bytes`; a larger one is kept.
 inline void reserve(const std::shared_ptr<ks::Device>& device, std::shared_ptr<ks::Buffer>& buffer, uint64_t bytes) {
   if (!buffer || buffer->size_bytes() < bytes) buffer = ks::Buffer::create(device, bytes, 0);
 }

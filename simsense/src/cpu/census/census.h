@@ -7,14 +7,14 @@
 
 namespace simsense::cpu {
 
-/// An image with a border wide enough for any census window: zeros, or the nearest pixel.
+/// An image with a border wide enough for any census window, filled with zeros or with the nearest pixel.
 class PaddedImage {
  public:
-  /// element_bytes: 1 or 2, as in ConstImage.
+  /// element_bytes: 1 or 2 per pixel. repeats_edge: fills the border with the nearest pixel.
   PaddedImage(size_t width, size_t height, size_t element_bytes = 1, bool repeats_edge = false);
   void copy_rows(ConstImage image, size_t first_row, size_t end_row);
   [[nodiscard]] size_t element_bytes() const { return element_bytes_; }
-  /// T: uint8_t or uint16_t, of element_bytes. x, y may reach `border` outside the image.
+  /// Address of pixel (x, y), which may lie up to `border` outside the image. T: uint8_t or uint16_t, by element_bytes.
   template <class T>
   [[nodiscard]] const T* at(ptrdiff_t x, ptrdiff_t y) const {
     return reinterpret_cast<const T*>(storage_.data()) + (y + border) * pitch_ + border + x;
@@ -33,17 +33,17 @@ class PaddedImage {
   Buffer<uint8_t> storage_;
 };
 
-/// Census of an image, `shift` columns further right than the image has it. To the left its first column repeats, to the right its last.
+/// The census words of an image, moved `shift` columns to the left. To the left its first column repeats, to the right its last.
 class CensusPlanes {
  public:
-  /// left_reach: how far to the left of column 0 it may be read.
+  /// left_reach: how many columns left of column 0 may be read.
   CensusPlanes(size_t width, size_t height, size_t bit_count, size_t left_reach, ptrdiff_t shift = 0);
-  /// 3, 4, 6 or 8; planes without bits are zero.
+  /// Byte planes of a word: 3, 4, 6 or 8; planes without bits are zero.
   [[nodiscard]] size_t plane_count() const { return plane_count_; }
   [[nodiscard]] ptrdiff_t shift() const { return shift_; }
   [[nodiscard]] uint8_t* row(size_t plane, size_t y) { return storage_.data() + (plane * height_ + y) * pitch_ + left_pad_; }
   [[nodiscard]] const uint8_t* row(size_t plane, size_t y) const { return storage_.data() + (plane * height_ + y) * pitch_ + left_pad_; }
-  /// After the census of row y, which starts at column shift.
+  /// Repeats the first and last word of row y to both sides; the row begins at column `shift`.
   void repeat_ends(size_t y);
   /// How far behind the width a vector may be read.
   static constexpr size_t right_reach = 512;
@@ -55,7 +55,7 @@ class CensusPlanes {
   Buffer<uint8_t> storage_;
 };
 
-/// Census of rows [first_row, end_row).
+/// Computes the census of rows [first_row, end_row).
 void census_rows(const PaddedImage& image, const MatchParameters& parameters, size_t first_row, size_t end_row, CensusPlanes& census);
 
 }  // namespace simsense::cpu

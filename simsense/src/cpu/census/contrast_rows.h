@@ -8,7 +8,7 @@ namespace simsense::cpu {
 
 class ContrastRows {
  public:
-  /// Room for the columns of a row and for those that a window reaches on both sides; width 0: no contrast is asked for.
+  /// width: of the image; the rows also hold the columns that a window reaches on both sides. 0: no contrast is computed.
   explicit ContrastRows(size_t width) : length_(width == 0 ? 0 : round_up(width, 64) + 2 * PaddedImage::border), storage_(3 * length_) {}
   template <class T>
   [[nodiscard]] T* low() {
@@ -18,7 +18,7 @@ class ContrastRows {
   [[nodiscard]] T* high() {
     return row<T>(1);
   }
-  /// The largest difference that counts as none.
+  /// For each column, the largest difference that counts as equal.
   template <class T>
   [[nodiscard]] T* insignificant() {
     return row<T>(2);

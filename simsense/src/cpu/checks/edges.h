@@ -14,11 +14,12 @@ class ThreadPool;
 
 namespace simsense {
 
-/// The result does not depend on the number of workers.
+/// Applies EdgeParameters. The result does not depend on the number of workers.
 class EdgeCheck {
  public:
-  /// Disparity `invalid` and confidence 0 of each valid pixel that has, among its eight neighbours, a valid one further away than step_px
-  /// (reason not_unique), or whose match lies within border_px of the right image's left or right edge (reason outside).
+  /// Rejects a valid pixel: sets its disparity to `invalid` and its confidence to 0. It does so if one of the eight neighbours is valid and
+  /// further away by more than step_px (reason not_unique), or if the match lies within border_px of the right image's left or right edge
+  /// (reason outside).
   void apply(const EdgeParameters& parameters, const MatchMaps& maps, uint32_t width, uint32_t height, float invalid,
              ks::ThreadPool& workers);
 

@@ -15,7 +15,8 @@ class ThreadPool;
 
 namespace simsense {
 
-/// disparity: packed rows of `width`; a row of the region without valid pixels stays as it is.
+/// Fills invalid disparities of each row inside the region. disparity: packed rows of `width`; a row of the region without valid pixels
+/// stays as it is.
 void fill_holes(HoleFilling filling, float* disparity, uint32_t width, const Region& region, float invalid, ks::ThreadPool& workers);
 
 }  // namespace simsense

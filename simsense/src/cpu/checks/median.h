@@ -6,8 +6,8 @@
 
 namespace simsense::cpu {
 
-/// Rows [first_row, end_row) of the size x size median (3, 5 or 7; 1 copies) of a packed [height][width] map. Invalid pixels (-1) take part
-/// like any value; pixels nearer than size / 2 to the border are copied.
+/// Filters rows [first_row, end_row) of a packed [height][width] map by the size x size median (3, 5 or 7; 1 copies). Invalid pixels (-1)
+/// count like any value; pixels nearer than size / 2 to the border are copied.
 void median_rows(const float* disparity, size_t width, size_t height, size_t size, size_t first_row, size_t end_row, float* filtered);
 
 }  // namespace simsense::cpu

@@ -8,8 +8,8 @@
 
 namespace simsense {
 
-/// Disparity `invalid` (and reason not_computed, confidence 0) where a rectified pixel's position is not inside its source image: what was
-/// matched there is padding.
+/// Rejects pixels whose position in the source image lies outside of it, since they were matched in padding: sets their disparity to
+/// `invalid`, their reason to not_computed and their confidence to 0.
 void invalidate_outside(const RemapTable& table, const MatchMaps& maps, float invalid, ks::ThreadPool& workers);
 
 }  // namespace simsense

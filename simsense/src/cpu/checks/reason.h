@@ -12,8 +12,8 @@ class ThreadPool;
 
 namespace simsense {
 
-/// reason: packed [height][width]. Only reasons of the stages (not_unique, occluded, isolated, speckle, out_of_range,
-/// low_texture) change.
+/// Replaces reasons of the stages (not_unique, occluded, isolated, speckle, out_of_range, low_texture) by the left image's own (saturated,
+/// low_texture) where it explains them. reason: packed [height][width].
 void find_reasons(const ReasonParameters& parameters, ConstImage left, uint32_t width, uint32_t height, MatchReason* reason,
                   ks::ThreadPool& workers);
 

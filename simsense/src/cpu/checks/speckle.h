@@ -13,8 +13,8 @@ namespace simsense {
 
 class SpeckleFilter {
  public:
-  /// maps.disparity: packed [height][width]; pixels at `invalid` are no part of any island, those removed become it. maps.reason, if given,
-  /// gets MatchReason::speckle, and maps.confidence 0.
+  /// Rejects islands of at most max_size pixels, whose neighbours differ by at most max_diff_px: sets their disparity to `invalid`, their
+  /// reason to speckle and their confidence to 0. maps: packed [height][width]. Pixels at `invalid` belong to no island.
   void apply(const MatchMaps& maps, uint32_t width, uint32_t height, float invalid, uint32_t max_size, float max_diff_px,
              ks::ThreadPool& workers);
 

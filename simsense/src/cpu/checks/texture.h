@@ -14,11 +14,11 @@ class ThreadPool;
 
 namespace simsense {
 
-/// The result does not depend on the number of workers.
+/// Rejects measurements in blank parts of the left image. The result does not depend on the number of workers.
 class TextureCheck {
  public:
-  /// Disparity `invalid` (and reason low_texture, confidence 0) of each valid pixel up to drop_reach columns and rows away from one about
-  /// which the square of window_reach, as far as it is in the image, is blank.
+  /// Rejects each valid pixel within drop_reach columns and rows of a blank square's middle: sets its disparity to `invalid`, its reason to
+  /// low_texture and its confidence to 0. At the border the square is cut to the image.
   void apply(const TextureParameters& parameters, ConstImage left, uint32_t width, uint32_t height, const MatchMaps& maps, float invalid,
              ks::ThreadPool& workers);
 

@@ -15,7 +15,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// Block sums of a chunk of columns, row after row, downwards or upwards.
+/// Costs summed over a block, for a chunk of columns, row after row, downwards or upwards.
 template <class T>
 class BlockSweep {
  public:
@@ -28,7 +28,7 @@ class BlockSweep {
         history_(block_height_ * layout.disparities * columns * history_bytes()),
         sums_(blocks * pitch()) {}
 
-  /// The next advance() gives row y, those after it y + direction, ...
+  /// Starts a sweep: the next advance() gives row y, later ones y + direction and so on.
   void begin(size_t first_block, size_t y, int direction) {
     x_ = static_cast<ptrdiff_t>(first_block * lanes);
     direction_ = direction;
@@ -39,13 +39,13 @@ class BlockSweep {
     for (size_t k = 1; k < block_height_; ++k) advance(sums_.data(), pitch(), sums_.data(), pitch());
   }
 
-  /// The sums kept inside, [block][d][lanes].
+  /// Moves the sums kept inside, [block][d][lanes], one row on.
   void advance(size_t) { advance(sums_.data(), pitch(), sums_.data(), pitch()); }
   HWY_INLINE StoredCosts<T> costs(size_t block) const { return {sums_.data() + block * pitch()}; }
   [[nodiscard]] const T* sums() const { return sums_.data(); }
   [[nodiscard]] size_t pitch() const { return layout_.disparities * lanes; }
 
-  /// next = previous, one row on; pitches are from block to block.
+  /// Computes the next row's sums from the previous row's. Pitches: elements from block to block.
   void advance(const T* previous, size_t previous_pitch, T* next, size_t next_pitch) {
     if (row_sums_.narrow()) {
       replace_row<uint8_t>(previous, previous_pitch, next, next_pitch);
@@ -85,7 +85,7 @@ class BlockSweep {
   Buffer<T> sums_;           // [block][d][lanes]
 };
 
-/// A strip's block sums as a whole, in column layout, and of the tile at hand in row layout.
+/// Costs summed over a block for a strip: all of it in column layout, the current tile in row layout.
 template <class T>
 class StoredStrip {
  public:
@@ -134,15 +134,15 @@ class StoredStrip {
   Buffer<T> tile_;  // [column][d][lanes]
 };
 
-/// The cost source of the wider engines.
+/// Gives block sums as costs to the engines whose lanes are wider than a byte.
 template <class T>
 struct BlockCost {
   using Lane = T;
   static constexpr bool in_memory = true;
   using Sweep = BlockSweep<T>;
 
-  /// Tiles of a strip. Of the whole strip only the sums across are kept, in bytes where they fit; they are summed down the rows tile by
-  /// tile.
+  /// The costs of a strip, tile by tile. Only the sums across are kept for the whole strip, in bytes if they fit; each tile sums them down
+  /// the rows.
   class Strip {
    public:
     Strip(const CensusPlanes& left, const CensusPlanes& right, const MatchParameters& p, const Layout& layout)
@@ -162,7 +162,7 @@ struct BlockCost {
         sum_across<uint16_t>();
       }
     }
-    /// Row layout alone, for the paths that only pass through.
+    /// Prepares row layout alone, for the leftward paths whose state alone is kept.
     void begin_pass(size_t block) { sum_tile(block, false); }
     void begin_tile(size_t block) { sum_tile(block, true); }
     HWY_INLINE StoredCosts<T> column_costs(size_t, size_t y) const { return {columns_.data() + (y - rows_.begin) * row_pitch()}; }

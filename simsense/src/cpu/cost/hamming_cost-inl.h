@@ -17,7 +17,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// Set bits of a pixel's planes. Without a byte popcount instruction three planes are first added to two (sum and carry).
+/// Counts the set bits of a pixel's planes. Without a byte popcount instruction, three planes are first added to two (sum and carry).
 template <size_t planes, class V>
 HWY_INLINE V bit_count(const V* word) {
 #if HWY_TARGET == HWY_AVX3_DL || HWY_ARCH_ARM
@@ -35,7 +35,7 @@ HWY_INLINE V bit_count(const V* word) {
   return count;
 }
 
-/// Lanes are neighbouring columns: disparity moves the right image's bytes by one.
+/// Costs of neighbouring columns, one per lane: a disparity moves the right image's bytes by one.
 template <size_t planes>
 struct ColumnCosts {
   Vector<uint8_t> left[planes];
@@ -53,7 +53,7 @@ struct ColumnCosts {
   }
 };
 
-/// Lanes are neighbouring rows: disparity moves by whole vectors of a transposed strip, [x][plane][lanes].
+/// Costs of neighbouring rows, one per lane: a disparity moves by whole vectors of a transposed strip, [x][plane][lanes].
 template <size_t planes>
 struct RowCosts {
   Vector<uint8_t> left[planes];
@@ -70,13 +70,13 @@ struct RowCosts {
   }
 };
 
-/// The cost source of the byte engine (block_cost-inl.h has the other; sgm-inl.h uses either).
+/// Gives Hamming distances as costs to the engine with byte lanes; block_cost-inl.h serves the others. sgm-inl.h uses either.
 template <size_t planes>
 struct HammingCost {
   using Lane = uint8_t;
   static constexpr bool in_memory = false;  // asking twice means computing twice
 
-  /// Columns of one block, row after row.
+  /// The costs of one block of columns, row after row.
   class Sweep {
    public:
     static constexpr size_t blocks = 1;
@@ -92,7 +92,7 @@ struct HammingCost {
     size_t y_ = 0;
   };
 
-  /// A strip of rows, in both layouts.
+  /// The costs of a strip of rows, in row and column layout.
   class Strip {
    public:
     Strip(const CensusPlanes& left, const CensusPlanes& right, const MatchParameters&, const Layout& layout)
@@ -127,7 +127,7 @@ struct HammingCost {
     static constexpr size_t lanes = lane_count<uint8_t>, pixel = planes * lanes;
     [[nodiscard]] size_t left_columns() const { return round_up(layout_.disparities, lanes); }
 
-    /// A square of columns from x on, into the strip whose column 0 is given.
+    /// Transposes a square of columns from x on into the strip that begins at column0.
     static void transpose_columns(const CensusPlanes& census, size_t plane, Range rows, ptrdiff_t x, uint8_t* column0) {
       const Lanes<uint8_t> tag;
       HWY_ALIGN uint8_t square[lanes * lanes];

@@ -25,7 +25,7 @@ HWY_INLINE Vector<To> widen(V narrow) {
 
 class RowSums {
  public:
-  /// columns: of a chunk, a multiple of 64.
+  /// columns: of a chunk; a multiple of 64.
   RowSums(const CensusPlanes& left, const CensusPlanes& right, const MatchParameters& p, const Layout& layout, size_t columns)
       : left_(left),
         right_(right),
@@ -37,11 +37,11 @@ class RowSums {
         hamming_(batch * hamming_pitch_),
         sums_(columns) {}
 
-  /// A row's sum fits a byte.
+  /// Whether a row's sum fits a byte.
   [[nodiscard]] bool narrow() const { return narrow_; }
 
-  /// visit(d, sums) for each disparity, with the sums of the chunk's columns from x on as H (uint8_t where narrow, else uint16_t). Outside
-  /// the image the nearest pixel's cost counts.
+  /// Calls visit(d, sums) for each disparity. sums: of the chunk's columns from x on, as H (uint8_t if narrow(), else uint16_t). Beyond the
+  /// image the nearest pixel's cost counts.
   template <class H, class Visit>
   HWY_INLINE void visit_row(ptrdiff_t x, ptrdiff_t y, Visit&& visit) {
     const auto row = static_cast<size_t>(std::clamp<ptrdiff_t>(y, 0, static_cast<ptrdiff_t>(layout_.height) - 1));
@@ -71,7 +71,7 @@ class RowSums {
  private:
   static constexpr size_t batch = 16;  // disparities at once: the left image's bytes stay in registers
 
-  /// Costs of `count` disparities from d at one row, columns x - block_width / 2 onwards.
+  /// Computes the costs of `count` disparities from d on, in one row, from column x - block_width / 2 on.
   template <size_t planes>
   void hamming(ptrdiff_t x, size_t row, size_t d, size_t count) {
     const ptrdiff_t first = x - static_cast<ptrdiff_t>(block_width_ / 2);
@@ -90,7 +90,7 @@ class RowSums {
     }
   }
 
-  /// Sums of block_width_ neighbours. Every partial sum fits H.
+  /// Sums block_width_ neighbouring costs. Every partial sum fits H.
   template <class H>
   HWY_INLINE void sum_across(const uint8_t* costs, H* sums) const {
     const Lanes<H> tag;

@@ -12,7 +12,8 @@ class ThreadPool;
 
 namespace simsense {
 
-/// disparity: packed [height][width] pixels, `invalid` and below are invalid. depth: packed [height][width] metres; may be the same memory.
+/// Converts disparities to depth. disparity: packed [height][width], pixels; `invalid` and smaller values are invalid. depth: packed
+/// [height][width], metres, 0 = invalid; may be the same memory.
 void depth_from_disparity(const StereoGeometry& geometry, const DepthRange& range, const float* disparity, float invalid, uint32_t width,
                           uint32_t height, float* depth, ks::ThreadPool& workers);
 

@@ -12,10 +12,11 @@ class ThreadPool;
 
 namespace simsense {
 
-/// depth: packed [height][width] metres. points: the x of pixel (0, 0); component_stride is from x to y to z, in bytes.
+/// Computes the points of a depth image. depth: packed [height][width], metres. points: address of pixel (0, 0)'s x; component_stride:
+/// bytes from x to y to z.
 void make_points(const PixelRays& rays, const float* depth, uint32_t width, uint32_t height, const Plane& points,
                  ptrdiff_t component_stride, ks::ThreadPool& workers);
-/// Components 3..5 of each point: red, green, blue of the same pixel of an 8-bit image, 0..1; 0 where there is no depth.
+/// Writes each point's components 3..5: red, green and blue (0..1) of its pixel in an 8-bit image, or 0 without depth.
 void color_points(const float* depth, uint32_t width, uint32_t height, const ConstPlane& rgb, ptrdiff_t rgb_component_stride,
                   const Plane& points, ptrdiff_t component_stride, ks::ThreadPool& workers);
 

@@ -16,8 +16,8 @@ namespace simsense::cpu {
 
 class DetectionCheck {
  public:
-  /// found: disparities [height][width], which maps.disparity has, too, and loses (with reason low_texture, confidence 0) where they are
-  /// refused. The result does not depend on the number of workers.
+  /// Rejects disparities of pixels that show only noise: sets their reason to low_texture and their confidence to 0. found: disparities
+  /// [height][width] that the windows read, equal to maps.disparity before the call. The result does not depend on the number of workers.
   void apply(const MatchParameters& parameters, ConstImage left, ConstImage right, size_t width, size_t height, const float* found,
              const DetectionNoise& noise, const MatchMaps& maps, ks::ThreadPool& workers);
 

@@ -8,10 +8,10 @@
 
 namespace simsense {
 
-/// source and out: table.width x table.height elements of source.element_bytes; out packed.
+/// Resamples an image bilinearly. source, out: table.width x table.height elements of source.element_bytes; out is packed.
 void remap(const RemapTable& table, const ConstImage& source, void* out, ks::ThreadPool& workers);
 
-/// The nearest pixel instead, halves away from zero; outside the source its edge repeats (SIMSENSE_FAULT_REMAP_NEAREST).
+/// Resamples an image by the nearest pixel, with halves away from zero; beyond the source its edge repeats (SIMSENSE_FAULT_REMAP_NEAREST).
 void remap_nearest(const RemapTable& table, const ConstImage& source, void* out, ks::ThreadPool& workers);
 
 }  // namespace simsense

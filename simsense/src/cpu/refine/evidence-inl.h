@@ -23,10 +23,10 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Floats = hn::CappedTag<float, 16>;
 using Ints = hn::RebindToSigned<Floats>;
 
-/// The sums over a window.
+/// The sums over a window, by name.
 enum WindowSum : size_t { sum_slope, sum_match_slope, sum_difference, sum_product, sum_texture, sum_count, sum_disparity, window_sums };
 
-/// The length of a row of sums: as wide as a window's reach before the image, and that and a vector behind it.
+/// Length of a row of sums: a window's reach before the image, the same and one vector more behind it.
 inline size_t padded_width(size_t width) { return width + 2 * REFINE_REACH + 2 * hn::MaxLanes(Ints()); }
 
 class EvidenceRow {
@@ -40,7 +40,8 @@ class EvidenceRow {
     for (auto* values : {&slope_, &match_slope_, &difference_, &counts_}) values->assign(width + spare, 0);
   }
 
-  /// disparity: of the row; moved: what is added to it, px, if given. Both are read up to a vector beyond the row.
+  /// Computes the evidence of row y. disparity: of the row, px; moved: added to it if given, px. Both are read up to a vector beyond the
+  /// row.
   void look(const RefineImages& images, size_t y, const float* disparity, const float* moved) {
     read_counts(images, y);
     const Ints ints;
@@ -91,7 +92,7 @@ class EvidenceRow {
     }
   }
 
-  /// f: 32nds of a pixel from column `at` of the right image on.
+  /// Adds the evidence of pixels from column x on. f: 32nds of a pixel from column `at` of the right image on.
   HWY_INLINE void add_evidence(size_t x, uint32_t extra, hn::Mask<Ints> counts, hn::Vec<Ints> f, hn::Vec<Ints> at, hn::Vec<Ints> q) {
     const Ints ints;
     HWY_ALIGN int32_t first[hn::MaxLanes(ints)];

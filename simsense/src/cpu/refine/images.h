@@ -7,7 +7,7 @@
 
 namespace simsense::cpu {
 
-/// Row y of an image as the refinement counts; bits: of a count.
+/// Reads row y of an image in the refinement's unit. bits: of a count.
 inline void read_counts(const ConstImage& image, size_t y, size_t width, uint32_t bits, uint16_t* counts) {
   const ptrdiff_t first = static_cast<ptrdiff_t>(y) * image.row_stride;
   if (image.element_bytes == 1) {
@@ -26,7 +26,7 @@ struct RefineImages {
 
   [[nodiscard]] uint32_t extra_bits() const { return refine_extra_bits(left.element_bytes); }
 
-  /// Row y of the left (0) or right (1) image.
+  /// Reads row y of the left (0) or right (1) image.
   void read(size_t side, size_t y, uint16_t* counts) const { read_counts(side == 0 ? left : right, y, width, bits[side], counts); }
 };
 

@@ -15,8 +15,8 @@ namespace simsense::cpu {
 
 class Refinement {
  public:
-  /// The result does not depend on the number of workers. filtered: disparities after the median; both [height][width], readable one vector
-  /// beyond.
+  /// Refines the disparities `filtered` (after the median) to `refined`, both [height][width] and readable one vector beyond. The result
+  /// does not depend on the number of workers.
   void apply(const MatchParameters& parameters, ConstImage left, ConstImage right, size_t width, size_t height, const float* filtered,
              float* refined, ks::ThreadPool& workers);
 

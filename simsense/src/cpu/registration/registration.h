@@ -18,20 +18,20 @@ namespace simsense {
 
 class Registration {
  public:
-  /// width, height: of the left camera. projection: outlives this.
+  /// width, height: of the left camera. projection must outlive this.
   Registration(const RgbProjection& projection, uint32_t width, uint32_t height)
       : projection_(projection),
         width_(width),
         height_(height),
         nearest_(size_t{projection.width() + 2 * SPLAT_MARGIN} * (projection.height() + 2 * SPLAT_MARGIN)) {}
 
-  /// depth: packed [height][width] of the rectified left camera. out: packed [rgb.height][rgb.width], z in the RGB camera, 0 = nothing
-  /// landed there.
+  /// Projects a depth image into the RGB camera. depth: packed [height][width] of the rectified left camera. out: packed
+  /// [rgb.height][rgb.width], z in the RGB camera, metres, 0 = no point.
   void apply(const float* depth, const DepthRange& range, Splat splat, float* out, ks::ThreadPool& workers);
 
  private:
   static constexpr size_t chunk = 256;
-  /// The points' cells of the z-buffer, -1 = nowhere.
+  /// The z-buffer cell of each point of a chunk; -1 for points outside.
   struct Landings {
     std::array<int32_t, chunk> cell;
     std::array<float, chunk> z;
@@ -40,7 +40,7 @@ class Registration {
   void project(const float* depth, size_t first, size_t count, uint32_t y, Landings& out) const;
   void project_unrectified(const float* depth, size_t first, size_t count, uint32_t y, Landings& out) const;
   void keep_nearest(const Landings& landings, size_t count);
-  /// The z-buffer's cells as points find them, by value: the loops over pixels keep them in registers.
+  /// The z-buffer's size, copied so that loops over pixels keep it in registers.
   struct Cells {
     float margin, width, height;
     int32_t pitch;

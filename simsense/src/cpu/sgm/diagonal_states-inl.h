@@ -15,13 +15,14 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// A path of the three: from which column of the row before it comes.
+/// One of the three row paths: the column, from -1 to 1, of the previous row's pixel that it comes from.
 struct RowPath {
   ptrdiff_t from;  // -1, 0, 1
 };
 constexpr RowPath row_paths[3] = {{0}, {-1}, {1}};
 
-/// [path][d, then `unreachable`, then the minimum][column]. Columns outside the image are zero: a path that enters there starts with L = C.
+/// The states of a row's paths, [path][d, then `unreachable`, then the minimum][column]. Columns outside the image are zero, so that a path
+/// starts there with L = C.
 template <class T>
 class RowStates {
  public:
@@ -38,12 +39,12 @@ class RowStates {
   }
   void copy_from(const RowStates& other) { std::copy_n(other.storage_.data(), 3 * size_, storage_.data()); }
 
-  /// Blocks in the order in which no block overwrites what the next one reads.
+  /// Block number i of a path's order, in which no block overwrites the input of the next.
   [[nodiscard]] size_t block_at(size_t path, size_t i) const { return row_paths[path].from < 0 ? layout_->blocks - 1 - i : i; }
   SlantedState<T> at(size_t path, size_t block) {
     return {storage_.data() + path * size_ + (block + 1) * lanes, static_cast<ptrdiff_t>(pitch_), row_paths[path].from};
   }
-  /// After a row: what the last vector wrote behind the image is outside again.
+  /// Sets the columns behind the image to zero again after the last vector of a row has written them.
   void close_row() {
     const size_t behind = lanes + layout_->width;
     for (size_t path = 0; path < 3; ++path) {
@@ -60,7 +61,7 @@ class RowStates {
   Buffer<T> storage_;
 };
 
-/// P2 of a path's step into a vector of pixels of row y; downwards from row y - 1, upwards from y + 1.
+/// P2 of a path's step to a vector of pixels of row y, from row y - 1 if downwards, else y + 1.
 template <class T>
 HWY_INLINE Vector<T> row_path_penalty(const Penalties<T>& penalties, size_t path, bool downwards, size_t block, size_t y) {
   const ptrdiff_t x = static_cast<ptrdiff_t>(block * lane_count<T>), from = row_paths[path].from;

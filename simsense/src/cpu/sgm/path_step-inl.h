@@ -18,18 +18,18 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// P1, and P2 for a vector of pixels.
+/// P1 of all pixels, and P2 of a vector of them.
 template <class T>
 struct Penalties {
   T p1, p2, area;
   const PenaltyMaps* maps;
 
   [[nodiscard]] bool uniform() const { return maps->uniform(); }
-  /// Lanes are columns from x on.
+  /// P2 of the columns from x on, one per lane.
   HWY_INLINE Vector<T> columns(PathDirection direction, ptrdiff_t x, size_t y) const {
     return uniform() ? hn::Set(Lanes<T>(), p2) : scaled(maps->row(direction, y) + x);
   }
-  /// Lanes are what lies in memory side by side.
+  /// P2 of the pixels whose penalties lie side by side in memory.
   HWY_INLINE Vector<T> scaled(const uint8_t* per_pixel) const {
     const Lanes<T> tag;
     if constexpr (sizeof(T) == 1) {
@@ -40,13 +40,14 @@ struct Penalties {
   }
 };
 
-/// A path's state: L of the pixel before for each d, a row of `unreachable` (the neighbour of d = D - 1), and min over d of L.
+/// Elements of a path's state: the last pixel's L for each d, then `unreachable` (the neighbour of d = D - 1), then the minimum of L over
+/// d.
 template <class T>
 constexpr size_t path_state_size(size_t disparities) {
   return (disparities + 2) * lane_count<T>;
 }
 
-/// Before the first pixel: all zero, so that L = C there.
+/// Sets a path's state to zero, so that L = C at the first pixel.
 template <class T>
 void enter_image(size_t disparities, T* state) {
   constexpr size_t lanes = lane_count<T>;
@@ -54,7 +55,7 @@ void enter_image(size_t disparities, T* state) {
   std::fill_n(state + disparities * lanes, lanes, unreachable<T>);
 }
 
-/// A state of its own, [row][lanes].
+/// A state in memory of its own, [row][lanes].
 template <class T>
 struct PackedState {
   T* HWY_RESTRICT rows;
@@ -62,7 +63,7 @@ struct PackedState {
   HWY_INLINE void store(size_t row, Vector<T> v) const { hn::Store(v, Lanes<T>(), rows + row * lane_count<T>); }
 };
 
-/// Part of the states of a whole row of pixels, [row][pitch]; the path comes from `step` columns further right.
+/// A part of the states of a row of pixels, [row][pitch]. The path comes from `step` columns to the right.
 template <class T>
 struct SlantedState {
   T* rows;
@@ -71,7 +72,7 @@ struct SlantedState {
   HWY_INLINE void store(size_t row, Vector<T> v) const { hn::StoreU(v, Lanes<T>(), rows + static_cast<ptrdiff_t>(row) * pitch); }
 };
 
-/// Moves the state one pixel on. cost(d) gives the pixel's costs; visit(d, m, cost) sees every disparity.
+/// Moves a path's state to the next pixel. cost(d) gives the pixel's costs; visit(d, m, cost) is called for each disparity.
 template <class T, class State, class Cost, class Visit>
 HWY_INLINE void path_step(T p1_value, Vector<T> p2, size_t disparities, const Cost& cost, State state, Visit& visit) {
   const auto p1 = hn::Set(Lanes<T>(), p1_value);
@@ -94,20 +95,20 @@ HWY_INLINE void path_step(T p1_value, Vector<T> p2, size_t disparities, const Co
   state.store(disparities + 1, new_lowest);
 }
 
-/// Visitors. The state alone is wanted:
+/// A visitor that keeps nothing: the state alone is wanted.
 struct Pass {
   template <class V>
   HWY_INLINE void operator()(size_t, V, V) {}
 };
 
-/// Keep m.
+/// A visitor that keeps m.
 template <class T>
 struct KeepPath {
   T* HWY_RESTRICT m_row;
   HWY_INLINE void operator()(size_t d, Vector<T> m, Vector<T>) { hn::Store(m, Lanes<T>(), m_row + d * lane_count<T>); }
 };
 
-/// Keep m, and the costs for the steps that meet this pixel again.
+/// A visitor that keeps m, and the costs for later steps at this pixel.
 template <class T>
 struct KeepPathAndCost {
   T* HWY_RESTRICT m_row;
@@ -118,7 +119,7 @@ struct KeepPathAndCost {
   }
 };
 
-/// Add m to what other paths left.
+/// A visitor that adds m to the sum of other paths.
 template <class T>
 struct AddPath {
   T* HWY_RESTRICT m_row;
@@ -128,7 +129,7 @@ struct AddPath {
   }
 };
 
-/// Costs of one pixel per lane that lie in memory, [d][lanes].
+/// One pixel's costs per lane, read from memory, [d][lanes].
 template <class T>
 struct StoredCosts {
   const T* HWY_RESTRICT row;

@@ -8,16 +8,16 @@
 
 namespace simsense::cpu {
 
-/// From which neighbour a path comes; those that come the other way round read the neighbour's own penalty.
+/// The neighbour that a path comes from. A path of the opposite direction reads the neighbour's penalty.
 enum PathDirection : size_t { from_left, from_above, from_above_left, from_above_right };
 
 class PenaltyMaps {
  public:
   PenaltyMaps(size_t width, size_t height, const MatchParameters& parameters);
-  /// One penalty everywhere: there are no maps.
+  /// Whether all pixels have one penalty, so that there are no maps.
   [[nodiscard]] bool uniform() const { return directions_ == 0; }
   void compute_rows(const PaddedImage& image, size_t first_row, size_t end_row);
-  /// Penalties of row y, or of the row below the last; readable from column -64 to 64 behind the width.
+  /// Penalties of row y, which may be the row below the last; columns -64 to width + 64 are readable.
   [[nodiscard]] const uint8_t* row(PathDirection direction, size_t y) const {
     return storage_.data() + (direction * (height_ + 1) + y) * pitch_ + margin;
   }

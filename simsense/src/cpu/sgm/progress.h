@@ -11,11 +11,11 @@ namespace simsense::cpu {
 
 class Progress {
  public:
-  /// The stage is the part begin..end of the whole and has `count` pieces.
+  /// The stage runs from share `begin` to share `end` of the whole, in `count` pieces.
   Progress(const std::function<void(float)>& tell, float begin, float end, size_t count)
       : tell_(tell), begin_(begin), scale_((end - begin) / static_cast<float>(count)) {}
 
-  /// After a piece of work, or part of one (pieces = 0). false: the caller has thrown, leave.
+  /// Call after each `pieces` of work, 0 inside a piece. Returns false if the caller's function threw: the work must then end.
   bool go_on(size_t pieces) {
     const size_t done = done_.fetch_add(pieces, std::memory_order_relaxed) + pieces;
     if (!tell_ || std::this_thread::get_id() != caller_) return !stopped_.load(std::memory_order_relaxed);

@@ -22,7 +22,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// Vertical path states, [slot][block]: where upward paths enter a group of rows from below, where downward paths enter a band from above.
+/// States of vertical paths, [slot][block]: of upward paths at the bottom of each group of rows, of downward paths at the top of each band.
 template <class T>
 class VerticalStates {
  public:
@@ -40,7 +40,7 @@ class VerticalStates {
   Buffer<T> up_, down_;
 };
 
-/// One worker's band of strips.
+/// A band of strips, which one worker matches.
 template <class Cost>
 class Band {
   using T = typename Cost::Lane;
@@ -88,7 +88,7 @@ class Band {
     return {group * column_group, std::min(layout_.width, (group + 1) * column_group)};
   }
   T* leftward_state(size_t group) { return leftward_.data() + group * state_size_; }
-  /// P2 between column x and the one before it, for the strip's rows.
+  /// P2 between columns x - 1 and x, for the strip's rows.
   HWY_INLINE Vector<T> jump_across(size_t x) const {
     return shared_.penalties.uniform() ? hn::Set(Lanes<T>(), shared_.penalties.p2)
                                        : shared_.penalties.scaled(jump_rows_.data() + x * lanes);
@@ -101,7 +101,7 @@ class Band {
     }
   }
 
-  /// Follows the strip's leftward paths and leaves their state at each group of columns.
+  /// Follows the strip's leftward paths and keeps their state at each group of columns.
   void leave_leftward_states() {
     T* state = path_state_.data();
     enter_image(disparities_, state);
@@ -117,7 +117,7 @@ class Band {
     }
   }
 
-  /// Leftward plus rightward m of one tile, then from row layout to column layout.
+  /// Sums leftward and rightward m of one tile, and transposes them from row to column layout.
   void horizontal_paths(size_t block) {
     const Range columns = layout_.columns(block);
     costs_.begin_tile(block);
@@ -143,7 +143,7 @@ class Band {
     }
   }
 
-  /// Upward paths of one group of rows, then downward ones with sum and winner.
+  /// Follows upward paths through one group of rows, then downward ones; sums them and finds the winners.
   void vertical_paths(size_t band, size_t group, size_t block) {
     const Range rows = layout_.group(group);
     T* upward = path_state_.data();
@@ -168,7 +168,7 @@ class Band {
     path_step(shared_.penalties.p1, p2, disparities_, cost, PackedState<T>{state}, visit);
   }
 
-  /// One step that keeps m, and the costs too where asking for them again would compute them again.
+  /// Moves a path one pixel and keeps m. Costs that are computed on demand are kept, too.
   template <class CostAt>
   HWY_INLINE void keep_path(Vector<T> p2, const CostAt& cost, T* state, T* m_row, size_t stash_slot) {
     if constexpr (Cost::in_memory) {
@@ -233,7 +233,7 @@ class Sgm final : public Aggregation {
   }
   T* sweep_state(size_t index, size_t block) { return sweep_states_.data() + (index * Cost::Sweep::blocks + block) * states_.size(); }
 
-  /// jump_row: where the penalties between y and the row before it are.
+  /// Moves the paths of these blocks to row y. jump_row: the row whose penalties hold between y and the row before it.
   void step_row(size_t index, size_t y, size_t jump_row, Range blocks) {
     auto& costs = sweeps_[index];
     costs.advance(y);
@@ -244,7 +244,7 @@ class Sgm final : public Aggregation {
     }
   }
 
-  /// Upward paths, saved where they enter each group of rows.
+  /// Follows upward paths and keeps their state at each group of rows.
   void sweep_up(size_t index, Progress& progress) {
     const Layout& layout = shared_.layout;
     const Range blocks = chunk_blocks(index);
@@ -261,7 +261,7 @@ class Sgm final : public Aggregation {
     for (size_t block = blocks.begin; block < blocks.end; ++block) enter_image(layout.disparities, states_.down(0, block));
   }
 
-  /// Downward paths, saved where they enter each band but the first.
+  /// Follows downward paths and keeps their state at each band but the first.
   void sweep_down(size_t index, Progress& progress) {
     const Layout& layout = shared_.layout;
     const Range blocks = chunk_blocks(index - chunks());

@@ -19,7 +19,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// Checkpoints of the row paths: where upward ones enter a strip from below, where downward ones enter a band from above.
+/// States of row paths: of upward ones at the bottom of each strip, of downward ones at the top of each band.
 template <class T>
 struct RowCheckpoints {
   std::vector<RowStates<T>> up, down;
@@ -87,7 +87,7 @@ class RowSweep {
   RowStates<T> states_;
 };
 
-/// One worker's band of strips.
+/// A band of strips, which one worker matches.
 template <class T>
 class Band8 {
   static constexpr size_t lanes = lane_count<T>;
@@ -123,7 +123,7 @@ class Band8 {
  private:
   [[nodiscard]] size_t tile_pitch() const { return (disparities_ + 1) * lanes; }
   [[nodiscard]] size_t row_pitch() const { return layout_.blocks * tile_pitch(); }
-  /// Sum of m of one vector of pixels, [d][lanes].
+  /// Summed m of one vector of pixels, [d][lanes].
   T* sums(size_t block, size_t y) { return sums_.data() + (y - rows_.begin) * row_pitch() + block * tile_pitch(); }
 
   Vector<T> jump_across(size_t x) {

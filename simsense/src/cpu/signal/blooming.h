@@ -11,8 +11,8 @@ class ThreadPool;
 
 namespace simsense::cpu {
 
-/// Charge above full_well_e leaves its pixel; `share` of it, half down the column and half up, fills the next pixels with room, downward
-/// flow first. What reaches the image's border, and the other share, is drained. charge_e: [height][pitch].
+/// Lets charge above full_well_e overflow. `share` of it, half down the column and half up, fills the next pixels with room, downward flow
+/// first. The other share, and charge at the image's border, is drained. charge_e: [height][pitch].
 void bloom(float* charge_e, size_t width, size_t height, size_t pitch, float full_well_e, float share, ks::ThreadPool& workers);
 
 }  // namespace simsense::cpu

@@ -11,7 +11,8 @@ class ThreadPool;
 
 namespace simsense::cpu {
 
-/// [height][pitch] normals; pitch is a multiple of row_padding, at least the width.
+/// Returns standard normals [height][pitch] that neighbours share by a Gaussian PSF of sigma_px. pitch: a multiple of row_padding, at least
+/// the width.
 Buffer<float> grain_normals(const PhiloxKey& key, Dimension dimension, float sigma_px, size_t pitch, size_t height,
                             ks::ThreadPool& workers);
 

@@ -15,13 +15,13 @@ class ThreadPool;
 
 namespace simsense::cpu {
 
-/// The light on one imager, [height][width], KS_FORMAT_U8, U16 or F32.
+/// The light on one imager, [height][width], in KS_FORMAT_U8, U16 or F32.
 struct Irradiance {
   ConstPlane all;
   std::optional<ConstPlane> laser;  // its part that has speckle; without one, all has
 };
 
-/// counts: packed [height][width], uint8_t, or uint16_t where imager.is_wide(); float: what the converter would round and bound.
+/// Converts light to counts, packed [height][width]: uint8_t, uint16_t if imager.is_wide(), or float, which is neither rounded nor clipped.
 template <class Count>
 void measure(const Imager& imager, const NoiseKey& key, const Irradiance& light, uint32_t width, uint32_t height, Count* counts,
              ks::ThreadPool& workers);

@@ -28,7 +28,7 @@ HWY_INLINE Floats splat(float value) { return hn::Set(FloatTag(), value); }
 HWY_INLINE Ints splat_int(int32_t value) { return hn::Set(IntTag(), value); }
 HWY_INLINE Floats mul_add(Floats a, Floats b, float c) { return hn::Add(hn::Mul(a, b), splat(c)); }
 
-/// Horner's rule, highest power first.
+/// Evaluates a polynomial by Horner's rule; the coefficient of the highest power comes first.
 template <class... Rest>
 HWY_INLINE Floats polynomial(Floats x, float highest, Rest... rest) {
   Floats sum = splat(highest);
@@ -47,7 +47,7 @@ HWY_INLINE Floats natural_log(Floats x) {
   return hn::Add(hn::Mul(hn::ConvertTo(FloatTag(), exponent), splat(0.693147181f)), hn::Mul(s, series));
 }
 
-/// e^x, x clamped to -87..88, relative error 2e-7: 2^n times the Taylor series of what is left of x.
+/// e^x, with x clamped to -87..88; relative error 2e-7. It is 2^n times the Taylor series of the rest of x.
 HWY_INLINE Floats exponential(Floats x) {
   x = hn::Min(hn::Max(x, splat(-87)), splat(88));
   const Ints n = hn::NearestInt(hn::Mul(x, splat(1.44269504f)));
@@ -58,7 +58,7 @@ HWY_INLINE Floats exponential(Floats x) {
   return hn::Mul(series, hn::BitCast(FloatTag(), hn::ShiftLeft<23>(hn::Add(n, splat_int(127)))));
 }
 
-/// The uniform number (word + 1/2) / 2^32 by its distances from 1/2 and from the nearer end, each to full precision.
+/// The uniform number (word + 1/2) / 2^32, as its distances from 1/2 and from the nearer end, each to full precision.
 struct Uniform {
   FloatMask low;        // below 1/2
   Floats centre, tail;  // > 0; their sum is 1/2
@@ -72,8 +72,8 @@ HWY_INLINE Uniform uniform_of(Words word) {
           scaled(hn::Sub(splat_int(0x7FFFFFFF), distance))};
 }
 
-/// The standard normal quantile, absolute error 2e-6: algorithm AS 241, PPND7 (Wichura, Applied Statistics 37(3), 1988). No word comes near
-/// its far tail, which has a third case there.
+/// The standard normal quantile, absolute error 2e-6: algorithm AS 241, PPND7 (Wichura, Applied Statistics 37(3), 1988). Its third case,
+/// the far tail, is left out: no word comes near it.
 HWY_INLINE Floats normal_of(const Uniform& u) {
   const Floats centre_r = hn::Sub(splat(0.180625f), hn::Mul(u.centre, u.centre));
   const Floats centre_top = hn::Mul(u.centre, polynomial(centre_r, 59.109374720f, 159.29113202f, 50.434271938f, 3.3871327179f));

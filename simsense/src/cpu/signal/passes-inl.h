@@ -13,14 +13,14 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// value = f(value) over the row.
+/// Sets value = f(value) for each pixel of the row.
 template <class F>
 HWY_INLINE void map_row(const SignalRow& row, F&& f) {
   const FloatTag tag;
   for (size_t x = 0; x < row.width; x += hn::Lanes(tag)) hn::Store(f(hn::Load(tag, row.values + x)), tag, row.values + x);
 }
 
-/// value = f(value, word) with each pixel's word of one dimension.
+/// Sets value = f(value, word) for each pixel, with its random word of this dimension.
 template <class F>
 HWY_INLINE void map_row_random(const SignalRow& row, const PhiloxKey& key, Dimension dimension, uint32_t y, F&& f) {
   const FloatTag tag;
@@ -29,14 +29,14 @@ HWY_INLINE void map_row_random(const SignalRow& row, const PhiloxKey& key, Dimen
     hn::Store(f(hn::Load(tag, row.values + x), hn::Load(WordTag(), row.words + x)), tag, row.values + x);
 }
 
-/// value += sigma * N(0, 1), a draw per column at the given y.
+/// Adds sigma * N(0, 1) to each pixel, a draw per column at the given y.
 HWY_INLINE void add_normals(const SignalRow& row, const PhiloxKey& key, Dimension dimension, uint32_t y, float sigma) {
   if (sigma == 0) return;
   map_row_random(row, key, dimension, y,
                  [=](Floats value, Words word) { return hn::Add(value, hn::Mul(normal_of(uniform_of(word)), splat(sigma))); });
 }
 
-/// value += sigma * N(0, 1), one draw for the row.
+/// Adds sigma * N(0, 1) to each pixel, the same draw for the whole row.
 HWY_INLINE void add_row_normal(const SignalRow& row, const PhiloxKey& key, Dimension dimension, float sigma) {
   if (sigma == 0) return;
   const Words word = hn::Set(WordTag(), pixel_word(key, dimension, 0, row.y));

@@ -16,7 +16,7 @@ namespace simsense::cpu::HWY_NAMESPACE {
 /// Far beyond any sensor, and far from where arithmetic overflows.
 constexpr float largest_charge_e = 1e30f;
 
-/// Light to electrons; what is not a number reads as 0.
+/// Converts light to electrons; NaN reads as 0.
 HWY_INLINE Floats exposed(const simsense_signal& signal, Floats light) {
   const Floats electrons = splat(signal.responsivity_e * signal.exposure_s);
   const Floats number = hn::IfThenElseZero(hn::Eq(light, light), light);
@@ -36,7 +36,7 @@ HWY_INLINE void prnu_row(const SignalRow& row) {
   });
 }
 
-/// The pixels whose uniform number is below the share are hot; -ln(number / share) is the exponential strength.
+/// Adds charge to hot pixels, those whose uniform number is below the share. -ln(number / share) is their exponential strength.
 HWY_INLINE void hot_pixel_row(const SignalRow& row, float mean_e) {
   const float share = row.signal.hot_pixel_share;
   if (share == 0 || mean_e == 0) return;

@@ -12,7 +12,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// A well holds no more.
+/// Clips charge at the full well.
 HWY_INLINE void full_well_row(const SignalRow& row) {
   const float full_well = row.signal.full_well_e;
   if (full_well > 0) map_row(row, [=](Floats charge) { return hn::Min(charge, splat(full_well)); });
@@ -33,8 +33,8 @@ HWY_INLINE void amplifier_row(const SignalRow& row) {
   if (dn_per_e != 1) map_row(row, [=](Floats charge) { return hn::Mul(charge, splat(dn_per_e)); });
 }
 
-/// The power law, odd about 0 so that noise in the dark keeps its mean; full scale stays. What exceeds it fourfold is cut, which clipping
-/// hides.
+/// Applies the response's power law. It is odd about 0, so that noise in the dark keeps its mean, and keeps full scale. Values above four
+/// times full scale are cut first; clipping hides that.
 HWY_INLINE void response_row(const SignalRow& row, float max_dn) {
   const float exponent = row.signal.response_exponent;
   if (exponent == 1) return;

@@ -14,7 +14,7 @@ namespace simsense::cpu {
 
 inline constexpr size_t row_padding = 64;
 
-/// A speckle part's factor table, and the row's standard normals where grains are correlated (else null: white).
+/// The factor table of a part of the speckle, and the row's standard normals if grains are correlated; null means white.
 struct SpeckleRow {
   const GammaTable* table = nullptr;
   const float* normals = nullptr;
@@ -31,19 +31,19 @@ struct SignalRow {
   float* laser = nullptr;     // [width]; the irradiance that has speckle; null: all has
 };
 
-/// Input units to collected charge, e-: exposure, speckle, PRNU, dark charge, shot noise.
+/// Converts the input's units to collected charge, e-: exposure, speckle, PRNU, dark charge, shot noise.
 void collect_row(const SignalRow& row, const SpeckleRow& static_speckle, const SpeckleRow& temporal_speckle);
 
-/// Charge to counts: readout noise, amplifier, response, converter. counts: [width], uint8_t where bit_depth is 8, else uint16_t; float:
-/// neither rounded nor bounded.
+/// Converts charge to counts: readout noise, amplifier, response, converter. counts: [width]; uint8_t if bit_depth is 8, else uint16_t;
+/// float is neither rounded nor clipped.
 void read_out_row(const SignalRow& row, uint8_t* counts);
 void read_out_row(const SignalRow& row, uint16_t* counts);
 void read_out_row(const SignalRow& row, float* counts);
 
-/// Standard normals of columns x0 .. x0 + width of row y; x0 is a multiple of 4 and may be negative, as may y (as its two's complement).
+/// Computes standard normals of columns x0 .. x0 + width of row y. x0: a multiple of 4, may be negative; so may y, as its two's complement.
 void normal_row(const PhiloxKey& key, Dimension dimension, int32_t x0, uint32_t y, size_t width, uint32_t* words, float* normals);
 
-/// sums[x] = sum over k of weights[k] * values[k * step + x], x < width.
+/// Computes sums[x] = sum over k of weights[k] * values[k * step + x], for x < width.
 void weigh_row(const float* values, size_t step, const float* weights, size_t weight_count, size_t width, float* sums);
 
 }  // namespace simsense::cpu

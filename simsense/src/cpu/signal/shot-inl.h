@@ -16,7 +16,7 @@ namespace simsense::cpu::HWY_NAMESPACE {
 /// above.
 constexpr float poisson_sum_below_e = 10;
 
-/// Normal asymptotic expansion of the quantile (Giles, Algorithm 955: approximation of the inverse Poisson CDF, ACM TOMS 42(1), 2016).
+/// The quantile's normal asymptotic expansion (Giles, Algorithm 955: approximation of the inverse Poisson CDF, ACM TOMS 42(1), 2016).
 HWY_INLINE Floats poisson_expansion(Floats mean, Floats z) {
   const Floats bounded = hn::Max(mean, splat(poisson_sum_below_e)), z2 = hn::Mul(z, z);
   const Floats root = hn::Sqrt(bounded);
@@ -27,7 +27,7 @@ HWY_INLINE Floats poisson_expansion(Floats mean, Floats z) {
   return hn::Floor(hn::Add(bounded, hn::Add(hn::Mul(root, z), hn::Add(order0, small))));
 }
 
-/// The least n whose cumulated probability reaches the uniform number; terms below 1e-9 end the sum.
+/// The smallest n whose cumulated probability reaches the uniform number. Terms below 1e-9 end the sum.
 HWY_INLINE Floats poisson_sum(Floats mean, const Uniform& u) {
   const Floats target = hn::IfThenElse(u.low, u.tail, hn::Add(splat(0.5f), u.centre));
   Floats term = exponential(hn::Neg(mean)), sum = term, n = splat(0);
@@ -40,7 +40,7 @@ HWY_INLINE Floats poisson_sum(Floats mean, const Uniform& u) {
   }
 }
 
-/// No electrons, no noise.
+/// A Poisson variate of this mean; 0 for a mean of 0.
 HWY_INLINE Floats poisson_of(Floats mean, Words word) {
   const Uniform u = uniform_of(word);
   const FloatMask positive = hn::Gt(mean, splat(0)), few = hn::And(positive, hn::Lt(mean, splat(poisson_sum_below_e)));

@@ -14,12 +14,12 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// Start and slope of the table's intervals at `count` indices. Scalar loads: gather instructions are slower on many CPUs.
+/// Reads start and slope of the table's intervals at `count` indices. Scalar loads: gather instructions are slower on many CPUs.
 HWY_INLINE void look_up(const GammaTable& table, const int32_t* index, size_t count, GammaTable::Interval* found) {
   for (size_t i = 0; i < count; ++i) found[i] = table.intervals()[index[i]];
 }
 
-/// The gamma quantiles of one vector of standard normals.
+/// Gamma quantiles of one vector of standard normals.
 HWY_INLINE Floats gamma_of(const GammaTable& table, Floats normal) {
   const FloatTag tag;
   HWY_ALIGN int32_t index[hn::MaxLanes(FloatTag())];
@@ -36,7 +36,7 @@ HWY_INLINE Floats gamma_of(const GammaTable& table, Floats normal) {
   return hn::Mul(hn::Mul(root, root), root);
 }
 
-/// The row's factors of one part of the shape; added to what is there unless it is the first.
+/// Computes the row's factors of one part of the speckle; adds them unless it is the first part.
 HWY_INLINE void gamma_row(const SignalRow& row, const SpeckleRow& part, const PhiloxKey& key, Dimension dimension, bool is_first) {
   const FloatTag tag;
   if (!part.normals) row_words(key, dimension, 0, row.y, row.width, row.words);
@@ -47,7 +47,8 @@ HWY_INLINE void gamma_row(const SignalRow& row, const SpeckleRow& part, const Ph
   }
 }
 
-/// Gamma variates of one scale add up to one of the summed shape: the part that frames share is static, the other newly drawn.
+/// Multiplies the row by speckle. Gamma variates of one scale add up to one of the summed shape: one part is static, the other drawn anew
+/// in each frame.
 HWY_INLINE void speckle_row(const SignalRow& row, const SpeckleRow& fixed, const SpeckleRow& temporal) {
   if (!fixed.table && !temporal.table) return;
   if (fixed.table) gamma_row(row, fixed, row.keys.scene, Dimension::speckle_static, true);

@@ -31,7 +31,7 @@ HWY_INLINE WideProduct wide_product(Words a, uint32_t factor) {
 #endif
 }
 
-/// words[0 .. count) of columns x0 .. x0 + count. x0 is a multiple of 4 and may be negative; count is rounded up to a multiple of 64.
+/// Computes the random words of columns x0 .. x0 + count. x0: a multiple of 4, may be negative. count is rounded up to a multiple of 64.
 HWY_INLINE void row_words(const PhiloxKey& key, Dimension dimension, int32_t x0, uint32_t y, size_t count, uint32_t* words) {
   using C = PhiloxConstants;
   const WordTag tag;

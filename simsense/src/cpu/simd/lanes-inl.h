@@ -20,11 +20,11 @@ using Vector = hn::Vec<Lanes<T>>;
 template <class T>
 constexpr size_t lane_count = hn::MaxLanes(Lanes<T>());
 
-/// Above every path cost, and still so with a penalty added.
+/// A value above every path cost, even with a penalty added.
 template <class T>
 constexpr T unreachable = sizeof(T) < 4 ? hwy::LimitsMax<T>() : T{1} << 30;
 
-/// a + b, never wrapping where an operand is unreachable.
+/// a + b, without wrapping if an operand is unreachable.
 template <class V>
 HWY_INLINE V add_bounded(V a, V b) {
   if constexpr (sizeof(hn::TFromV<V>) < 4) {
@@ -34,7 +34,7 @@ HWY_INLINE V add_bounded(V a, V b) {
   }
 }
 
-/// floor((a + b) / 4). In 8 bit the sum itself does not fit; the rounded-up mean less the lost half does.
+/// floor((a + b) / 4). In 8 bits the sum would overflow, so this takes the rounded-up mean and subtracts the rounding.
 template <class V>
 HWY_INLINE V quarter_sum(V a, V b) {
   if constexpr (sizeof(hn::TFromV<V>) == 1) {

@@ -21,7 +21,7 @@ HWY_INLINE void transpose(const T* from, size_t, T* to, size_t, size_t) {
 
 #else
 
-/// Transposes inside the 128-bit blocks: of v[0 .. k), k values per block, value i of block b of v[j] goes to value j of block b of v[i].
+/// Transposes within 128-bit blocks of k values: value i of block b of v[j] moves to value j of block b of v[i], for j < k.
 template <class T, size_t k>
 HWY_INLINE void transpose_in_blocks(Vector<T>* v) {
   const Lanes<T> tag;
@@ -35,7 +35,7 @@ HWY_INLINE void transpose_in_blocks(Vector<T>* v) {
   }
 }
 
-/// Transposes whole 128-bit blocks: block i of v[j] goes to block j of v[i].
+/// Transposes whole 128-bit blocks: block i of v[j] moves to block j of v[i].
 template <class T, size_t blocks>
 HWY_INLINE void transpose_blocks(Vector<T>* v) {
   const Lanes<T> tag;
@@ -53,7 +53,8 @@ HWY_INLINE void transpose_blocks(Vector<T>* v) {
   }
 }
 
-/// to[j][i] = from[i][j] for j < row_count; `from` and `to` may be the same square. Pitches in elements, rows aligned to a vector.
+/// Transposes: to[j][i] = from[i][j] for j < row_count. `from` and `to` may be the same square. Pitches in elements, rows aligned to a
+/// vector.
 template <class T>
 HWY_INLINE void transpose(const T* from, size_t from_pitch, T* to, size_t to_pitch, size_t row_count) {
   const Lanes<T> tag;

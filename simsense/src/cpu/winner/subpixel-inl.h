@@ -26,14 +26,14 @@ HWY_INLINE hn::Vec<Ints> load_ints(const T* values) {
   }
 }
 
-/// The equiangular step looks at the block's costs, where there is a block.
+/// Whether the equiangular step reads the block's costs: only if there is a block.
 inline bool uses_block_costs(const MatchParameters& p) { return p.subpixel == Subpixel::equiangular && p.block_area() > 1; }
 
 struct Triple {
   hn::Vec<Ints> before, lowest, after;
 };
 
-/// The winner's costs and its neighbours': the block's where they have a minimum there, else the aggregated ones.
+/// Costs of the winner and its neighbours: the block's if they have a minimum there, else the aggregated ones.
 template <class T>
 HWY_INLINE Triple costs_at(const WinnerRow<T>& row, size_t x, bool block_costs) {
   const Triple summed{load_ints(row.before + x), load_ints(row.lowest + x), load_ints(row.after + x)};
@@ -44,8 +44,8 @@ HWY_INLINE Triple costs_at(const WinnerRow<T>& row, size_t x, bool block_costs) 
           hn::IfThenElse(minimum, block.after, summed.after)};
 }
 
-/// Winner plus the vertex of the parabola, or the apex of the V, through the three; the winner itself at d = 0, at the last d and where
-/// they are equal.
+/// Returns the winner plus the vertex of the parabola, or the apex of the V, through the three costs. At the first or last disparity, or
+/// for equal costs, returns the winner.
 HWY_INLINE hn::Vec<Floats> between(hn::Vec<Ints> winner, const Triple& cost, Subpixel subpixel, size_t disparities) {
   const Ints ints;
   const Floats floats;
@@ -59,13 +59,14 @@ HWY_INLINE hn::Vec<Floats> between(hn::Vec<Ints> winner, const Triple& cost, Sub
   return hn::Sub(hn::ConvertTo(floats, winner), hn::IfThenZeroElse(hn::RebindMask(floats, flat), offset));
 }
 
-/// The rows of the maps that a row's winners end in; those not wanted are nullptr. Readable and writable one vector beyond the width.
+/// The rows of the maps that finish_row() writes; nullptr for maps that are not wanted. One vector beyond the width is readable and
+/// writable.
 struct MapRows {
   float *disparity, *confidence;
   uint8_t* reason;  // MatchReason
 };
 
-/// 1 - lowest / second, 0 where the second is 0.
+/// 1 - lowest / second cost; 0 if the second is 0.
 template <class T>
 HWY_INLINE hn::Vec<Floats> confidence_of(const WinnerRow<T>& row, size_t x) {
   const Floats floats;
@@ -80,7 +81,8 @@ HWY_INLINE V reason_where(hn::Mask<hn::DFromV<V>> mask, MatchReason reason, V ot
   return hn::IfThenElse(mask, hn::Set(hn::DFromV<V>(), static_cast<int32_t>(reason)), otherwise);
 }
 
-/// Columns [0, width): not unique, or disagreeing with the right image, or valid. `right` is scratch of right_scratch_size.
+/// Writes a row's disparities, and finds pixels that are not unique or disagree with the right image. `right`: scratch of
+/// right_scratch_size().
 template <class T>
 void finish_row(const WinnerRow<T>& row, size_t width, const MatchParameters& parameters, int32_t* right, const MapRows& maps) {
   const Ints ints;
@@ -125,7 +127,7 @@ void finish_row(const WinnerRow<T>& row, size_t width, const MatchParameters& pa
   }
 }
 
-/// Elements of finish_row's scratch.
+/// Elements of finish_row()'s scratch.
 inline size_t right_scratch_size(size_t width, size_t disparities) { return round_up(disparities, 16) + width + 64; }
 
 }  // namespace simsense::cpu::HWY_NAMESPACE

@@ -26,8 +26,8 @@ struct WinnerRow {
   T *right_lowest, *right_disparity;             // per right pixel; may be written up to max_disparity columns left of the image
 };
 
-/// The summed costs of one vector of pixels, [d][lanes data, lanes `unreachable`]: a vector read off its place by k lanes finds no stranger
-/// there.
+/// The summed costs of one vector of pixels, [d][lanes of data, lanes of `unreachable`]. A load that is shifted by k lanes reads
+/// `unreachable`, never a neighbour's cost.
 template <class T>
 class SummedCosts {
  public:
@@ -41,7 +41,7 @@ class SummedCosts {
   Buffer<T> storage_;
 };
 
-/// Mean m over four paths: `across` holds that of two, `up` that of the one opposite to the last.
+/// Mean m over four paths. `across` holds the sum of two, `up` the path opposite to the last.
 template <class T>
 struct MeanOfFour {
   const T* HWY_RESTRICT across;
@@ -52,7 +52,7 @@ struct MeanOfFour {
   }
 };
 
-/// Mean m over eight paths: `others` holds the sum of seven.
+/// Mean m over eight paths. `others` holds the sum of seven.
 template <class T>
 struct MeanOfEight {
   const T* HWY_RESTRICT others;
@@ -61,7 +61,7 @@ struct MeanOfEight {
   }
 };
 
-/// Visitor of the last path: sums all, and follows the lowest sum.
+/// Visitor of the last path: sums all paths and keeps the lowest sum.
 template <class T, class MeanPath>
 struct SumAndWinner {
   using V = Vector<T>;
@@ -91,11 +91,11 @@ struct SumAndWinner {
     last_stayed = stays;
     index = hn::Add(index, hn::Set(tag, 1));
   }
-  /// A winner at the last disparity has nothing after it.
+  /// Sets the cost after a winner at the last disparity: there is none.
   HWY_INLINE void finish() { after = hn::IfThenElse(last_stayed, after, hn::Set(Lanes<T>(), hwy::LimitsMax<T>())); }
 };
 
-/// Each lane's costs at its winner and beside it; at an end of the range the end's own stands for what is missing.
+/// Reads each lane's costs at its winner and beside it. At an end of the range, the winner's own cost replaces the missing one.
 template <class T>
 HWY_INLINE void costs_around(const T* winner, const T* costs, size_t disparities, T* before, T* at, T* after) {
   constexpr size_t lanes = lane_count<T>;
@@ -119,7 +119,7 @@ std::vector<T> uniqueness_thresholds(uint32_t ratio, size_t max_cost) {
   return thresholds;
 }
 
-/// Nonzero where a disparity that is no neighbour of the winner lies below its threshold: more of them than winner and neighbours make up.
+/// Nonzero if a disparity that is no neighbour of the winner costs less than its threshold: more disparities do than winner and neighbours.
 template <class T, class MeanPath>
 HWY_INLINE Vector<T> ambiguity(const SumAndWinner<T, MeanPath>& w, size_t disparities, const T* summed, const std::vector<T>& thresholds) {
   const Lanes<T> tag;
@@ -138,7 +138,7 @@ HWY_INLINE Vector<T> ambiguity(const SumAndWinner<T, MeanPath>& w, size_t dispar
   return hn::Xor(count, own);
 }
 
-/// Lowest cost of a disparity that is no neighbour of the winner.
+/// The lowest cost among disparities that are no neighbours of the winner.
 template <class T>
 HWY_INLINE Vector<T> second_lowest(Vector<T> winner, size_t disparities, const T* summed) {
   const Lanes<T> tag;
@@ -153,8 +153,8 @@ HWY_INLINE Vector<T> second_lowest(Vector<T> winner, size_t disparities, const T
   return lowest;
 }
 
-/// Offers each pixel's costs to the right pixels they belong to: column x at disparity d is right column x - d. Blocks come from left to
-/// right, so a right pixel meets its disparities in rising order and the smaller one wins a tie.
+/// Offers each pixel's costs to their right pixels: column x at disparity d belongs to right column x - d. Blocks come from left to right,
+/// so a right pixel meets its disparities in ascending order, and the smaller one wins a tie.
 template <class T>
 HWY_INLINE void offer_to_right(size_t disparities, const T* summed, T* HWY_RESTRICT right_lowest, T* HWY_RESTRICT right_disparity) {
   const Lanes<T> tag;

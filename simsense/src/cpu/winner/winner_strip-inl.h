@@ -17,7 +17,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// The part that all workers share.
+/// Inputs that all workers share.
 template <class T>
 struct Shared {
   Layout layout;
@@ -58,7 +58,7 @@ class WinnerStrip {
     std::fill_n(right_.data() + right_size, right_size, T{0});
   }
 
-  /// The last path's step at one vector of pixels, with the mean of all paths and the winner on the way.
+  /// Takes the last path's step at one vector of pixels, and finds mean and winner of all paths meanwhile.
   template <class MeanPath, class State>
   HWY_INLINE void sum_and_win(const MeanPath& mean, const StoredCosts<T>& cost, State state, PathDirection direction, size_t block,
                               size_t y) {
@@ -81,7 +81,7 @@ class WinnerStrip {
     if (shared_.parameters.lr_max_diff >= 0) offer(block, row);
   }
 
-  /// After all blocks: the strip's rows of the maps.
+  /// Writes the strip's rows of the maps after all blocks.
   void finish(const MatchMaps& maps) {
     const size_t width = layout_.width;
     const MapRows rows{disparity_row_.data(), maps.confidence ? confidence_row_.data() : nullptr,

@@ -11,7 +11,7 @@ namespace simsense {
 
 class VulkanCensus {
  public:
-  /// plan, parameters: outlive this.
+  /// plan and parameters must outlive this.
   VulkanCensus(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   void record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs);
 

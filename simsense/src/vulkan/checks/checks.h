@@ -16,7 +16,7 @@ namespace simsense {
 
 class VulkanChecks {
  public:
-  /// The maps on which all checks of some pairs work.
+  /// The maps of some pairs that all checks share.
   struct Call {
     ks::Commands& commands;
     const StageSettings& settings;
@@ -27,21 +27,21 @@ class VulkanChecks {
   VulkanChecks(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height)
       : device_(std::move(device)), width_(width), height_(height) {}
 
-  /// No disparity where a rectified pixel lies outside its source.
+  /// Rejects pixels whose source position lies outside the source image.
   void drop_padding(const Call& call, const VulkanRemap& remap);
-  /// None where the left image, as the matcher saw it, shows nothing.
+  /// Rejects pixels where the left image, as the matcher read it, is blank.
   void drop_low_texture(const Call& call, const ImageRef& left);
   void filter_speckles(const Call& call);
-  /// None beside a step of disparity or at the right image's edges.
+  /// Rejects pixels beside a step of disparity, and matches at the right image's edges.
   void drop_edges(const Call& call);
   void fill_holes(const Call& call);
-  /// Why pixels have no depth. depth_block: VulkanDepth::block().
+  /// Finds out why pixels have no depth. depth_block: VulkanDepth::block().
   void reason(const Call& call, uint64_t depth_block, const ImageRef& left);
   [[nodiscard]] uint64_t memory_bytes() const;
 
  private:
   using Pipeline = std::optional<ks::ComputePipeline>;
-  /// Address of so many bytes for each pixel of the pairs.
+  /// Address of a buffer with `bytes` for each pixel of the pairs.
   uint64_t reserved(std::shared_ptr<ks::Buffer>& buffer, const Call& call, uint64_t bytes);
   template <class Push>
   void run(Pipeline& pipeline, std::span<const uint32_t> code, const Call& call, const Push& push, uint32_t width, uint32_t height);

@@ -9,7 +9,7 @@ namespace simsense {
 
 class VulkanBlockCost {
  public:
-  /// plan, parameters: outlive this.
+  /// plan and parameters must outlive this.
   VulkanBlockCost(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   void record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const;
 

@@ -16,13 +16,14 @@ class VulkanDepth {
  public:
   VulkanDepth(std::shared_ptr<ks::Device> device, const PreparedRig& rig);
 
-  /// The parameters of depth and registration, once per submission before either.
+  /// Uploads the parameters of depth and registration; call once per submission, before either.
   void begin(ks::Commands& commands, const StageSettings& settings);
-  /// disparity: address of [pairs][height][width] floats. Any of the images may be absent.
+  /// Records the conversion of disparities to depth and points. disparity: address of [pairs][height][width] floats. Each image may be
+  /// absent.
   void record(ks::Commands& commands, uint64_t disparity, const ImageRef& disparity_out, const ImageRef& depth, const ImageRef& points,
               uint32_t pairs) const;
   [[nodiscard]] const DepthParameters& parameters() const { return parameters_; }
-  /// Their address, for other stages that need depths.
+  /// Address of the uploaded parameters, for other stages that need depths.
   [[nodiscard]] uint64_t block() const { return block_->address(); }
 
  private:

@@ -11,13 +11,13 @@ namespace simsense {
 
 class VulkanRemap {
  public:
-  /// rectification: with tables.
+  /// rectification must have tables.
   VulkanRemap(const std::shared_ptr<ks::Device>& device, const Rectification& rectification);
 
-  /// target and copy get the same counts; either may be absent.
+  /// Records the resampling of one side's images. target and copy get the same counts; either may be absent.
   void record(ks::Commands& commands, uint32_t side, bool nearest, const ImageRef& source, const ImageRef& target, const ImageRef& copy,
               uint32_t pairs) const;
-  /// The place of each rectified left pixel in its source: addresses of [height][width] floats.
+  /// Source coordinates of each rectified left pixel: addresses of [height][width] floats.
   [[nodiscard]] uint64_t left_x() const { return tables_[0].x->address(); }
   [[nodiscard]] uint64_t left_y() const { return tables_[0].y->address(); }
 

@@ -11,10 +11,11 @@ namespace simsense {
 
 class VulkanRegistration {
  public:
-  /// depth: whose parameters it shares; of a rig with an RGB camera; outlives this.
+  /// For a rig with an RGB camera. depth: shares its parameters; must outlive this.
   VulkanRegistration(std::shared_ptr<ks::Device> device, const VulkanDepth& depth);
 
-  /// disparity: address of [pairs][height][width] floats. depth, points and colored may be absent.
+  /// Records the registration to the RGB camera. disparity: address of [pairs][height][width] floats. depth, points and colored may be
+  /// absent.
   void record(ks::Commands& commands, uint64_t disparity, const ImageRef& depth, const ImageRef& points, const ImageRef& colored,
               const ImageRef& rgb, uint32_t pairs);
   [[nodiscard]] uint64_t memory_bytes() const { return nearest_ ? nearest_->size_bytes() : 0; }

@@ -11,7 +11,7 @@ namespace simsense {
 
 class VulkanSgm {
  public:
-  /// plan, parameters: outlive this.
+  /// plan and parameters must outlive this.
   VulkanSgm(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   void record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const;
 

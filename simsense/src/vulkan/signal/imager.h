@@ -15,7 +15,7 @@
 
 namespace simsense {
 
-/// Irradiance in device memory.
+/// Irradiance images in device memory.
 struct LightRefs {
   ImageRef all, laser;  // laser: may be absent
 };
@@ -24,7 +24,7 @@ class VulkanImagers {
  public:
   VulkanImagers(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height);
 
-  /// Records one camera's images, at most signal_pairs, one key each. counts and ir may be absent (format 0), not both.
+  /// Records one camera's images, at most signal_pairs, with one key each. One of counts and ir may be absent (format 0).
   void record(ks::Commands& commands, uint32_t side, const Imager& imager, std::span<const NoiseKey> keys, const LightRefs& light,
               const ImageRef& counts, const ImageRef& ir);
   [[nodiscard]] uint64_t memory_bytes() const;

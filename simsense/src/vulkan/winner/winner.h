@@ -9,7 +9,7 @@ namespace simsense {
 
 class VulkanWinner {
  public:
-  /// plan, parameters: outlive this.
+  /// plan and parameters must outlive this.
   VulkanWinner(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   void record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const;
 
