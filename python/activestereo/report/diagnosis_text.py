@@ -3,6 +3,7 @@
 depth error (diagnose/answer/depth_split.py)."""
 
 from collections.abc import Mapping, Sequence
+from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,7 @@ NATS_WORDS = "nats: the logarithm of how much likelier the effect makes the imag
 EXPLAINS_WORDS = "explains: share of the squared error beyond noise (noise effects: of the noise, no error)"
 FLOOR_WORDS = "floor: the part of an interval that formulas and scenes, which are inexact, have put under it"
 _SHOWN = 8
+_ALL = 0.95  # of an interval, which two digits do not tell from all
 _LEAST_NATS = 0.05  # the least gain that prints as more than 0.0
 
 
@@ -75,11 +77,17 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
     if "materials" in found:
         return f"on {', '.join(found['materials']) or 'all surfaces'}"
     unit = "" if found["unit"] in ("", "1") else f" {found['unit']}"
-    said = f"{name.removesuffix(unit.replace(' ', '_'))} {found['value']:.4g}{unit}"
-    if found["low"] is None or found["high"] is None:
-        return said
-    least = f", floor ±{found['floor']:.2g}" if found.get("floor") else ""
-    return f"{said} ({found['low']:.4g} to {found['high']:.4g}{least})"
+    value, low, high, floor = found["value"], found["low"], found["high"], found.get("floor")
+    shown = name.removesuffix(unit.replace(" ", "_"))
+    if low is None or high is None:
+        return f"{shown} {value:.4g}{unit}"
+    half = max(high - value, value - low)
+    least = f", floor ±{floor:.2g}" if floor else ""
+    if half <= 0.0 or not isclose(high - value, value - low, rel_tol=0.01):  # it meets an end of the range
+        return f"{shown} {value:.4g}{unit} ({low:.4g} to {high:.4g}{least})"
+    decimals = max(1 - int(np.floor(np.log10(half))), 0)
+    least = " (all floor)" if floor and floor > _ALL * half else least and f" ({least[2:]})"
+    return f"{shown} {value:.{decimals}f} ±{half:.{decimals}f}{unit}{least}"
 
 
 def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool) -> str:

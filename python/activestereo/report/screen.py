@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formats a command's final output for a terminal of 80 columns: a sentence, at most six lines of figures and notes,
-and commands to paste."""
+"""Formats the end of a command for a terminal, ten lines of 80 columns: a sentence, figures and notes, and commands."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from activestereo.common.own_files import is_outside_allowed
 from activestereo.common.shown import printable
 
 COLUMNS = 80
-_MOST_LINES = 6  # the most lines between the sentence and the commands
+_MOST_LINES = 10  # a command that is broken, for it has long paths, counts as one
 _LONGEST_BAR = 24
 
 
@@ -46,12 +45,12 @@ def screen(
 ) -> str:  # fmt: skip
     """Returns the screen's text, without a last line feed.
 
-    notes: sentences below the figures, most important first; those beyond six lines appear only if `verbose`. steps:
+    notes: sentences below the figures, most important first; those without room appear only if `verbose`. steps:
     made by command(). see: a file that shows more. details: tables that `verbose` adds at the end.
     """
     lines = wrapped(sentence)
-    drawn = _bar_lines(figures[:_MOST_LINES])
-    room, told = _MOST_LINES - len(drawn), []
+    drawn = _bar_lines(figures)
+    room, told = _MOST_LINES - len(lines) - len(drawn) - len(steps) - 1, []
     for said in ([f"  {note}"] if verbose else wrapped(note, "  ") for note in notes):
         if verbose or len(said) <= room:
             room -= len(said)

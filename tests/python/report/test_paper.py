@@ -77,5 +77,5 @@ def test_a_comparison_has_residuals_and_a_table(ball_comparison):
 def test_a_diagnosis_in_a_notebook_says_its_verdict():
     diagnosis = Diagnosis(RESULT, Model())
     shown = diagnosis._repr_html_()
-    assert "The model lacks one effect: radial_distortion" in shown and "principal_point_offset" in shown
+    assert "The model lacks radial_distortion" in shown and "principal_point_offset" in shown
     assert diagnosis.predictions() == {} and diagnosis.residuals() == {} and diagnosis.comparison() is None

@@ -27,6 +27,8 @@ from activestereo.report.summary import comparison_screen, summary_table
 from report_worlds import DIAGNOSIS, WITH_MODEL, decoded
 
 _SCHEMAS = Path(activestereo.report.__file__).resolve().parent / "schema"
+
+
 class _Page(HTMLParser):
     """Every address that a page refers to, whether its tags are closed in order, and its text."""
 
@@ -196,7 +198,7 @@ def test_a_diagnosis_in_the_folder_is_shown(comparison, tmp_path):
     page = _Page(write_report(comparison, tmp_path)[1].read_text())
     words = " ".join(page.words)
     assert page.open == []
-    assert "The model lacks one effect: radial_distortion" in words
+    assert "The model lacks radial_distortion" in words
     assert "principal_point_offset" in words and "lens <shading>" in words  # escaped, and read back
     assert "a second distance" in words and "14.2" in words and "model now 6.21 DN, with the effect 2.51 DN" in words
 

@@ -34,8 +34,8 @@ def _screen(result, verbose=False):
 def test_a_sentence_for_each_verdict():
     said = [_row("a") | {"finding": "The air is hazy"}, _row("b") | {"finding": "A lamp flickers"}]
     both = _result(ranking=said, added=["a", "b"])
-    assert headline(both) == "The model lacks two effects: a (the air is hazy) and b (a lamp flickers)."
-    assert headline(_result()) == "The model lacks one effect: a."
+    assert headline(both) == "The model lacks a (the air is hazy) and b (a lamp flickers)."
+    assert headline(_result()) == "The model lacks a."
     assert headline(_result(verdict="unknown", added=[])) == (
         "Something is missing that no known effect explains (2.51 DN, noise alone gives 2.44 DN)."
     )
@@ -47,18 +47,23 @@ def test_a_sentence_for_each_verdict():
     assert headline(_result(verdict="undetermined", reason="it is dark")).endswith("missing: it is dark.")
 
 
-def test_a_name_has_one_share_and_says_how_far_behind_its_rivals_are():
-    sure = {"effects": ["a"], "rivals": {"c": 0.93, "d": 0.71, "e": 0.2}}
-    ranking = [_row("a") | {"explained_share": 0.951}, _row("b", ["c"])]
+def test_an_effect_has_one_share_and_no_words_contradict_it():
+    """A rival that rounds to the same share gets a digit more; none is "within 5 %" of a name and explains 95 %."""
+    sure = {"effects": ["a"], "rivals": {"c": 0.4, "d": 0.3, "e": 0.2}}  # beside other effects; the ranking's are told
+    ranking = [_row(name) | {"explained_share": share} for name, share in zip("acde", (0.951, 0.93, 0.71, 0.2))]
     words = rival_words(_result(ranking=ranking, sets=[sure]))
-    assert words == ["No rival within 2 %: it explains 95 %, c 93 %, d 71 %."]
-    close = sure | {"rivals": {"c": 0.9483}}
-    assert "No rival within 0.3 %" in rival_words(_result(ranking=ranking, sets=[close]))[0]
+    assert words == ["Rivals fit worse: it explains 95 %, c 93 %, d 71 %."]
+    ranking[1]["explained_share"] = 0.9483
+    assert "explains 95.1 %, c 94.8 %," in rival_words(_result(ranking=ranking, sets=[sure]))[0]
+    ranking[1]["explained_share"] = 0.97
+    assert "worse" not in rival_words(_result(ranking=ranking, sets=[sure]))[0]
+    both = rival_words(_result(ranking=ranking, sets=[sure, {"effects": ["d"], "rivals": {}}]))
+    assert both == ["Share of the error beyond noise: a 95 % and d 71 %."]
     open_set = {"effects": ["a", "b"], "rivals": {}}
-    assert rival_words(_result(sets=[open_set]))[0].endswith("error; this data cannot tell it from b.")
+    assert rival_words(_result(sets=[open_set]))[1] == "This data cannot tell a from b."
     repeats = _row("a") | {"channel": "noise"}
     assert rival_words(_result(ranking=[repeats], sets=[sure])) == []
-    shares = re.findall(r"a +family +10\.0 +(\d+) %|a explains (\d+) %", _screen(_result(sets=[open_set]), True))
+    shares = re.findall(r"a +family +10\.0 +(\d+) %|noise: a (\d+) %", _screen(_result(sets=[open_set]), True))
     assert len(shares) == 2 and len({one or other for one, other in shares}) == 1
 
 
@@ -69,10 +74,14 @@ def test_the_screen_has_errors_values_with_their_floor_and_the_next_commands():
                      depth={"verdict": "none", "reason": None, "added": [], "ranking": []})  # fmt: skip
     text = _screen(result)
     assert led_on(text)[0][0] == "compare" and "\ncheck: " in text
-    assert text.startswith("table: the model lacks one effect: a (the air is hazy). Errors on frames that")
+    assert text.startswith("table: the model lacks a (the air is hazy). Errors on frames that")
     for name, value in (("model now", "6.21"), ("with the effect", "2.51"), ("sensor noise", "2.44")):
         assert re.search(f"^  {name} +{value} DN +█", text, re.M)
-    assert "fitted: k 4 m (3.3 to 4.7, floor ±0.66)" in text and "depth engine: nothing is missing." in text
+    assert "fitted: k 4.00 ±0.70 m (floor ±0.66)" in text and "depth engine: nothing is missing." in text
+    row["parameters"]["k"]["floor"] = 0.7
+    row["parameters"] |= {"gain": {"value": 0.2, "low": 0.0, "high": 0.9, "unit": "1", "floor": 0.02}}
+    text = _screen(result)
+    assert "k 4.00 ±0.70 m (all floor), gain 0.2 (0 to 0.9, floor ±0.02)" in text
     assert "probability" not in _screen(result, True) and "confidence" not in _screen(result, True)
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from activestereo.common.shown import listed
 
-_COUNTS = ("no effect", "one effect", "two effects", "three effects")
 _RIVALS = 2  # so many are reported with their shares
 # A correction beyond so many stated deviations shows that the uncertainty was stated wrong.
 IMPOSSIBLE_SIGMAS = 10.0
@@ -62,25 +61,22 @@ def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
 
 
 def rival_words(result: Mapping[str, Any]) -> list[str]:
-    """Returns a sentence for each named effect: the share of the error that it explains, and its lead over the best
-    rival or the effects that the data cannot tell from it."""
+    """Returns a sentence on the share of the error that the named effects explain, and one for each name that the data
+    cannot tell from others; beside a single name, the shares of its best rivals. All shares are the ranking's."""
     entries = {entry["effect"]: entry for entry in result["ranking"]}
-    said = []
-    for own in result.get("sets", []):
-        entry, rivals_of = entries.get(own["effects"][0]), own.get("rivals", {})
-        if entry is None or entry.get("explained_share") is None or entry.get("channel") == "noise":
-            continue
-        name = "it" if len(result["sets"]) == 1 else entry["effect"]
-        words = f"explains {_percent(entry['explained_share'])}"
-        if same := alike(result, entry):
-            said.append(f"{entry['effect']} {words} of the error; this data cannot tell it from {listed(same)}.")
-        elif rivals_of:
-            behind = 100.0 * max(entry["explained_share"] - max(rivals_of.values()), 0.0)
-            shares = ", ".join(f"{id} {_percent(rival)}" for id, rival in [*rivals_of.items()][:_RIVALS])
-            said.append(f"No rival within {behind:.{0 if behind >= 1.0 else 1}f} %: {name} {words}, {shares}.")
-        else:
-            said.append(f"{entry['effect']} {words} of the error beyond noise.")
-    return said
+    names = [entries[own["effects"][0]] for own in result.get("sets", []) if own["effects"][0] in entries]
+    named = [e for e in names if e.get("explained_share") is not None and e.get("channel") != "noise"]
+    if not named:
+        return []
+    same = [f"This data cannot tell {e['effect']} from {listed(alike(result, e))}." for e in named if alike(result, e)]
+    beside = [entries[name] for name in result["sets"][0].get("rivals", {}) if name in entries][:_RIVALS]
+    shares = [entry["explained_share"] for entry in [*named, *beside]]
+    if same or len(named) > 1 or not beside or shares[1] >= shares[0]:
+        told = [f"{entry['effect']} {_percent(entry['explained_share'])}" for entry in named]
+        return [f"Share of the error beyond noise: {listed(told)}.", *same]
+    decimals = 0 if _percent(shares[0]) != _percent(shares[1]) else 1
+    others = ", ".join(f"{e['effect']} {_percent(e['explained_share'], decimals)}" for e in beside)
+    return [f"Rivals fit worse: it explains {_percent(shares[0], decimals)}, {others}."]
 
 
 def headline(result: Mapping[str, Any]) -> str:
@@ -88,8 +84,7 @@ def headline(result: Mapping[str, Any]) -> str:
     left = _left(result)
     if result["verdict"] == "effect":
         added = result["added"]
-        count = _COUNTS[len(added)] if len(added) < len(_COUNTS) else f"{len(added)} effects"
-        return f"The model lacks {count}: {listed([_named(result, name) for name in added])}."
+        return f"The model lacks {listed([_named(result, name) for name in added])}."
     if result["verdict"] == "unknown":
         return f"Something is missing that no known effect explains{left}."
     if result["verdict"] == "none":
@@ -118,8 +113,8 @@ def _lowered(words: str) -> str:
     return words[0].lower() + words[1:]
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+def _percent(share: float, decimals: int = 0) -> str:
+    return f"{100 * share:.{decimals}f} %"
 
 
 def _left(result: Mapping[str, Any]) -> str:
