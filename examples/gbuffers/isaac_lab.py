@@ -15,12 +15,14 @@ from isaaclab.sensors import CameraCfg
 
 
 def with_stereo_depth(env_cfg: Any, camera: str = "D435", seed: int = 0) -> Any:
-    """The task's configuration with such cameras; ValueError where its scene has none. camera: a preset's name or a
-    camera's .toml file."""
-    cameras = [part for part in vars(env_cfg.scene).values() if isinstance(part, CameraCfg)]
+    """The task's configuration with such cameras; ValueError where it has none. camera: a preset's name or a camera's
+    .toml file."""
+    parts = [*vars(env_cfg.scene).values(), *vars(env_cfg).values()]  # direct tasks have their camera beside the scene
+    cameras = [part for part in parts if isinstance(part, CameraCfg)]
     if not cameras:
-        raise ValueError("the task's scene has no camera: add a CameraCfg with a renderer")
+        raise ValueError("the task has no camera: add a CameraCfg with a renderer")
     for cfg in cameras:
+        cfg.update_latest_camera_pose = True  # else normals are turned by the pose that a wrist had at the start
         cfg.data_types = [*dict.fromkeys([*cfg.data_types, *NEEDS])]
         cfg.renderer_cfg = ActiveStereoRendererCfg(source=cfg.renderer_cfg, camera=camera, seed=seed)
     return env_cfg

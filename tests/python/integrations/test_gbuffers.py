@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulators' own images as GBufferStereo takes them: a ball before a wall, whose depth and normals geometry tells."""
 
+import importlib
 import runpy
 import sys
 import types
@@ -204,52 +205,43 @@ def test_gazebo_and_ros_messages(kind) -> None:
         image_of(kind(**({"encoding": "yuv"} if kind is RosImage else {"pixel_format_type": 99})))
 
 
+# isaaclab/renderers/base_renderer.py of Isaac Lab 3 in November 2026: each method's arguments, or a property's value.
+ISAAC_LAB = {
+    "initialize": "", "close": "", "visual_material_writer": None, "prepare_cameras": "stage spec",
+    "supported_output_types": "", "prepare_stage": "stage num_envs", "create_render_data": "spec",
+    "set_outputs": "render_data output_data", "update_transforms": "", "update_geometries": "",
+    "update_camera": "render_data positions orientations intrinsics",
+    "update_camera_intrinsics": "render_data intrinsics parameters", "render": "render_data",
+    "render_batch": "render_data", "read_output": "render_data camera_data", "cleanup": "render_data",
+}  # fmt: skip
+
+
 def isaac_lab(monkeypatch):
-    """Modules with the abstract methods of Isaac Lab 3's renderers, and no others."""
-
-    class BaseRenderer(ABC):
-        @property
-        def visual_material_writer(self):
-            return None
-
-        def initialize(self):
-            return
-
-        @abstractmethod
-        def supported_output_types(self): ...
-        @abstractmethod
-        def prepare_stage(self, stage, num_envs): ...
-        @abstractmethod
-        def create_render_data(self, spec): ...
-        @abstractmethod
-        def set_outputs(self, render_data, output_data): ...
-        @abstractmethod
-        def update_transforms(self): ...
-        @abstractmethod
-        def update_geometries(self): ...
-        @abstractmethod
-        def update_camera(self, render_data, positions, orientations, intrinsics): ...
-        @abstractmethod
-        def render(self, render_data): ...
-        @abstractmethod
-        def read_output(self, render_data, camera_data): ...
-        @abstractmethod
-        def cleanup(self, render_data): ...
+    """Modules with the methods of Isaac Lab's renderers, and no others. Its own class has no method but these."""
 
     @dataclass
     class RendererCfg:
-        class_type: type = BaseRenderer
+        class_type: type | None = None
         renderer_type: str = "default"
 
+        def provides_temporal_camera_data(self, data_type):
+            return True
+
+    def method(arguments):
+        return property(lambda self: arguments) if arguments is None else abstractmethod(lambda self, *given: None)
+
+    BaseRenderer = type(ABC)("BaseRenderer", (ABC,), {name: method(text) for name, text in ISAAC_LAB.items()})
     shared = {"BaseRenderer": BaseRenderer, "RendererCfg": RendererCfg}
-    for name, content in (("isaaclab", {}), ("isaaclab.renderers", shared), ("isaaclab.utils", {"configclass": _cfg})):
+    for name, content in (
+        ("isaaclab", {}), ("isaaclab.renderers", shared), ("isaaclab.utils", {}),
+        ("isaaclab.utils.configclass", {"configclass": _cfg}),
+    ):  # fmt: skip
         module = types.ModuleType(name)
         vars(module).update(content)
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.delitem(sys.modules, "activestereo.integrations.gbuffers.isaac_lab", raising=False)
-    from activestereo.integrations.gbuffers import isaac_lab as adapter
-
-    return adapter, BaseRenderer, RendererCfg
+    # Not "from ... import": the package keeps an earlier test's module, and its torch.
+    return importlib.import_module("activestereo.integrations.gbuffers.isaac_lab"), BaseRenderer, RendererCfg
 
 
 def _cfg(kind):
@@ -267,12 +259,17 @@ def test_the_cameras_of_an_isaac_lab_task_get_the_renderer(monkeypatch) -> None:
     sensors.CameraCfg = type("CameraCfg", (types.SimpleNamespace,), {})
     monkeypatch.setitem(sys.modules, "isaaclab.sensors", sensors)
     recipe = runpy.run_path(str(EXAMPLES / "gbuffers/isaac_lab.py"))["with_stereo_depth"]
-    rtx = RendererCfg()
-    wrist = sensors.CameraCfg(data_types=["rgb", "depth"], renderer_cfg=rtx)
-    given = types.SimpleNamespace(scene=types.SimpleNamespace(wrist=wrist, robot="robot"))
+    kinds = {name: RendererCfg(renderer_type=name) for name in ("newton_warp", "auto_rtx")}
+    wrist, tiled = (sensors.CameraCfg(data_types=["rgb", "depth"], renderer_cfg=kind) for kind in kinds.values())
+    given = types.SimpleNamespace(scene=types.SimpleNamespace(wrist=wrist, robot="robot"), tiled_camera=tiled)
     assert recipe(given, "D415", 3) is given
-    assert wrist.data_types == ["rgb", "depth", "distance_to_image_plane", "normals", "albedo"]
-    assert (wrist.renderer_cfg.source, wrist.renderer_cfg.camera, wrist.renderer_cfg.seed) == (rtx, "D415", 3)
+    for cfg, name, launched in ((wrist, "newton_warp", "newton_warp"), (tiled, "auto_rtx", "isaac_rtx")):
+        assert cfg.data_types == ["rgb", "depth", "distance_to_image_plane", "normals", "albedo"]
+        assert cfg.update_latest_camera_pose
+        stereo = cfg.renderer_cfg
+        assert (stereo.source, stereo.camera, stereo.seed) == (kinds[name], "D415", 3)
+        # Isaac Lab's launcher and Camera go by this name: Kit starts for Isaac RTX alone, "auto_rtx" is replaced.
+        assert stereo.renderer_type == launched and stereo.provides_temporal_camera_data("depth")
     with pytest.raises(ValueError, match="no camera"):
         recipe(types.SimpleNamespace(scene=types.SimpleNamespace(robot="robot")))
 
@@ -292,26 +289,8 @@ def test_isaac_lab(monkeypatch) -> None:
         def __init__(self, cfg):
             self.outputs = {}
 
-        def supported_output_types(self):
-            return {"depth": 1}
-
-        def prepare_stage(self, stage, num_envs):
-            calls.append(("prepare_stage", num_envs))
-
-        def create_render_data(self, spec):
-            return object()
-
         def set_outputs(self, render_data, output_data):
             self.outputs = output_data
-
-        def update_transforms(self):
-            calls.append("update_transforms")
-
-        def update_geometries(self):
-            pass
-
-        def update_camera(self, render_data, positions, orientations, intrinsics):
-            calls.append("update_camera")
 
         def render(self, render_data):
             right, down, forward = (normal[..., n] for n in range(3))
@@ -321,11 +300,10 @@ def test_isaac_lab(monkeypatch) -> None:
             self.outputs["normals"].torch.copy_(torch.from_numpy(world).expand(2, 72, 96, 3))
             self.outputs["albedo"].torch.fill_(128)
 
-        def read_output(self, render_data, camera_data):
-            calls.append("read_output")
-
-        def cleanup(self, render_data):
-            calls.append("cleanup")
+    for name, arguments in ISAAC_LAB.items():
+        if arguments is not None and name not in ("set_outputs", "render"):
+            setattr(Seeing, name, lambda self, *given, name=name: calls.append((name, len(given))) or name)
+    Seeing.__abstractmethods__ = frozenset()
 
     class Proxy:
         def __init__(self, values):
@@ -336,15 +314,17 @@ def test_isaac_lab(monkeypatch) -> None:
     output["albedo"] = Proxy(torch.zeros(2, 72, 96, 4, dtype=torch.uint8))
     cfg = adapter.ActiveStereoRendererCfg(source=RendererCfg(class_type=Seeing))
     renderer = cfg.class_type(cfg)
-    renderer.initialize()
-    renderer.prepare_stage(None, 2)
-    assert renderer.supported_output_types() == {"depth": 1} and renderer.visual_material_writer == "writer"
-    data = renderer.create_render_data(None)
+    assert renderer.visual_material_writer == "writer"
+    data = object()
     renderer.set_outputs(data, output)
-    renderer.update_transforms()
     turn = torch.tensor([[0.0, 0.0, -(0.5**0.5), 0.5**0.5]] * 2)  # x, y, z, w: x of the camera along -y
-    k = torch.from_numpy(config.ir_intrinsic).expand(2, 3, 3)
-    renderer.update_camera(data, Proxy(torch.zeros(2, 3)), Proxy(turn), Proxy(k))
+    k = torch.from_numpy(config.ir_intrinsic).repeat(2, 1, 1)
+    own = {"update_camera": (data, Proxy(torch.zeros(2, 3)), Proxy(turn), Proxy(k.clone().fill_(1.0)))}
+    passed = {name: arguments.split() for name, arguments in ISAAC_LAB.items() if arguments is not None}
+    for name in passed.keys() - {"set_outputs", "render", "read_output"}:  # all reach the source, whatever they return
+        answer = getattr(renderer, name)(*own.get(name, passed[name]))
+        assert calls[-1] == (name, len(passed[name])) and answer in (name, None)
+    own["update_camera"][3].torch.copy_(k)  # as set_intrinsic_matrices() does, without another update_camera()
     seen = {}
     call = GBufferStereo.__call__
     monkeypatch.setattr(
@@ -358,8 +338,7 @@ def test_isaac_lab(monkeypatch) -> None:
     measured = output["depth"].torch[..., 0].numpy()
     assert (measured > 0).mean() > 0.4 and np.median(np.abs(measured - depth)[measured > 0]) < 0.02
     np.testing.assert_allclose(output["distance_to_image_plane"].torch[0, ..., 0], depth, rtol=1e-6)
-    renderer.cleanup(data)
-    assert calls[0] == ("prepare_stage", 2) and calls[-2:] == ["read_output", "cleanup"]
+    assert calls[-1] == ("read_output", 2)
     del output["normals"]
     with pytest.raises(ValueError, match=r"data_types lack \['normals'\]"):
         renderer.read_output(data, types.SimpleNamespace(output=output))

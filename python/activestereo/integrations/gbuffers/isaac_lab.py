@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 from isaaclab.renderers import BaseRenderer, RendererCfg
-from isaaclab.utils import configclass
+from isaaclab.utils.configclass import configclass
 
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.integrations.gbuffers.pinhole import centred
@@ -43,11 +43,11 @@ class ActiveStereoRenderer(_Forwarding):
     def __init__(self, cfg: ActiveStereoRendererCfg) -> None:
         self.cfg, self.source = cfg, cfg.source.class_type(cfg.source)
         self._sensors: dict[tuple[int, int, int, float], GBufferStereo] = {}
-        self._cameras: dict[int, tuple[Any, float]] = {}  # orientations and focal length, by render data
+        self._cameras: dict[int, tuple[Any, Any]] = {}  # orientations and K of all cameras, by render data
 
     def update_camera(self, render_data: Any, positions: Any, orientations: Any, intrinsics: Any) -> None:
         self.source.update_camera(render_data, positions, orientations, intrinsics)
-        self._cameras[id(render_data)] = _tensor(orientations), float(_tensor(intrinsics)[0, 0, 0])
+        self._cameras[id(render_data)] = _tensor(orientations), _tensor(intrinsics)
 
     def read_output(self, render_data: Any, camera_data: Any) -> None:
         """Lets the source fill camera_data.output, then overwrites its 'depth' in place with the stereo camera's depth.
@@ -57,7 +57,8 @@ class ActiveStereoRenderer(_Forwarding):
         if missing:
             raise ValueError(f"an active stereo camera's data_types lack {missing}, it needs {list(NEEDS)}")
         depth, planar, normal, albedo = (_tensor(camera_data.output[name]) for name in NEEDS)
-        turns, focal_px = self._cameras[id(render_data)]
+        turns, k = self._cameras[id(render_data)]
+        focal_px = float(k[0, 0, 0])  # read now: set_intrinsic_matrices() writes into the camera's own buffer
         count, height, width, _ = planar.shape
         key = count, height, width, focal_px
         if key not in self._sensors:
@@ -87,3 +88,12 @@ class ActiveStereoRendererCfg(RendererCfg):
     source: RendererCfg = MISSING
     camera: str = "D435"
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        getattr(super(), "__post_init__", lambda: None)()
+        # Isaac Lab starts Kit, and tells it to render, by this name. "auto_rtx" would be replaced, this class with it.
+        kind = getattr(self.source, "renderer_type", self.renderer_type)
+        self.renderer_type = "isaac_rtx" if kind == "auto_rtx" else kind
+
+    def provides_temporal_camera_data(self, data_type: str) -> bool:
+        return self.source.provides_temporal_camera_data(data_type)
