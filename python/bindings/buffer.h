@@ -230,6 +230,12 @@ void bind_buffer_desc(py::module_& module) {
 
 template <class Api>
 void bind_buffer(py::module_& module) {
+#if PYBIND11_VERSION_HEX < 0x020C0000  // older ones read the sizes of NumPy 2's types as 0
+  const auto numpy = py::module_::import("numpy").attr("__version__").cast<std::string>();
+  if (numpy.rfind("1.", 0) != 0)
+    throw py::import_error("this build is for NumPy 1, and " + numpy +
+                           " is installed: pip install 'numpy<2', or build a wheel (bash python/wheels.sh)");
+#endif
   bind_buffer_desc<Api>(module);
   using B = Buffer<Api>;
   using Shared = std::shared_ptr<B>;

@@ -2,10 +2,12 @@
 """Arrays cross between the libraries, NumPy and whoever speaks DLPack: each is the same memory, never a copy."""
 
 import gc
+import re
 import subprocess
 import sys
 import weakref
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -150,3 +152,18 @@ def test_a_view_at_the_interpreters_end_is_let_go() -> None:
     program = "import kuafu, numpy; keep = numpy.from_dlpack(kuafu.Buffer(kuafu.Device('cpu'), 64)); print('fine')"
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (said.returncode, said.stdout, said.stderr) == (0, "fine\n", "")
+
+
+@pytest.mark.parametrize("module", ["kuafu", "simsense"])
+def test_a_build_that_misreads_numpy_2_says_so(module) -> None:
+    """pybind11 before 2.12 takes NumPy 2's types for empty ones. PyPI's wheels are built by a newer one."""
+    header = Path("/usr/include/pybind11/detail/common.h")
+    if (
+        "site-packages" in kuafu.__file__
+        or not header.exists()
+        or int(re.search(r"VERSION_MINOR (\d+)", header.read_text())[1]) >= 12
+    ):
+        pytest.skip("this build's pybind11 knows NumPy 2")
+    line = f"import numpy; numpy.__version__ = '2.1.0'; import {module}"
+    run = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True, check=False)
+    assert run.returncode == 1 and "2.1.0 is installed: pip install 'numpy<2'" in run.stderr

@@ -92,7 +92,7 @@ class ActiveStereoRendererCfg(RendererCfg):
     def __post_init__(self) -> None:
         getattr(super(), "__post_init__", lambda: None)()
         # Isaac Lab starts Kit, and tells it to render, by this name. "auto_rtx" would be replaced, this class with it.
-        kind = getattr(self.source, "renderer_type", self.renderer_type)
+        kind = getattr(self.source, "renderer_type", "default")
         self.renderer_type = "isaac_rtx" if kind == "auto_rtx" else kind
 
     def provides_temporal_camera_data(self, data_type: str) -> bool:
