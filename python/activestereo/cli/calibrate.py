@@ -39,8 +39,15 @@ shot noise alone cannot tell black from read noise.
 
 Static speckle is the same in every repeat: it never shows in repeats.
 
+Frames of even light by EMVA 1288 give more: gain, dark noise, DSNU, PRNU and defects,
+as imager and effects of the model (the package emva1288 prints the standard's own
+table). FRAMES is then the standard's descriptor file (lines v, n, b, d, i; EMVA1288_Data.txt of its
+reference sets), or a folder of folders, one for each step of light, of 2 frames
+each, of 3 or more one; --dark: frames with the lens covered.
+
 examples:
   activestereo calibrate noise wall/ --dark covered/ -o model.json
+  activestereo calibrate noise EMVA1288_Data.txt -o model.json
   activestereo calibrate noise stack.npy -o model.json
 """
 
@@ -133,13 +140,19 @@ def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str)
 
 
 def _run_noise(args: argparse.Namespace) -> None:
-    from activestereo.calibrate.noise import calibrate_noise
+    from activestereo.calibrate.emva1288 import Emva1288, calibrate_emva1288, is_emva1288
+    from activestereo.calibrate.noise import Noise, calibrate_noise
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model.write import replace_sections
 
     check_out_file(args.out)
-    with ProgressBar("fitting noise") as bar:
-        measured = calibrate_noise(args.frames, args.dark, args.seed, bar)
+    measured: Emva1288 | Noise
+    if is_emva1288(args.frames):
+        with ProgressBar("reading frames") as bar:
+            measured = calibrate_emva1288(args.frames, args.dark, bar)
+    else:
+        with ProgressBar("fitting noise") as bar:
+            measured = calibrate_noise(args.frames, args.dark, args.seed, bar)
     replace_sections(args.out, measured.model())
     print_section(args, "imager", measured.summary())
 
