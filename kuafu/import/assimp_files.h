@@ -10,8 +10,8 @@
 
 namespace kuafu {
 
-/// A forbidden file gives a warning, and is not there for assimp, which does without it or fails. `scene_file`: what the scene
-/// file has for assimp.
+/// Gives assimp the scene's files. A forbidden file gives a warning and does not exist for assimp, which does without it or fails.
+/// `scene_file`: the content that assimp reads as the scene file.
 class SceneFiles final : public Assimp::IOSystem {
  public:
   SceneFiles(Import& import, std::vector<uint8_t> scene_file) : import_(import), scene_file_(std::move(scene_file)) {}

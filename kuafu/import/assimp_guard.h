@@ -10,11 +10,12 @@
 
 namespace kuafu {
 
-/// A Collada file as assimp reads it right: in UTF-8, without blanks around numbers and names, and without cameras, lights and animations,
-/// which are not shown. Throws KS_ERROR_FILE for an accessor that leaves the array that it names.
+/// Rewrites a Collada file so that assimp reads it correctly: in UTF-8, without blanks around numbers and names, without cameras, lights
+/// and animations, which are not shown. Throws KS_ERROR_FILE for an accessor that exceeds its array.
 std::vector<uint8_t> plain_collada(Import& import, std::string_view file);
 
-/// After reading, before triangulation: every face has corners, and they are vertices of its mesh; every material and mesh index exists.
+/// Checks a file that assimp has read, before triangulation: every face has corners that are vertices of its mesh, and every material and
+/// mesh index exists.
 void check_read(const aiScene& file);
 
 }  // namespace kuafu

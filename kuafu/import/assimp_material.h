@@ -8,7 +8,7 @@
 
 namespace kuafu {
 
-/// Warns of images that are not read.
+/// Converts assimp's material; warns of images that are not read.
 PhongMaterial phong_of(Import& import, const aiMaterial& from);
 
 }  // namespace kuafu

@@ -11,16 +11,16 @@ namespace kuafu {
 
 class Budget {
  public:
-  /// Without a limit, for a reader inside a test.
+  /// A budget without a limit, for tests.
   Budget() = default;
-  /// Limits the process' address space too, to what it has now and `bytes`.
+  /// Limits claims to bytes, which files may raise to most_bytes; limits the process' address space by the same.
   Budget(uint64_t bytes, uint64_t most_bytes);
 
-  /// Limits claims alone, not the process: for a reader inside a test.
+  /// Limits claims but not the process, for tests.
   void limit_claims(uint64_t bytes) { limit_ = most_ = bytes; }
-  /// A file of this size was read: allows more, by memory_per_file_byte (io/load_options.h).
+  /// Raises the limit for a file of this size, by memory_per_file_byte (io/load_options.h).
   void add_file(uint64_t file_bytes);
-  /// Throws KS_ERROR_FILE that names `what` when all claims together exceed the limit.
+  /// Claims memory for `what`. Throws KS_ERROR_FILE with its name if all claims together exceed the limit.
   void claim(uint64_t bytes, const std::string& what);
   [[nodiscard]] uint64_t limit_bytes() const { return limit_; }
 

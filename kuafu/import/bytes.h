@@ -9,7 +9,7 @@
 
 namespace kuafu {
 
-/// `count` bytes at `at`. Throws KS_ERROR_FILE when there are fewer.
+/// Returns `count` bytes from `at` on. Throws KS_ERROR_FILE if there are fewer.
 inline std::span<const uint8_t> part(std::span<const uint8_t> bytes, uint64_t at, uint64_t count) {
   if (at > bytes.size() || count > bytes.size() - at) ks::fail(KS_ERROR_FILE, "the data ends too early: it has %zu bytes", bytes.size());
   return bytes.subspan(at, count);

@@ -10,11 +10,11 @@
 
 namespace kuafu {
 
-/// [count * components] values; integers are scaled to [0, 1] or [-1, 1] where the accessor is normalized. `field` names it in errors.
-/// Throws unless the accessor has exactly `components` per element, and unless the budget holds them.
+/// Reads an accessor's [count * components] values; normalized integers are scaled to [0, 1] or [-1, 1]. `field` names it in errors. Throws
+/// for another number of components per element, or if the budget does not hold them.
 std::vector<float> read_floats(Budget& budget, const tinygltf::Model& model, int accessor, int components, const std::string& field);
 
-/// Scalars of unsigned 8, 16 or 32 bit.
+/// Reads scalars of unsigned 8, 16 or 32 bits.
 std::vector<uint32_t> read_indices(Budget& budget, const tinygltf::Model& model, int accessor, const std::string& field);
 
 /// The bytes of a buffer view.

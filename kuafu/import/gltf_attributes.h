@@ -25,16 +25,16 @@ class GltfAttributes {
 
   [[nodiscard]] bool has(const std::string& name) const { return accessor(name) >= 0 || (draco_ && draco_->has(name)); }
   [[nodiscard]] std::vector<float> floats(const std::string& name, int components) const;
-  /// Empty where there is no such attribute.
+  /// Reads a vector attribute; empty if the primitive lacks it.
   template <class Vector>
   [[nodiscard]] std::vector<Vector> vectors(const std::string& name) const {
     return has(name) ? as_vectors<Vector>(floats(name, Vector::length())) : std::vector<Vector>();
   }
-  /// COLOR_0 as linear RGBA; empty where it is 1 everywhere, which changes nothing.
+  /// Reads COLOR_0 as linear RGBA; empty if it is 1 everywhere and changes nothing.
   [[nodiscard]] std::vector<glm::vec4> colors() const;
-  /// Compressed data holds triangles, whatever they were before.
+  /// The primitive's mode. Compressed data always holds triangles.
   [[nodiscard]] int mode() const { return draco_ ? TINYGLTF_MODE_TRIANGLES : primitive_.mode; }
-  /// Vertices of the triangles, in the order of the primitive's mode.
+  /// Reads the vertex indices, in the order of the primitive's mode.
   [[nodiscard]] std::vector<uint32_t> indices(size_t vertex_count) const;
 
  private:

@@ -7,9 +7,9 @@
 
 namespace kuafu {
 
-/// All sets of JOINTS_n and WEIGHTS_n; the weights of each vertex have the sum 1.
+/// Reads all sets of JOINTS_n and WEIGHTS_n; each vertex' weights sum to 1.
 std::vector<SkinWeights> read_skin_weights(const GltfAttributes& attributes, size_t vertex_count, const std::string& field);
-/// POSITION, NORMAL and, where `tangents`, TANGENT of each target; what else a target moves gives a message.
+/// Reads POSITION, NORMAL and, if `tangents`, TANGENT of each morph target; warns of other attributes.
 std::vector<MorphTarget> read_targets(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
                                       size_t vertex_count, bool tangents, const std::string& field);
 

@@ -11,11 +11,11 @@
 
 namespace kuafu {
 
-/// Throws ks::Error that names the field. Buffers are read; of images, data URIs are unpacked into Image::image and the rest is left where
-/// it is. Names are clean. Members that glTF does not have are warned of.
+/// Reads a glTF file with its buffers. Images are unpacked only from data URIs. Names are clean; unknown members give warnings. Throws
+/// ks::Error with the field.
 tinygltf::Model read_gltf(Import& import);
 
-/// Percent-decodes a URI reference (RFC 3986 section 2.1).
+/// Percent-decodes a URI reference (RFC 3986, section 2.1).
 std::string decode_uri(const std::string& uri);
 
 }  // namespace kuafu

@@ -17,7 +17,7 @@ namespace kuafu {
 
 class DracoPrimitive {
  public:
-  /// Nothing where the primitive is not compressed. Throws KS_ERROR_FILE that names `field`.
+  /// Decodes a compressed primitive; nothing if it is not compressed. Throws KS_ERROR_FILE with `field`.
   static std::optional<DracoPrimitive> decode(Budget& budget, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
                                               const std::string& field);
   ~DracoPrimitive();
@@ -25,10 +25,10 @@ class DracoPrimitive {
   DracoPrimitive& operator=(DracoPrimitive&&) noexcept;
 
   [[nodiscard]] bool has(const std::string& attribute) const;
-  /// [vertices][components], as read_floats (gltf_accessor.h).
+  /// An attribute's values, [vertices][components], as read_floats() returns them (gltf_accessor.h).
   [[nodiscard]] std::vector<float> floats(const std::string& attribute, int components, const std::string& field) const;
   [[nodiscard]] int components(const std::string& attribute) const;
-  /// Three of each triangle.
+  /// Vertex indices, three per triangle.
   [[nodiscard]] std::vector<uint32_t> indices() const;
 
  private:

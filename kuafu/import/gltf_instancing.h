@@ -10,7 +10,7 @@
 
 namespace kuafu {
 
-/// Coordinates of each copy to those of the node; one identity where the node has no such extension.
+/// Returns the transform of each copy to its node; one identity if the node lacks the extension.
 std::vector<glm::dmat4> gpu_instances(Import& import, const tinygltf::Model& model, const tinygltf::Node& node, const std::string& field);
 
 }  // namespace kuafu

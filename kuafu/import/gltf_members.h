@@ -8,8 +8,8 @@
 
 namespace kuafu {
 
-/// One warning for each name that glTF 2.0 does not have where it stands (extensions and extras may hold anything), at its first place; the
-/// nearest name is offered where one is near. After ten names one warning stands for the others.
+/// Warns once of each member that glTF 2.0 does not know at its place, with the nearest known name. Extensions and extras may hold
+/// anything. After ten names, one warning counts the rest.
 void warn_of_unknown_members(Import& import, const nlohmann::json& root);
 
 }  // namespace kuafu

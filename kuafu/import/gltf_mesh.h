@@ -19,8 +19,8 @@ struct GltfMesh {
   std::vector<MorphTarget> targets;
 };
 
-/// uv_1: whether TEXCOORD_1 is wanted. Nothing when the mesh has only points and lines (a warning says so). Triangle strips and fans become
-/// triangles.
+/// Reads a mesh; triangle strips and fans become triangles. uv_1: whether TEXCOORD_1 is read. Nothing, with a warning, if the mesh has only
+/// points and lines.
 std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, size_t index, bool uv_1);
 
 }  // namespace kuafu

@@ -8,10 +8,10 @@
 
 namespace kuafu {
 
-/// Lets compressed views in a file's JSON mean their compressed bytes from here on. Returns whether there was any.
+/// Makes compressed views in a file's JSON refer to their compressed bytes. Returns whether there were any.
 bool read_compressed_views(nlohmann::json& root);
 
-/// Decodes in the tables made of that: every compressed view gets a buffer of its decoded bytes. Throws KS_ERROR_FILE that names the view.
+/// Decodes the views that read_compressed_views() found, each into a buffer of its own. Throws KS_ERROR_FILE with the view.
 void decode_meshopt(Budget& budget, tinygltf::Model& model);
 
 }  // namespace kuafu

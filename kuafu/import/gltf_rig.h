@@ -14,16 +14,16 @@ class GltfRig {
  public:
   GltfRig(Import& import, const tinygltf::Model& model);
 
-  /// The next node of the walk; `parent` is what an earlier call returned, or none. Returns its number here.
+  /// Adds the next node of the walk; `parent`: the number of an earlier node, or none. Returns the node's number in the rig.
   uint32_t add_node(size_t file_node, uint32_t parent, const std::string& field);
-  /// Whether an animation moves the node or one above it.
+  /// Whether an animation moves the node or one of its ancestors.
   [[nodiscard]] bool moves(uint32_t node) const { return moves_[node]; }
-  /// Without animation.
+  /// The node's transform to its parent, without animation.
   [[nodiscard]] glm::dmat4 node_to_parent(uint32_t node) const { return to_parent(rig_.nodes[node], rig_.nodes[node].rest); }
   void add_member(RigMember member) { rig_.members.push_back(member); }
-  /// A mesh of this node alone, whose vertices its skin or targets move. `deforms` is what read_mesh gave but for the mesh itself.
+  /// Adds a mesh whose vertices this node's skin or targets move. `deforms`: the result of read_mesh() except its mesh.
   void add_mesh(uint32_t node, const tinygltf::Node& from, uint32_t mesh, GltfMesh&& deforms, const std::string& field);
-  /// After the walk: bends all meshes as they are without animation, and gives the scene the rig if something in it moves.
+  /// Ends the walk: deforms all meshes as they are without animation, and adds the rig to the scene if anything in it moves.
   void finish();
 
  private:

@@ -10,20 +10,21 @@
 
 namespace kuafu {
 
-/// Throws KS_ERROR_FILE for text that is not JSON, is nested deeper than 128, is not glTF 2, or has a field of a wrong type or length.
+/// Parses a file's JSON. Throws KS_ERROR_FILE if it is not JSON, nested deeper than 128, not glTF 2, or has a field of a wrong type or
+/// length.
 nlohmann::json parse_gltf_json(std::string_view text);
 
-/// A member of an object, and what it must be; "" where kuafu does not read it.
+/// A member of an object and its required type; "" if kuafu does not read it.
 struct GltfMember {
   std::string_view name, kind;
 };
-/// An object of a glTF file: where it stands, as a JSON pointer in which * is every element of an array, and its members.
+/// An object of a glTF file: its place, as a JSON pointer with * for every array element, and its members.
 struct GltfObject {
   std::string_view place;
   std::vector<GltfMember> members;
   bool is_open = false;  // it may have others
 };
-/// Calls visit(object, its JSON, its name for messages) for each object of a known place. Throws KS_ERROR_FILE where something else stands.
+/// Calls visit(object, its JSON, its name in messages) for each object at a known place. Throws KS_ERROR_FILE for another type there.
 void visit_gltf_objects(const nlohmann::json& root,
                         const std::function<void(const GltfObject&, const nlohmann::json&, const std::string&)>& visit);
 

@@ -9,8 +9,8 @@
 
 namespace kuafu {
 
-/// Mesh::tangents of `vertex_count` vertices; empty where the material turns with nothing, and without normals, where the file's are to be
-/// ignored.
+/// Reads the tangents of `vertex_count` vertices. Empty if the material does not depend on them, or without normals, as the file's tangents
+/// must then be ignored.
 std::vector<glm::vec4> read_tangents(const GltfAttributes& attributes, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
                                      size_t vertex_count, const std::string& field);
 

@@ -13,7 +13,7 @@
 
 namespace kuafu {
 
-/// PNG (8 or 16 bit), JPEG, WebP, BMP or TGA, recognised by content. Throws KS_ERROR_FILE that names the texture.
+/// Decodes PNG (8 or 16 bit), JPEG, WebP, BMP or TGA, recognised by content. Throws KS_ERROR_FILE with the texture's name.
 Texture decode_image(std::span<const uint8_t> bytes, const std::string& name, bool srgb, Budget& budget);
 
 bool is_png(std::span<const uint8_t> bytes);
@@ -27,7 +27,7 @@ void decode_webp(std::span<const uint8_t> bytes, Texture& texture, Budget& budge
 void decode_bmp(std::span<const uint8_t> bytes, Texture& texture, Budget& budget);
 void decode_tga(std::span<const uint8_t> bytes, Texture& texture, Budget& budget);
 
-/// Sets the size of a texture and takes memory for its texels, all zero. Throws for a side of 0 or more than 32768.
+/// Sets a texture's size and allocates its texels, all zero. Throws for a side of 0 or above 32768.
 void size_texture(Texture& texture, uint64_t width, uint64_t height, uint32_t channels, Texture::Format format, Budget& budget);
 
 }  // namespace kuafu

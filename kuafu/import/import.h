@@ -25,7 +25,7 @@ struct Import {
   std::vector<std::string> warnings;  // each said once; after most_warnings (io/wire.h) they are counted
 
   void warn(const std::string& text);
-  /// The last warning says how many more there were.
+  /// Adds a last warning that counts the ones left out.
   void close_warnings();
 
  private:
@@ -33,14 +33,14 @@ struct Import {
   uint64_t unsaid_ = 0;
 };
 
-/// ".gltf" of "A.GLTF".
+/// Returns a path's extension in lower case: ".gltf" of "A.GLTF".
 std::string lower_extension(const std::filesystem::path& path);
 
-/// A name from a file: one line of at most 200 bytes.
+/// Cleans a name that a file gives: one line of at most 200 bytes.
 std::string clean_name(std::string_view name);
 
-/// The reader of this helper program; each is linked with one. Errors it throws name the field; the host puts the file's path before
-/// it.
+/// Reads the scene file; each helper program links its own definition. Errors name the field, and the host puts the file's path before
+/// them.
 void read_scene_file(Import& import);
 
 void import_gltf(Import& import);

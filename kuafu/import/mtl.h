@@ -9,8 +9,8 @@
 
 namespace kuafu {
 
-/// Adds the materials of the libraries that `names` is: one name with blanks, or several. One that cannot be opened is said, and so are
-/// statements that are not rendered. Throws KS_ERROR_FILE that names library and line for what is no number.
+/// Adds the materials of a library, or of several: `names` is one name with blanks, or a list. Warns of libraries that cannot be opened and
+/// of statements that are not rendered. Throws KS_ERROR_FILE with library and line for an invalid number.
 void read_mtl(Import& import, const std::string& names, std::map<std::string, PhongMaterial>& materials);
 
 }  // namespace kuafu

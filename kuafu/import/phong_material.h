@@ -10,10 +10,10 @@
 
 namespace kuafu {
 
-/// The images of a material, each by its kind.
+/// The kinds of a material's images.
 enum class PhongMap : size_t { diffuse, specular, emission, opacity, roughness, metallic, height, normal, count };
 
-/// A material as the file has it, before a value is checked.
+/// A material with the file's unchecked values.
 struct PhongMaterial {
   std::string name;
   std::string folder;  // of the names of its images, relative to the scene's; empty = the same
@@ -30,17 +30,16 @@ struct PhongMaterial {
 
 class PhongTextures;
 
-/// base colour = diffuse (times map_Kd); emission = Ke; ior = Ni; specular = mean of Ks, and 0 for illum 0 and 1, which have no highlight.
-/// Roughness from the shininess: GGX alpha^2 = 2 / (Ns + 2) matches the Blinn-Phong lobe's width (Walter et al. 2007, section 5.2);
-/// a PBR roughness or metallic (Pr, Pm) stands as it is. Transmission = 1 - d for the glass models illum 4, 6, 7 and 9, which are also
-/// smooth. With another model d is alpha (KUAFU_ALPHA_BLEND).
-/// Values outside a field's range are clamped, with a warning.
+/// Converts a file's material. base colour = diffuse (times map_Kd); emission = Ke; ior = Ni; specular = mean of Ks, but 0 for illum 0 and
+/// 1, which have no highlight. Roughness comes from the shininess: GGX alpha^2 = 2 / (Ns + 2) matches the Blinn-Phong lobe's width (Walter
+/// et al. 2007, section 5.2). A PBR roughness or metallic (Pr, Pm) is kept. Transmission = 1 - d for the glass models illum 4, 6, 7 and 9,
+/// which are also smooth; in other models d is alpha (KUAFU_ALPHA_BLEND). Values outside a field's range are clamped, with a warning.
 Material read_material(Import& import, const PhongMaterial& from, PhongTextures& textures);
 
 /// The material of coloured vertices in a file without materials: white and Lambertian.
 Material colored_material();
 
-/// Files say nothing about their colours; scanners and editors write sRGB. Values outside of 0 to 1 are clamped.
+/// Decodes vertex colours, clamped to 0..1, as sRGB. Files do not state the encoding; scanners and editors write sRGB.
 glm::vec4 linear_color(const glm::vec4& srgb);
 
 }  // namespace kuafu

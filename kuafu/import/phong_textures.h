@@ -14,16 +14,16 @@ class PhongTextures {
  public:
   explicit PhongTextures(Import& import) : import_(import) {}
 
-  /// Sets the material's textures. An image that is missing or cannot be read is left out, with a message: robots and downloads often come
-  /// without theirs, and a model in its colours is worth more than none.
+  /// Sets the material's textures. An image that is missing or cannot be read is left out with a message: models are often shared without
+  /// their images, and a model in its colours is better than none.
   void read(const PhongMaterial& from, Material& to);
 
  private:
-  /// The name of the image of this kind, once it is read; none where there is none or it is left out.
+  /// Returns the file name of an image that was read; none if there is none or it was left out.
   [[nodiscard]] std::optional<std::string> uri(const PhongMaterial& from, PhongMap kind);
   [[nodiscard]] std::vector<uint8_t> bytes_of(const PhongMaterial& from, const std::string& name) const;
   [[nodiscard]] Texture image(const std::string& uri, bool srgb) const;
-  /// Scene id of a texture made of these images by `make`, which is called once for them.
+  /// Returns the scene's id of a texture that `make` builds from these images; `make` is called once for them.
   template <class Make>
   uint32_t id(const char* what, const std::string& first, const std::string& second, Make&& make);
   void read_color(const PhongMaterial& from, Material& to);

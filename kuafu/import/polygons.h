@@ -11,20 +11,20 @@
 
 namespace kuafu {
 
-/// A polygon's corner: numbers of the file's positions, texture coordinates, normals and colours. Only the first is always there.
+/// A polygon's corner: indices of the file's positions, texture coordinates, normals and colours. Only the position is always there.
 struct Corner {
   uint32_t position = none, uv = none, normal = none, color = none;
   bool operator==(const Corner&) const = default;
 };
 
-/// Polygons that one instance shows in one material.
+/// Polygons that one instance shows with one material.
 struct PolygonPart {
   std::string name;
   uint32_t material = none;  // the scene's number; none = grey, or white where there are colours
   std::vector<Corner> corners;
   std::vector<uint32_t> sizes;  // corners of each polygon, 3 or more
 
-  /// Takes the last `count` of the corners as a polygon; fewer than three are no surface and dropped.
+  /// Makes a polygon of the last `count` corners; drops fewer than three.
   void close(size_t count);
 };
 
@@ -35,14 +35,14 @@ struct Polygons {
   std::vector<PolygonPart> parts;
 };
 
-/// A mesh and an instance for each part that has polygons. Corners must name what is there. Throws KS_ERROR_FILE where no part has any.
+/// Adds a mesh and an instance for each part with polygons. Corners must have valid indices. Throws KS_ERROR_FILE if no part has any.
 void add_polygons(Import& import, const Polygons& polygons);
 
-/// Appends a polygon's n - 2 triangles as numbers of its corners, in its own direction. Ears are cut off one after another (Meisters,
-/// Polygons have ears, 1975), so that a concave polygon stays as it is; a convex one becomes a fan.
+/// Appends a polygon's n - 2 triangles, as indices of its corners, with its orientation. It cuts off one ear after another (Meisters,
+/// Polygons have ears, 1975), so concave polygons keep their shape; convex ones become fans.
 void triangulate(std::span<const glm::vec3> corners, std::vector<glm::uvec3>& triangles);
 
-/// Each reads a whole file's text or bytes. Throws KS_ERROR_FILE with the place of what is wrong.
+/// Read a whole file. Throw KS_ERROR_FILE with the place of an error.
 Polygons read_obj(Import& import, std::string_view file);
 Polygons read_ply(Import& import, std::string_view file);
 Polygons read_stl(Import& import, std::string_view file);

@@ -23,21 +23,21 @@ struct FileContent {
 
 class SceneFolder {
  public:
-  /// `scene_file` is trusted, for the user named it; `outside` lifts the rule about the folder.
+  /// `scene_file` is trusted, since the user named it. `outside` allows files outside its folder.
   SceneFolder(const std::filesystem::path& scene_file, bool outside, Budget& budget);
 
-  /// The scene file itself.
+  /// Reads the scene file.
   [[nodiscard]] std::vector<uint8_t> read_scene_file() const;
-  /// A file by its name in the scene file: relative to the folder, else as Windows' programs may mean it: in another case, with
-  /// backslashes, quotes or blanks around it, or by the end of an absolute path of theirs. Throws KS_ERROR_FILE that names it.
+  /// Reads a file by its name in the scene file, relative to the folder. If that fails it tries names as Windows programs write them: other
+  /// case, backslashes, quotes or blanks around it, or the end of an absolute path. Throws KS_ERROR_FILE with the name.
   [[nodiscard]] std::vector<uint8_t> read(const std::string& name) const;
 
  private:
   [[nodiscard]] std::filesystem::path resolve(const std::string& name) const;
-  /// The canonical path, where there is something that may be read.
+  /// Returns the canonical path of a file that may be read; nothing otherwise.
   [[nodiscard]] std::optional<std::filesystem::path> inside(const std::filesystem::path& path) const;
 
-  /// The bytes; the first time that a file is read it allows memory.
+  /// Returns the bytes; the first read of a file raises the memory limit.
   [[nodiscard]] std::vector<uint8_t> counted(FileContent&& content) const;
 
   std::filesystem::path scene_file_, folder_, canonical_folder_;

@@ -14,14 +14,14 @@ namespace kuafu {
 
 inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
-/// Without blanks around it.
+/// Returns the text without blanks at its ends.
 inline std::string_view trimmed(std::string_view text) {
   while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
   while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
   return text;
 }
 
-/// Lower case of ASCII letters.
+/// Returns the text with ASCII letters in lower case.
 inline std::string lower_case(std::string_view text) {
   std::string out(text);
   for (char& c : out)
@@ -29,13 +29,13 @@ inline std::string lower_case(std::string_view text) {
   return out;
 }
 
-/// Without the mark that Windows' programs begin a text with. Throws where the text is no UTF-8.
+/// Returns the text without the byte order mark that Windows programs write first. Throws if the text is not UTF-8.
 inline std::string_view without_mark(std::string_view text) {
   if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) ks::fail(KS_ERROR_FILE, "line 1: the text is UTF-16: save it as UTF-8");
   return text.substr(text.starts_with("\xef\xbb\xbf") ? 3 : 0);
 }
 
-/// Takes the next word off a line; empty at its end.
+/// Removes and returns the next word of a line; empty at its end.
 inline std::string_view take_word(std::string_view& line) {
   size_t at = 0;
   while (at < line.size() && is_blank(line[at])) ++at;
@@ -46,7 +46,7 @@ inline std::string_view take_word(std::string_view& line) {
   return word;
 }
 
-/// Takes the next line off a text, without its end: "\n", "\r\n" or, as on old Macs, "\r".
+/// Removes and returns the next line of a text, without its end: "\n", "\r\n" or old Macs' "\r".
 inline std::string_view take_line(std::string_view& text) {
   const size_t end = std::min(text.find_first_of("\r\n"), text.size());
   const std::string_view line = text.substr(0, end);
@@ -55,7 +55,7 @@ inline std::string_view take_line(std::string_view& text) {
   return line;
 }
 
-/// A decimal number as C writes it, with a "+" too. Throws where the word is none, or is beyond what a float holds.
+/// Parses a decimal number in C's notation, also with a "+". Throws if the word is none or exceeds a float.
 inline double parse_real(std::string_view word, uint64_t line) {
   const std::string_view digits = word.substr(word.starts_with('+') ? 1 : 0);
   double value = 0;

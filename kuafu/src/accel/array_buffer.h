@@ -17,7 +17,7 @@ class ArrayBuffer {
   enum class Writer { host, device };
   explicit ArrayBuffer(VkBufferUsageFlags extra_usage = 0, Writer writer = Writer::host) : extra_usage_(extra_usage), writer_(writer) {}
 
-  /// What was there is lost when it grows.
+  /// Makes room for `bytes`; the content is lost when the buffer grows.
   void reserve(const std::shared_ptr<ks::Device>& device, uint64_t bytes) {
     if (buffer_ && buffer_->size_bytes() >= bytes) return;
     bytes = std::max<uint64_t>(bytes, 16);
@@ -33,7 +33,7 @@ class ArrayBuffer {
   void write(uint64_t offset_bytes, const std::vector<T>& values) {
     write_bytes(offset_bytes, reinterpret_cast<const std::byte*>(values.data()), values.size() * sizeof(T));
   }
-  /// `indices` (any order, taken) say which of `values` changed. All of them are written where the array has to grow.
+  /// Uploads the changed ones of `values`, by their indices in any order; all of them when the array grows.
   template <class T>
   void upload_changed(const std::shared_ptr<ks::Device>& device, const std::vector<T>& values, std::vector<uint32_t> indices) {
     if (!buffer_ || buffer_->size_bytes() < values.size() * sizeof(T)) {

@@ -25,13 +25,13 @@ struct Box {
   }
 };
 
-/// Box of child 0 or 1; empty where the child is a leaf of no primitives.
+/// Box of child 0 or 1; empty if the child is a leaf without primitives.
 Box child_box(const BvhNode& node, int child);
 void set_child_box(BvhNode& node, int child, const Box& box);
-/// Both children's.
+/// Box around both children.
 Box node_box(const BvhNode& node);
 
-/// Expected cost of a ray that meets the root's box, in triangle tests (the surface area heuristic); 0 for a tree without extent.
+/// Expected cost of a ray that hits the root's box, in triangle tests (surface area heuristic); 0 for a tree without extent.
 double expected_cost(std::span<const BvhNode> nodes);
 
 struct Bvh {
@@ -40,8 +40,8 @@ struct Bvh {
   Box bounds;
 };
 
-/// max_leaf: most boxes in a leaf, <= bvh_max_leaf. max_depth: most inner nodes from root to leaf, kept whatever the input
-/// (median splits where the heuristic would go deeper); at least log2(boxes / max_leaf).
+/// Builds a BVH. max_leaf: most boxes in a leaf, <= bvh_max_leaf. max_depth: most inner nodes from root to leaf, for any input; at least
+/// log2(boxes / max_leaf). Where the heuristic would go deeper, splits are at the median.
 Bvh build_bvh(std::span<const Box> boxes, uint32_t max_leaf, uint32_t max_depth);
 
 }  // namespace kuafu

@@ -19,7 +19,7 @@ class BvhWorld {
   explicit BvhWorld(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
 
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
-  /// 0 until a scene was seen.
+  /// Number of environments; 0 before the first scene.
   [[nodiscard]] uint32_t environment_count() const { return environment_count_; }
   // Device addresses of arrays (shared/bvh_node.h).
   [[nodiscard]] uint64_t roots() const { return roots_.address(); }  // child code of each environment's top level
@@ -29,7 +29,7 @@ class BvhWorld {
   [[nodiscard]] bool moves() const { return !times_.instant(); }
 
  private:
-  /// A mesh whose vertices moved once is expected to move again: the host keeps its tree, and it has device memory of its own.
+  /// A mesh whose vertices have moved before, and probably will again: the host keeps its tree, and it has device memory of its own.
   struct Deforming {
     MeshBvh bvh;
     double cost_when_built = 0.0;

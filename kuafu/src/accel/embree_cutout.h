@@ -12,7 +12,7 @@
 
 namespace kuafu {
 
-/// The filter's data at the beginning of Embree's context.
+/// The cutout filter's data at the start of Embree's context.
 struct EmbreeContext {
   RTCIntersectContext context{};
   const SceneAddresses* scene = nullptr;  // null: everything is there
@@ -20,10 +20,10 @@ struct EmbreeContext {
   uint32_t kind = cutout_closest;
 };
 
-/// Ids of meshes that an instance shows with such a material.
+/// Returns the ids of meshes that any instance shows with a cutout material.
 std::unordered_set<uint32_t> meshes_with_cutouts(const Scene& scene);
 
-/// Before the geometry is committed.
+/// Sets the filter; call before the geometry is committed.
 void set_cutout_filter(RTCGeometry geometry);
 
 }  // namespace kuafu

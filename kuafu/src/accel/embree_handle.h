@@ -13,10 +13,10 @@
 
 namespace kuafu {
 
-/// Whether the end of the program has taken Embree and TBB apart, before statics that the host made before it used them. Then nothing of
-/// theirs may be called, and what they hold goes with the process.
+/// Whether the program's end has destroyed Embree and TBB before the host's statics that use them. They must then not be called; the
+/// process frees what they hold.
 bool embree_has_ended();
-/// Throws KS_ERROR_INVALID_STATE where it has.
+/// Throws KS_ERROR_INVALID_STATE if embree_has_ended().
 void check_embree_lives();
 
 template <class T, const auto& release>
@@ -28,8 +28,8 @@ struct EmbreeRelease {
 using EmbreeScene = std::unique_ptr<RTCSceneTy, EmbreeRelease<RTCSceneTy, rtcReleaseScene>>;
 using EmbreeGeometry = std::unique_ptr<RTCGeometryTy, EmbreeRelease<RTCGeometryTy, rtcReleaseGeometry>>;
 
-/// An RTCDevice whose errors are remembered and thrown by check(). It keeps TBB's default pool for building: Embree's "threads=1" is a
-/// process-wide TBB limit while the device lives, which would make every other user of TBB (OpenCV) single-threaded.
+/// An RTCDevice that remembers errors for check() to throw. It uses TBB's default pool for building: Embree's "threads=1" limits TBB in the
+/// whole process and would make its other users (OpenCV) single-threaded.
 class EmbreeDevice {
  public:
   EmbreeDevice();
@@ -38,7 +38,7 @@ class EmbreeDevice {
   EmbreeDevice& operator=(const EmbreeDevice&) = delete;
 
   [[nodiscard]] RTCDevice handle() const { return device_; }
-  /// A scene in robust mode: rays do not slip between triangles, and edges agree with our own BVH.
+  /// Makes a scene in robust mode: rays do not slip between triangles, and edges agree with our own BVH.
   [[nodiscard]] EmbreeScene new_scene() const;
   /// Throws the first error since the last check; `what` names the work done.
   void check(const char* what);
@@ -52,7 +52,7 @@ class EmbreeDevice {
   std::string text_;
 };
 
-/// Flushes denormals to zero in this thread while it lives, as Embree's manual asks of every tracing thread.
+/// Flushes denormals to zero in this thread while it lives; Embree's manual asks for it on every tracing thread.
 class FlushDenormals {
  public:
   FlushDenormals() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | flush_to_zero | denormals_are_zero); }

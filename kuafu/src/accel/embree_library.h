@@ -23,7 +23,8 @@ struct EmbreeLibrary {
 #undef KUAFU_MEMBER
 };
 
-/// The first call opens the library, for the life of the process, unless it is linked. Throws KS_ERROR_UNSUPPORTED where there is none.
+/// Returns Embree's functions. The first call opens the library for the life of the process, unless it is linked. Throws
+/// KS_ERROR_UNSUPPORTED if there is none.
 const EmbreeLibrary& embree_library();
 
 #define KUAFU_FORWARD(name) inline constexpr auto name = [](auto... arguments) { return embree_library().name(arguments...); };

@@ -8,8 +8,8 @@
 
 namespace kuafu {
 
-/// Steps fine enough for what is between them to differ from the motion by micrometres. Throws KS_ERROR_UNSUPPORTED for an instance that
-/// turns too far.
+/// Sets the instance's motion by enough steps that interpolation between them errs by micrometres. Throws KS_ERROR_UNSUPPORTED for an
+/// instance that turns too far.
 void set_motion(RTCGeometry geometry, const Placement& placement);
 
 }  // namespace kuafu

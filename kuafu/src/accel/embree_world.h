@@ -23,9 +23,10 @@ class EmbreeWorld {
     std::unordered_map<uint32_t, uint32_t> places;  // slot -> instID
   };
 
-  /// Builds what is new, moves what moved, and commits the top scenes concerned: that is Embree's own cost per instance, a quick one.
+  /// Builds new meshes, moves instances, and commits the top scenes concerned. A commit takes Embree's own time per instance, which is
+  /// short.
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
-  /// The times that Embree's 0..1 stands for; an instant where nothing moves.
+  /// The times that Embree's 0..1 stands for; an instant if nothing moves.
   [[nodiscard]] const TimeSpan& times() const { return times_; }
   [[nodiscard]] const std::vector<Environment>& environments() const { return environments_; }
 

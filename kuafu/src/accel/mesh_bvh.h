@@ -15,7 +15,7 @@ struct MeshBvh {
 };
 
 MeshBvh build_mesh_bvh(const Mesh& mesh);
-/// Moves triangles and boxes to where the mesh's vertices are now; the tree keeps its shape.
+/// Moves triangles and boxes to the mesh's present vertices; the tree keeps its shape.
 void refit_mesh_bvh(MeshBvh& bvh, const Mesh& mesh);
 
 }  // namespace kuafu

@@ -9,7 +9,7 @@
 
 namespace kuafu {
 
-/// What an instance does while the shutters are open.
+/// An instance's motion while the shutters are open.
 struct Sweep {
   Motion motion;
   TimeSpan span;
@@ -27,16 +27,16 @@ struct Placement {
   [[nodiscard]] bool seen_by(uint32_t e) const { return traceable && (environment == none || environment == e); }
 };
 
-/// Times that rays may have: those when the shutters are open, or an instant where no instance moves.
+/// The times that rays may have: the open time of the shutters, or an instant if no instance moves.
 TimeSpan ray_times(const Scene& scene, const TimeSpan& open);
 
 Placement placement_in(const Scene& scene, uint32_t slot, const TimeSpan& times);
 std::vector<Placement> all_placements(const Scene& scene, const TimeSpan& times);
 
-/// For each environment, the slots of placements it sees, ascending. Instances of environments beyond the count are seen by none.
+/// For each environment, the ascending slots of the placements that it sees. Instances of environments beyond the count belong to none.
 std::vector<std::vector<uint32_t>> placements_by_environment(const std::vector<Placement>& placements, uint32_t environment_count);
 
-/// Slots in which something may have changed since `revision` of the instances, or whose mesh deformed; ascending, each once. None: too
+/// Returns the ascending slots that may have changed since this revision of the instances, or whose mesh deformed. Nothing if they are too
 /// many to follow one by one.
 std::optional<std::vector<uint32_t>> changed_slots(const Scene& scene, uint64_t revision, const std::vector<uint32_t>& deformed,
                                                    const std::vector<Placement>& placements);

@@ -16,13 +16,13 @@ class RtPipeline {
  public:
   enum Entry : uint32_t { closest, occluded };
 
-  /// cutouts: for scenes whose surfaces are not everywhere there.
+  /// cutouts: for scenes with cutout materials.
   explicit RtPipeline(std::shared_ptr<ks::Device> device, bool cutouts = false);
   ~RtPipeline();
   RtPipeline(const RtPipeline&) = delete;
   RtPipeline& operator=(const RtPipeline&) = delete;
 
-  /// Records a launch of the size that stands at `arguments_offset`: VkTraceRaysIndirectCommandKHR, alike VkDispatchIndirectCommand.
+  /// Records a launch whose size stands at arguments_offset: a VkTraceRaysIndirectCommandKHR, laid out as VkDispatchIndirectCommand.
   void trace(ks::Commands& commands, Entry entry, const RtPush& push, const ks::Buffer& arguments, uint64_t arguments_offset) const;
 
  private:

@@ -12,7 +12,7 @@
 
 namespace kuafu {
 
-/// Multiple of step.
+/// Rounds up to a multiple of step.
 inline uint64_t round_up(uint64_t n, uint64_t step) { return (n + step - 1) / step * step; }
 
 class RtStructure {
@@ -30,15 +30,15 @@ class RtStructure {
   uint64_t address_ = 0;
 };
 
-/// What a structure is made from: one geometry.
+/// The input of an acceleration structure: one geometry.
 struct RtInput {
   VkAccelerationStructureGeometryKHR geometry;
   uint32_t primitives;
   bool updatable;  // may be refitted later
 
-  /// Tightly packed float3 positions and uint3 indices at device addresses aligned to 4.
+  /// Triangles of packed float3 positions and uint3 indices, at device addresses aligned to 4.
   static RtInput triangles(uint64_t positions, uint32_t vertex_count, uint64_t indices, uint32_t triangle_count, bool updatable);
-  /// VkAccelerationStructureInstanceKHR at a device address aligned to 16.
+  /// Instances: VkAccelerationStructureInstanceKHR at a device address aligned to 16.
   static RtInput instances(uint64_t records, uint32_t count);
 };
 
@@ -46,13 +46,13 @@ class RtBuilder {
  public:
   explicit RtBuilder(std::shared_ptr<ks::Device> device);
 
-  /// All of one type, in `storage`, which is grown when needed; structures that lie in it are overwritten and must be gone.
+  /// Builds structures of one type in `storage`, which grows if needed. Former structures in it are overwritten and must be gone.
   std::vector<RtStructure> build(std::vector<RtInput> inputs, ArrayBuffer& storage);
-  /// The same, built by the next record(): what was planned before and is not recorded is dropped.
+  /// Plans what build() does for the next record(), and drops plans that were not recorded.
   std::vector<RtStructure> plan(std::vector<RtInput> inputs, ArrayBuffer& storage);
-  /// Whether anything was planned.
+  /// Records the planned builds. Returns whether there were any.
   bool record(ks::Commands& commands);
-  /// In place: same topology as the structure was built with, new positions.
+  /// Updates structures in place for new positions with the same topology.
   void refit(std::vector<RtInput> inputs, std::span<RtStructure* const> structures);
 
  private:

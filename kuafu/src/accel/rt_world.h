@@ -16,11 +16,11 @@ class RtWorld {
   explicit RtWorld(std::shared_ptr<ks::Device> device);
 
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
-  /// Builds the top levels that the last update has changed; before the first ray. Whether there were any.
+  /// Records the builds of top levels that the last update changed; call before the first ray. Returns whether there were any.
   bool record(ks::Commands& commands) { return builder_.record(commands); }
-  /// 0 until a scene was seen.
+  /// Number of environments; 0 before the first scene.
   [[nodiscard]] uint32_t environment_count() const { return environment_count_; }
-  /// Device address of an array: of each environment, the address of its top level; 0 where it is empty.
+  /// Address of an array with each environment's top level; 0 for an empty one.
   [[nodiscard]] uint64_t top_levels() const { return addresses_.address(); }
 
  private:

@@ -11,18 +11,18 @@ namespace kuafu {
 
 class TopLevel {
  public:
-  /// Over the given slots; boxes by slot.
+  /// Builds the tree over these slots. boxes: by slot.
   void build(std::span<const uint32_t> slots, std::span<const Box> boxes);
   void move(uint32_t slot, const Box& box);
   void erase(uint32_t slot);
-  /// false: the tree would become too deep; rebuild it.
+  /// Inserts a slot. Returns false if the tree would become too deep: then rebuild it.
   [[nodiscard]] bool insert(uint32_t slot, const Box& box);
 
   [[nodiscard]] bool empty() const { return count_ == 0; }
   [[nodiscard]] bool worn_out() const;
-  /// Codes of inner nodes are indices into this; leaves name slots. Node 0 is the root and always there.
+  /// The tree. An inner node's code is an index into it, a leaf names a slot. Node 0 is the root and always exists.
   [[nodiscard]] const std::vector<BvhNode>& nodes() const { return nodes_; }
-  /// Nodes written since the last call, in no order and perhaps twice.
+  /// Returns the nodes written since the last call, in any order and perhaps twice.
   std::vector<uint32_t> take_changes() { return std::exchange(changes_, {}); }
 
  private:
@@ -45,7 +45,7 @@ class TopLevel {
   double area_ = 0.0, cost_when_built_ = 0.0;  // sum of half areas of all children's boxes
 };
 
-/// World box of a local box, rounded outwards.
+/// Returns the world box of a local box, rounded outwards.
 Box world_box(const Box& local, const glm::dmat4& local_to_world);
 
 }  // namespace kuafu

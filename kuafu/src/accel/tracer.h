@@ -13,7 +13,7 @@
 
 namespace kuafu {
 
-/// One queue of rays, laid out as shaders/shared/ray_queue.h says.
+/// One queue of rays, laid out as in shaders/shared/ray_queue.h.
 struct RayQueue {
   const ks::Buffer* words = nullptr;         // capacity * (closest_words or occlusion_words) uint32; host visible on CPU devices
   const ks::Buffer* environments = nullptr;  // uint32 per ray: environment of ray i; nullptr = all 0
@@ -25,7 +25,7 @@ struct RayQueue {
   bool coherent = false;          // a hint: neighbours in the queue go nearly the same way, as camera rays do
 };
 
-/// What a tracer must know to follow shadow rays through glass.
+/// The tables that a tracer needs to follow shadow rays through glass.
 struct GlassWay {
   uint64_t contributions = 0, scene = 0;  // device addresses (FloatArray, SceneReference)
   uint32_t surfaces = 0;                  // that a ray may pass
@@ -39,28 +39,28 @@ class Tracer {
   [[nodiscard]] virtual const char* name() const = 0;
   [[nodiscard]] virtual uint32_t queue_layout() const = 0;      // queue_layout_planes or queue_layout_packets
   [[nodiscard]] virtual uint32_t trace_group_size() const = 0;  // workgroup size the indirect arguments are made for
-  /// Indirect arguments ask for at least so many groups, or for one per ray where those are fewer; 0: never for more than rays fill.
+  /// The fewest groups that indirect arguments ask for, or one per ray if rays are fewer; 0: only as many as the rays fill.
   [[nodiscard]] virtual uint32_t spread_groups() const { return 0; }
-  /// Brings the acceleration structure up to date with the scene; cost follows what changed (Scene::revisions). No work may be in flight.
-  /// open: times that rays may have (ray_time), where instances move; an instant is time 0.
+  /// Updates the acceleration structure; its cost depends on what changed (Scene::revisions). No work may be under way. open: times that
+  /// rays may have (ray_time) if instances move; an instant is time 0.
   virtual void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) = 0;
-  /// After update, has a driver compile side by side what `closest` needs, and `occluded` where it will be called. cutouts: some surfaces
-  /// are not everywhere there.
+  /// Lets a driver compile in parallel what `closest` needs, and `occluded` if it will be called; call after update(). cutouts: whether any
+  /// material is a cutout.
   virtual void prepare([[maybe_unused]] bool cutouts, [[maybe_unused]] bool occluded) {}
-  /// Nearest hit in [t_near, t_far] of each ray. A host tracer flushes `commands` first and works on the mapped queue; a device tracer
+  /// Finds each ray's nearest hit in [t_near, t_far]. A host tracer flushes `commands` and works on the mapped queue; a device tracer
   /// records.
   virtual void closest(ks::Commands& commands, const RayQueue& rays) = 0;
-  /// Any hit in [t_near, t_far]: t_far becomes negative where something stands in the way.
+  /// Finds any hit in [t_near, t_far]: t_far becomes negative if something blocks the ray.
   virtual void occluded(ks::Commands& commands, const RayQueue& rays) = 0;
-  /// Whether it has occluded_by_more_than_glass; else the path tracer asks `closest` for each surface on the way.
+  /// Whether the tracer has occluded_by_more_than_glass(). Otherwise the path tracer calls closest() for each surface on the way.
   [[nodiscard]] virtual bool passes_glass() const { return false; }
-  /// As occluded, but smooth glass in the way only dims the ray's contribution (shaders/stage/glass.glsl).
+  /// Works as occluded(), but smooth glass only dims the ray's contribution (shaders/stage/glass.glsl).
   virtual void occluded_by_more_than_glass(ks::Commands&, const RayQueue&, const GlassWay&) {}
 };
 
 std::unique_ptr<Tracer> make_embree_tracer(std::shared_ptr<ks::Device> device);
 std::unique_ptr<Tracer> make_compute_tracer(std::shared_ptr<ks::Device> device, uint32_t layout = queue_layout_planes);
-/// Throws KS_ERROR_UNSUPPORTED where the device has no ray tracing pipelines (KS_CAP_RAY_TRACING_PIPELINE).
+/// Makes a tracer on the driver's ray tracing pipelines. Throws KS_ERROR_UNSUPPORTED if the device has none (KS_CAP_RAY_TRACING_PIPELINE).
 std::unique_ptr<Tracer> make_rt_tracer(std::shared_ptr<ks::Device> device);
 
 }  // namespace kuafu

@@ -6,15 +6,15 @@
 
 namespace kuafu {
 
-/// [count][3]; empty from NULL.
+/// Converts an array [count][3] to vectors; NULL gives none.
 std::vector<glm::vec3> to_vectors(const float* values, uint32_t count);
-/// [3] each, m/s and rad/s.
+/// Converts velocities, [3] each, m/s and rad/s.
 Twist to_twist(const double* linear, const double* angular);
 Mesh to_mesh(const kuafu_mesh_desc& desc);
 Texture to_texture(const kuafu_texture_desc& desc);
 Instance to_instance(const kuafu_instance_desc& desc);
 Light to_light(const kuafu_light_desc& desc);
-/// A Material, Environment, Medium or Camera, which is its struct's fields and no more.
+/// Converts a struct to a Material, Environment, Medium or Camera, which has the same fields.
 template <class Record, class Desc>
 Record copied(const Desc& desc) {
   Record out;
@@ -22,10 +22,10 @@ Record copied(const Desc& desc) {
   return out;
 }
 
-/// `name` and arrays point into the argument.
+/// Converts a mesh to its struct. The name and arrays point into the mesh.
 kuafu_mesh_desc to_desc(const Mesh& mesh);
 kuafu_texture_desc to_desc(const Texture& texture);
-/// Without its materials: callers count ids otherwise, so that their array is not the instance's.
+/// Converts an instance to its struct, without materials: the caller's ids differ, so their array is not the instance's.
 kuafu_instance_desc to_desc(const Instance& instance);
 kuafu_material_desc to_desc(const Material& material);
 kuafu_light_desc to_desc(const Light& light);

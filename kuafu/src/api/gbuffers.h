@@ -7,7 +7,7 @@
 
 namespace kuafu {
 
-/// Throws for what cannot be rendered, with the field and its value.
+/// Reads and checks the caller's struct. Throws with the field and its value.
 GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, const std::shared_ptr<ks::Device>& device);
 
 }  // namespace kuafu

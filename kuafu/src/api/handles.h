@@ -9,7 +9,7 @@
 
 namespace kuafu {
 
-/// A scene of the C API: it keeps its device, whose log takes the warnings of loaded files.
+/// A scene of the C API with its device, whose log takes the warnings of loaded files.
 struct DeviceScene {
   explicit DeviceScene(std::shared_ptr<ks::Device> d) : device(std::move(d)) {}
   std::shared_ptr<ks::Device> device;
@@ -19,7 +19,7 @@ struct DeviceScene {
   std::atomic<uint64_t> load_wishes{0};        // how often kuafu_scene_cancel_load was called
 };
 
-/// While it lives, the scene cannot be changed.
+/// Prevents changes of the scene as long as the result lives.
 std::shared_ptr<const void> hold_unchanged(std::shared_ptr<DeviceScene> scene);
 
 }  // namespace kuafu

@@ -10,7 +10,7 @@ namespace kuafu {
 
 Launch read_launch(const kuafu_render_desc* desc, const std::shared_ptr<ks::Device>& device);
 
-/// A left and a right view in so many environments: all left ones, then all right ones.
+/// Reads a left and a right view in each environment: all left ones, then all right ones.
 Launch read_pair(const kuafu_render_desc& pair, uint32_t environments, const ks::Device& device);
 
 }  // namespace kuafu

@@ -9,10 +9,10 @@
 
 namespace kuafu {
 
-/// Fills launch.outputs; its views are read already.
+/// Fills launch.outputs; the views must have been read.
 void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launch& launch);
 
-/// Throws where an id of the scene does not fit the format that it is asked for in.
+/// Throws if an id of the scene exceeds the format of the output that asks for it.
 void check_ids_fit(const Launch& launch, const Scene& scene);
 
 }  // namespace kuafu

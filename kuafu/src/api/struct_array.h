@@ -8,7 +8,7 @@
 
 namespace kuafu {
 
-/// Element i; arrays of structs have the stride that the caller compiled with.
+/// Returns element i of an array of structs, whose stride is the caller's sizeof.
 template <class T>
 T element(const T* first, uint32_t i, uint32_t type, const char* name) {
   const size_t stride = ks::check_header(first, type, name)->size_bytes;

@@ -13,7 +13,7 @@
 
 namespace kuafu {
 
-/// The images that the frame must hold for the launch's denoiser.
+/// The images that the frame must hold for the launch's denoiser, as bits.
 uint32_t held_for_denoiser(const Launch& launch);
 /// The images that are filtered, in the order of DenoiseImages.
 std::vector<uint32_t> denoised_kinds(const Launch& launch);
@@ -26,11 +26,11 @@ class Denoiser {
   void fit(const Launch& launch, const Scene& scene, const Frame& frame);
   /// Call it after rays through pixel centres were traced.
   void guide(ks::Commands& commands, const WaveRays& centre);
-  /// Call it after a wave of paths, with their state.
+  /// Call it after each wave of paths, with their state.
   void moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass);
   /// Call it after the last wave; `samples` were in all waves since first_pass.
   void filter(ks::Commands& commands, uint32_t samples);
-  /// Open Image Denoise does the same on images that are finished; nothing is remodulated then.
+  /// Filters finished images by Open Image Denoise instead; nothing is remodulated then.
   void filter_by_oidn(const Launch& launch, const Frame& frame);
   /// Whether a lens or an exposure blurs the launch. Then call blend before the filter, and trace no rays after it.
   [[nodiscard]] bool blurs() const { return blurs_; }
@@ -41,7 +41,7 @@ class Denoiser {
   /// The number of pixels that ask for rays over their squares, where the host can tell (it flushes `commands`); else the most that may
   /// ask.
   [[nodiscard]] uint32_t square_count(ks::Commands& commands) const;
-  /// The address of that number, followed by the pixels' indices; 0 where all are asked.
+  /// Address of that number and the pixels' indices behind it; 0 if all pixels ask.
   [[nodiscard]] uint64_t squares() const { return blurs_ ? 0 : memory_.address(*squares_); }
   /// Call it after square_rays rays were traced for each pixel in the wave's part of squares().
   void remodulate(ks::Commands& commands, const WaveRays& square);

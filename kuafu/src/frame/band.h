@@ -16,20 +16,22 @@ struct Band {
   bool operator==(const Band&) const = default;
 
   [[nodiscard]] uint32_t channels() const { return infrared ? 1 : 3; }
-  /// A material or a medium whose infrared value is open has the visible one, and of a colour the red channel.
+  /// A material's or medium's number in this band. Without an infrared value the visible one applies; of a colour, its red channel.
   [[nodiscard]] float number(float visible, float infrared_value) const {
     return !infrared || std::isnan(infrared_value) ? visible : infrared_value;
   }
   [[nodiscard]] glm::vec3 color(const glm::vec3& visible, float infrared_value) const {
     return infrared ? glm::vec3(number(visible.r, infrared_value)) : visible;
   }
-  /// A light whose infrared value is open has its red channel times ir_ambient_scale and its own share, of which 0 is 1.
+  /// A light's intensity in this band. Without an infrared value it is the red channel times ir_ambient_scale and the light's ir_share,
+  /// where 0 means 1.
   [[nodiscard]] glm::vec3 intensity(const glm::vec3& visible, float infrared_value, double ir_share) const {
     if (!infrared) return visible;
     const float share = ir_share == 0.0 ? 1.0f : static_cast<float>(ir_share);
     return glm::vec3(std::isnan(infrared_value) ? visible.r * ir_ambient_scale * share : infrared_value);
   }
-  /// An environment whose infrared value is open has the same, plus ir_ambient_radiance.
+  /// The environment's radiance in this band. Without an infrared value it is the red channel times ir_ambient_scale, plus
+  /// ir_ambient_radiance.
   [[nodiscard]] glm::vec3 environment(const glm::vec3& visible, float infrared_value) const {
     if (!infrared) return visible;
     return glm::vec3(std::isnan(infrared_value) ? visible.r * ir_ambient_scale + ir_ambient_radiance : infrared_value);

@@ -13,7 +13,7 @@
 
 namespace kuafu {
 
-/// The memory of the stages. Where they run decides what an address is: a device address, or a pointer into the mapping.
+/// The memory of the stages. On a device an address is a device address, on the host a pointer into the mapping.
 struct Memory {
   std::shared_ptr<ks::Device> device;
   bool on_host = false;
@@ -22,7 +22,7 @@ struct Memory {
   }
 };
 
-/// The buffer gets room for at least `words` of 32 bits; it loses its content when it has to grow.
+/// Makes the buffer hold at least `words` of 32 bits; its content is lost when it grows.
 inline void grow(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, uint64_t words) {
   const uint64_t bytes = std::max<uint64_t>(words, 1) * 4;
   if (buffer && buffer->size_bytes() >= bytes) return;
@@ -30,18 +30,18 @@ inline void grow(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, uint
   buffer = ks::Buffer::create(memory.device, bytes, memory.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
 }
 
-/// A table that the host writes, and never reads, through its mapping: small, rewritten often, no staging copy.
+/// A table that the host writes through its mapping and never reads: small, rewritten often, without a staging copy.
 template <class T>
 class MappedTable {
  public:
-  /// Returns room for `count` records; the table loses its content when it has to grow.
+  /// Returns room for `count` records; the content is lost when the table grows.
   std::span<T> resize(const Memory& memory, size_t count) {
     const uint64_t bytes = std::max<uint64_t>(count, 1) * sizeof(T);
     if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create_table(memory.device, bytes);
     address_ = memory.address(*buffer_);
     return {static_cast<T*>(buffer_->mapped()), count};
   }
-  /// Brings elements [first, first + count) of `values` to the device; all of them where the table has to grow.
+  /// Uploads elements [first, first + count) of `values`; all of them when the table grows.
   void write(const Memory& memory, const std::vector<T>& values, size_t first, size_t count) {
     if (!buffer_ || buffer_->size_bytes() < values.size() * sizeof(T)) {
       std::ranges::copy(values, resize(memory, values.size() + values.size() / 2).begin());
@@ -56,7 +56,7 @@ class MappedTable {
   uint64_t address_ = 0;
 };
 
-/// Collects arrays for one allocation. `add` gives an offset from the uploaded buffer's address.
+/// Collects arrays for one allocation. `add` returns an offset from the uploaded buffer's address.
 class Block {
  public:
   template <class T>

@@ -17,8 +17,8 @@ class Frame {
  public:
   explicit Frame(Memory memory);
 
-  /// Makes room for the images that `launch` needs here. An image that several launches in a row have not needed is freed: a sensor's
-  /// colour and infrared pictures take turns, and memory that is taken again for each costs as much as a tenth of a small picture.
+  /// Makes room for the images that the launch needs here. An image is freed once several launches in a row did not need it. A sensor's
+  /// colour and infrared pictures take turns: allocating anew for each costs a tenth of a small picture's time.
   void fit(const Launch& launch);
   /// Whether the frame must hold this output of the launch.
   [[nodiscard]] static bool needs(const Launch& launch, uint32_t kind) {
@@ -29,11 +29,11 @@ class Frame {
   [[nodiscard]] bool is_empty() const;
   [[nodiscard]] ks::Buffer& image(uint32_t kind) const { return *images_[kind].buffer; }
   [[nodiscard]] uint64_t address(uint32_t kind) const { return memory_.address(image(kind)); }
-  /// Takes a buffer of at least its size for the image, and gives the image's for it: a later step wrote the image there.
+  /// Swaps the image's buffer with one of at least its size, into which a later step wrote the image.
   void exchange(uint32_t kind, std::shared_ptr<ks::Buffer>& buffer) { std::swap(images_[kind].buffer, buffer); }
-  /// Address of an OutputArray, by output_*: where the stages write each output, which is here or in the caller's image.
+  /// Address of an OutputArray, by output_*: the places that the stages write, here or in the caller's image.
   [[nodiscard]] uint64_t outputs() const { return outputs_.address(); }
-  /// Brings the held images to the caller's, in the caller's formats.
+  /// Copies the held images to the caller's, in the caller's formats.
   void deliver(ks::Commands& commands, const Launch& launch);
 
  private:
@@ -52,7 +52,7 @@ class Frame {
 };
 
 namespace host {
-/// Stage `write` compiled as C++. Thread rule: any thread; ranges are independent.
+/// Runs stage `write` on the host. Thread rule: any thread; ranges are independent.
 void write(const WritePush& push, uint32_t first, uint32_t end);
 }  // namespace host
 

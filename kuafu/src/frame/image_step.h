@@ -16,7 +16,7 @@
 
 namespace kuafu {
 
-/// The rays of a wave and what they met, for the steps that read them: addresses of the queue and of the tables that its hits refer to.
+/// A wave's rays and their hits, for steps that read them: addresses of the queue and of the tables that hits refer to.
 struct WaveRays {
   uint64_t rays = 0, scene = 0, views = 0;
   WaveRange range{};
@@ -26,14 +26,15 @@ template <class Push>
 class ImageStep {
  public:
   using HostKernel = void(const Push& push, uint32_t first, uint32_t end);
-  /// queue_layout is that of the tracer, for a step that reads rays.
+  /// queue_layout: the tracer's, for a step that reads rays.
   ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel, uint32_t queue_layout = queue_layout_planes)
       : memory_(std::move(memory)),
         spirv_(spirv),
         kernel_(kernel),
         specialisation_{group_size, queue_layout, 1, feature_motion | feature_lookups, 0} {}
 
-  /// `constant` becomes the shader's specialisation constant 4, where it has one: the step, say, so that no step has another's registers.
+  /// Records or runs the step. `constant` sets the shader's specialisation constant 4, if it has one, such as a substep: each substep then
+  /// has its own registers.
   void run(ks::Commands& commands, const char* stage, const Push& push, uint32_t constant = 0) {
     if (memory_.on_host) return run_on_host(commands, stage, push);
     commands.begin_stage(stage);

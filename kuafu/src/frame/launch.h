@@ -28,22 +28,22 @@ struct View {
   Shutter shutter;
   Twist velocity;
   glm::dmat4 previous_camera_to_world{1.0};  // one frame before
-  /// Whether its rays differ from those of a pinhole at rest.
+  /// Whether the view's rays differ from a resting pinhole's.
   [[nodiscard]] bool special() const;
 };
 
 enum class LightSampling { mis, lights, bsdf };
 enum class DenoiseKind { none, atrous, oidn };
 
-/// The place of an output in the caller's buffer: counting starts at the word at offset_bytes; the first element and the strides are in
-/// elements. An output without a buffer is not asked for.
+/// The place of an output in the caller's buffer. `first` and the strides count elements, from the word at offset_bytes on. An output
+/// without a buffer is not wanted.
 struct OutputImage {
   std::shared_ptr<ks::Buffer> buffer;
   uint64_t offset_bytes = 0;
   int first = 0, view_stride = 0, row_stride = 0;
   uint32_t format = format_f32;
   float scale = 1.0f;
-  /// Whether the stages can write it themselves, without the step `write`.
+  /// Whether the stages can write the image directly, without the step `write`.
   [[nodiscard]] bool is_plain() const { return format_bits(format) == 32 && scale == 1.0f; }
 };
 
@@ -52,7 +52,7 @@ inline constexpr uint32_t output_projector_direct = output_radiance + 1 + group_
 /// The images whose sum is output_projector.
 inline constexpr uint32_t projector_parts = 1u << output_projector_direct | 1u << output_projector_indirect;
 
-/// Whether the frame makes it of other images when it delivers them.
+/// Whether the frame computes the output from other images on delivery.
 [[nodiscard]] constexpr bool is_made(uint32_t kind) { return kind == output_projector || kind == output_srgb; }
 
 [[nodiscard]] constexpr bool is_integer(uint32_t kind) {
@@ -77,7 +77,7 @@ struct Launch {
   std::array<OutputImage, output_kind_count> outputs;
   uint32_t projector = none;  // the light that the projector's AOVs are about; none: the first projector of each environment
   uint32_t held = 0;          // a bit for each output that a step after the paths reads from the frame, asked for or not
-  /// The renderer calls it between waves with the share that is done, 0..1; true cancels. It may be empty.
+  /// The renderer calls it between waves with the finished share, 0..1; true cancels. It may be empty.
   std::function<bool(float)> cancelled;
   ks::TimelinePoint wait;  // what comes before a buffer is read or written
 
@@ -92,7 +92,7 @@ struct Launch {
       if (outputs[k].buffer || (held >> k & 1) != 0) return true;
     return false;
   }
-  /// Whether the caller sees this image, as it is or in one that is made of it.
+  /// Whether the caller gets this image, or one that is computed from it.
   [[nodiscard]] bool shows(uint32_t kind) const {
     return outputs[kind].buffer || (outputs[output_projector].buffer && (projector_parts >> kind & 1) != 0) ||
            (outputs[output_srgb].buffer && kind == output_radiance);
@@ -113,15 +113,15 @@ struct Launch {
   [[nodiscard]] bool wants_radiance() const { return wants(output_radiance, output_kind_count); }
 };
 
-/// The time in which the shutter of some camera is open.
+/// The time in which any camera's shutter is open.
 TimeSpan open_span(const Launch& launch);
-/// What stage `generate` needs of a view that is special().
+/// A view's camera for stage `generate`; needed if view.special().
 CameraRecord camera_record(const View& view);
-/// Where the view sees points, now and one frame before.
+/// The projection of points into the view, now and one frame before.
 MotionView motion_view(const View& view);
 
-/// What stage `generate` needs of a view. The key of its samples depends on seed, camera and environment, and not on the view's place in
-/// the batch: a view has the same bits whether it is rendered alone or with others, and the left and right cameras draw different samples.
+/// A view's data for stage `generate`. The key of its samples depends on seed, camera and environment, not on its place in the batch. A
+/// view therefore has the same bits alone or with others, and left and right cameras draw different samples.
 ViewRecord view_record(const Launch& launch, const View& view);
 
 }  // namespace kuafu

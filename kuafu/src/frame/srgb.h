@@ -13,8 +13,8 @@ class SrgbEncoder {
  public:
   explicit SrgbEncoder(Memory memory);
 
-  /// radiance: address of `views` packed images of three channels. The exposure is to.scale; 0 puts the median lit pixel's green of all
-  /// views at a quarter of white.
+  /// Converts radiance to sRGB. radiance: address of `views` packed images of three channels. to.scale is the exposure; 0 sets the median
+  /// green of all views' lit pixels to a quarter of white.
   void run(ks::Commands& commands, uint64_t radiance, const OutputRecord& to, uint32_t views, uint32_t width, uint32_t height);
 
  private:
@@ -26,7 +26,7 @@ class SrgbEncoder {
 };
 
 namespace host {
-/// Stage `srgb` compiled as C++. Thread rule: any thread; ranges of a step are independent.
+/// Runs stage `srgb` on the host. Thread rule: any thread; ranges of a step are independent.
 void srgb(const SrgbPush& push, uint32_t first, uint32_t end);
 }  // namespace host
 

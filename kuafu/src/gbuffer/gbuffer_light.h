@@ -14,7 +14,7 @@
 
 namespace kuafu {
 
-/// Images of one camera in all environments; packed, a null buffer is not given.
+/// Images of one camera in all environments, packed; a null buffer is absent.
 struct GbufferImages {
   std::shared_ptr<ks::Buffer> depth, normal, albedo, material;
 };
@@ -33,9 +33,9 @@ struct GbufferLaunch {
 class GbufferLight {
  public:
   explicit GbufferLight(Memory memory);
-  /// Writes the frame's images. Call check() when the commands have run.
+  /// Lights the surfaces and writes the frame's images. Call check() when the commands have run.
   void run(ks::Commands& commands, const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame);
-  /// Throws for what was wrong with the images, with the environment, the pixel and the value.
+  /// Throws for invalid input images, with the environment, the pixel and the value.
   void check(const GbufferLaunch& gbuffers) const;
 
  private:

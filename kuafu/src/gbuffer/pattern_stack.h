@@ -16,7 +16,8 @@ struct PatternStack {
   float step_px = 1.0f;
 };
 
-/// pixel_px: a camera's pixel on the pattern, in pixels of that, along u and v. most_diameter_px: of a disc.
+/// Makes the means of a pattern over discs of several diameters. pixel_px: a camera pixel's size on the pattern along u and v, in the
+/// pattern's pixels. most_diameter_px: the largest disc.
 PatternStack pattern_stack(const Texture& pattern, glm::dvec2 pixel_px, double most_diameter_px, ks::ThreadPool& workers);
 
 }  // namespace kuafu

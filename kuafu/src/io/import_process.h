@@ -15,20 +15,21 @@
 
 namespace kuafu {
 
-/// Path of the helper of this name: in `folder` if given, else beside the library that this code is in, or in ../bin, ../libexec/kuafu or
-/// kuafu/ from there. Throws KS_ERROR_FILE that names the places.
+/// Returns the path of a helper program: in `folder` if given, else beside this library, or in ../bin, ../libexec/kuafu or kuafu/ from
+/// there. Throws KS_ERROR_FILE with the places.
 std::filesystem::path find_helper(const std::string& name, const std::filesystem::path& folder);
 
 class ImportProcess {
  public:
-  /// Starts it. Of the host's files it gets none but the pipe that it answers on; it stands in the host's working directory.
+  /// Starts the helper in the host's working directory. Of the host's open files it inherits only the pipe for its answer.
   ImportProcess(const std::filesystem::path& program, const std::vector<std::string>& arguments, uint32_t seconds);
-  /// Ends the process, if it still runs.
+  /// Ends the process if it still runs.
   ~ImportProcess();
   ImportProcess(const ImportProcess&) = delete;
   ImportProcess& operator=(const ImportProcess&) = delete;
 
-  /// The next bytes of its answer. Throws KS_ERROR_FILE that says how it ended when there are no more, or when the time is up.
+  /// Reads the next bytes of the answer. Throws KS_ERROR_FILE after the last byte or when the time is up; the text says how the process
+  /// ended.
   void read(void* to, size_t size_bytes);
 
  private:

@@ -15,8 +15,8 @@
 
 namespace kuafu {
 
-/// Appends a file's content to `scene`; `root_to_world` stands before every node. Returns warnings: what the file has and the renderer
-/// ignores. Throws ks::Error that names the file and the field; the scene is then unchanged. name: of the file in both; empty: its path.
+/// Appends a file's content to `scene`; `root_to_world` applies to every node. Returns warnings about content that the renderer ignores.
+/// Throws ks::Error with the file and the field, and leaves the scene unchanged. name: the file's name in messages; empty: its path.
 std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& path, const glm::dmat4& root_to_world,
                                    const LoadOptions& options = load_options_from_environment(), const std::string& name = "");
 

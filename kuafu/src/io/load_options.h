@@ -20,12 +20,12 @@ struct LoadOptions {
   std::filesystem::path helpers;
 };
 
-/// Automatic, but for the variables that are set: KUAFU_LOAD_MEMORY_MB, KUAFU_LOAD_SECONDS, KUAFU_LOAD_OUTSIDE=1,
-/// KUAFU_LOAD_TRANSPARENT=1, KUAFU_HELPERS. Throws
-/// KS_ERROR_INVALID_ARGUMENT for a value that is no such number. A process with raised privileges has none of them.
+/// Returns automatic options, except for variables that are set: KUAFU_LOAD_MEMORY_MB, KUAFU_LOAD_SECONDS, KUAFU_LOAD_OUTSIDE=1,
+/// KUAFU_LOAD_TRANSPARENT=1, KUAFU_HELPERS. A process with raised privileges ignores them. Throws KS_ERROR_INVALID_ARGUMENT for an invalid
+/// number.
 LoadOptions load_options_from_environment();
 
-/// The options with their automatic values filled in for a scene file of this size.
+/// The options for a scene file of a certain size, with automatic values filled in.
 struct LoadLimits {
   uint64_t memory_bytes = 0;       // at the start
   uint64_t memory_most_bytes = 0;  // as files are read, it grows up to this

@@ -10,10 +10,10 @@
 
 namespace kuafu {
 
-/// Makes materials of which nothing would be seen anywhere opaque, unless they are to be kept; returns a message for each.
+/// Makes materials opaque that are invisible everywhere, unless `keep`. Returns a message for each.
 std::vector<std::string> show_transparent(Scene& scene, bool keep);
 
-/// A message for each mesh whose triangles are lines or points and stay so.
+/// Returns a message for each mesh whose triangles are lines or points and never move.
 std::vector<std::string> without_area(const Scene& scene);
 
 }  // namespace kuafu

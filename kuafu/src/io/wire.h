@@ -21,12 +21,12 @@ struct ImportAnswer {
   std::vector<std::string> warnings;
 };
 
-/// Throws KS_ERROR_FILE when it cannot be written.
+/// Writes the helper's answer. Throws KS_ERROR_FILE if that fails.
 void write_answer(std::FILE* to, const Scene& scene, const std::vector<std::string>& warnings);
 void write_failure(std::FILE* to, int status, const std::string& text);
 
-/// `read` fills the bytes it is given or throws. Throws the failure that was written; KS_ERROR_FILE for what no helper writes and where the
-/// scene would be larger than `most_bytes`.
+/// Reads a helper's answer; `read` fills the given bytes or throws. Throws the failure that the helper wrote, or KS_ERROR_FILE for an
+/// invalid answer or a scene larger than `most_bytes`.
 ImportAnswer read_answer(const std::function<void(void*, size_t)>& read, uint64_t most_bytes);
 
 }  // namespace kuafu

@@ -8,7 +8,7 @@
 namespace kuafu {
 
 void transfer(Writer& to, const Rig& rig);
-/// Fills without checks: Scene::add_rig does them.
+/// Reads a rig without checks; Scene::add_rig checks it.
 void transfer(Reader& from, Rig& rig);
 
 }  // namespace kuafu

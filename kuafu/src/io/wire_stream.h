@@ -34,7 +34,7 @@ class Writer {
     bytes(value.data(), value.size());
   }
   void flag(bool value) { plain(static_cast<uint8_t>(value)); }
-  /// Things that `each` writes.
+  /// Writes a list; `each` writes one value.
   template <class T, class Each>
   void list(const std::vector<T>& values, Each&& each) {
     plain(uint64_t{values.size()});
@@ -76,7 +76,7 @@ class Reader {
     values.resize(claim(sizeof(T)));
     for (T& value : values) each(value);
   }
-  /// The count of things that follow, each of at least `element_bytes`; that much of the bound is used up.
+  /// Reads the count of the elements that follow, each of at least `element_bytes`, and takes their bytes off the limit.
   size_t claim(size_t element_bytes) {
     uint64_t count = 0;
     plain(count);

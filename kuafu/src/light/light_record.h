@@ -18,21 +18,22 @@ struct LightEntry {
   bool met = false;     // rays meet it
 };
 
-/// world_radius_m: half the diagonal of what there is, for the power of lights that come from infinitely far.
+/// Returns a light's table entry. world_radius_m: half the scene's diagonal, for the power of infinitely distant lights.
 LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Scene& scene, double world_radius_m,
                        const std::function<PatternAddress(const Light&)>& pattern);
 
-/// Largest channel: what chances go by.
+/// The largest channel, by which lights are chosen.
 double brightness(const glm::vec3& value);
 
-/// Whether one of its materials gives light in the band.
+/// Whether one of the instance's materials emits light in the band.
 bool shines(const Scene& scene, const Band& band, const Instance& instance);
 
-/// All emissive surfaces that environment `environment` sees, sampled by power; appends to the table's cumulative and triangles. None:
-/// nothing shines.
+/// Returns the entry of all emissive surfaces that the environment sees, sampled by power; appends to the table's cumulative and triangles.
+/// Nothing if no surface emits.
 std::optional<LightEntry> mesh_light(const Scene& scene, const Band& band, uint32_t environment, LightTable& table);
 
-/// The environment's map, sampled by its brightness; appends to the table's cumulative. None: there is no map, or it is black.
+/// Returns the entry of the environment's map, sampled by brightness; appends to the table's cumulative. Nothing if there is no map or it
+/// is black.
 std::optional<LightEntry> map_light(const Scene& scene, const Band& band, double world_radius_m, LightTable& table);
 
 }  // namespace kuafu

@@ -26,7 +26,7 @@ struct LightTable {
 
 inline constexpr uint32_t few_lights = 4;
 
-/// Half the diagonal of what there is, where some light comes from infinitely far, for its power; else 0.
+/// Half the scene's diagonal, m, for the power of infinitely distant lights; 0 if there are none.
 double world_radius_m(const Scene& scene);
 
 /// A projector's pattern in the memory of the stages.
@@ -35,11 +35,12 @@ struct PatternAddress {
   uint32_t bits;
 };
 
-/// `pattern` gives the plane of a projector's pattern. Lights that are dark while the shutters are open are left out.
+/// Makes the table of all lights. `pattern` returns the plane of a projector's pattern. Lights that are dark while the shutters are open
+/// are left out.
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
                             const std::function<PatternAddress(const Light&)>& pattern, const TimeSpan& open);
 
-/// A light without extent, in one environment: glass bends it by beams.
+/// A light without extent, in one environment; beams carry its light through glass.
 struct SharpLight {
   uint32_t index, environment;  // of LightTable
   bool directional;

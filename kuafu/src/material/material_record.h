@@ -8,29 +8,29 @@
 
 namespace kuafu {
 
-/// The material with what it is in the band in the place of what it is in the visible one.
+/// Returns the material with its values in this band in place of the visible ones.
 Material in_band(const Material& material, const Band& band);
 
-/// Its textures are told by their slots.
+/// Returns a material as shaders read it; textures are named by their slots.
 MaterialRecord material_record(const Material& material, uint32_t id, const Band& band, const Table<Texture>& textures);
 
-/// feature_* that shaders need for it.
+/// Returns the feature_* flags that shaders need for the material.
 uint32_t material_features(const Material& material);
 
-/// Glass, if only where a texture takes metal away.
+/// Whether the material transmits light, perhaps only where a texture lowers its metalness.
 bool is_glass(const Material& material);
 
-/// Glass that a shadow ray may pass, if only where a texture says so, and whether it bends it: it then bounds a body.
+/// Whether a shadow ray may pass the material, perhaps only by a texture, and whether it bends light: it then bounds a body.
 bool is_smooth_glass(const Material& material);
 bool bends_light(const Material& material);
 
-/// A body of rough glass: its albedos are to be in the table (material/albedo_tables.h).
+/// Whether the material is rough glass that bounds a body, which needs the albedos of glass (material/albedo_tables.h).
 bool is_frosted(const Material& material);
 
-/// Sheen's albedos are to be in the table.
+/// Whether the material needs the albedos of sheen.
 bool has_sheen(const Material& material);
 
-/// What stands in where an instance names no material: grey and Lambertian.
+/// The material of an instance that names none: grey and Lambertian.
 Material grey_default();
 
 }  // namespace kuafu

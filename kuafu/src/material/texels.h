@@ -15,8 +15,8 @@ struct Texels {
   uint32_t format = 0;  // texel_half4 or texel_float4
 };
 
-/// sRGB colour is decoded (IEC 61966-2-1); one channel is grey, two are grey and alpha. 8- and 16-bit texels become halves, floats stay
-/// floats.
+/// Returns linear texels. sRGB colour is decoded (IEC 61966-2-1); one channel is grey, two are grey and alpha. 8- and 16-bit texels become
+/// halves, floats stay floats.
 Texels linear_texels(const Texture& texture);
 
 struct PatternPlane {
@@ -24,7 +24,7 @@ struct PatternPlane {
   uint32_t bits = 0;            // 8, 16: the stored integer; 32: a float
 };
 
-/// The red channel exactly as it is stored: never sRGB-decoded.
+/// Returns the red channel as stored, without sRGB decoding.
 PatternPlane pattern_plane(const Texture& texture);
 
 }  // namespace kuafu

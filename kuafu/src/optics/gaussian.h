@@ -8,9 +8,9 @@
 
 namespace kuafu {
 
-/// Taps beside the middle one that hold all but 1e-6 of the light.
+/// Taps on one side of the middle that hold all but 1e-6 of the light.
 uint32_t gaussian_radius(double variance);
-/// The middle tap and `radius` on one side; the sum over both sides is 1.
+/// The weights of the middle tap and `radius` taps on one side; both sides and the middle sum to 1.
 std::vector<float> gaussian_kernel(double variance, uint32_t radius);
 
 }  // namespace kuafu

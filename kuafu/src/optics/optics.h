@@ -10,8 +10,8 @@
 
 namespace kuafu {
 
-/// The images that the frame must hold for the launch's optics: those of light, depth for defocus, and the projector's direct light for
-/// the limit of fireflies.
+/// The images that the frame must hold for the launch's optics: light, depth for defocus, and the projector's direct light for the limit of
+/// fireflies.
 uint32_t held_for_optics(const Launch& launch);
 
 class CameraOptics {
@@ -34,7 +34,7 @@ class CameraOptics {
   MappedTable<float> kernels_;
   std::shared_ptr<ks::Buffer> scratch_, rows_;
   [[nodiscard]] bool takes(uint32_t step) const { return (steps_ >> step & 1u) != 0; }
-  /// Point spread in tiles: a GPU's, whose kernels leave room in shared memory.
+  /// Whether the point spread runs in tiles: on a GPU, if the kernel leaves room in shared memory.
   [[nodiscard]] bool tiles() const { return takes(optics_psf_columns) && !memory_.on_host && psf_radius_ <= optics_most_tiled_radius_px; }
   ks::PipelineInBuild tiled_psf_[2];  // without and with vignetting
   uint32_t steps_ = 0;                // bit optics_*: some view needs this step

@@ -15,7 +15,7 @@ void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
 void visibility(const AovPush& push, uint32_t first, uint32_t end);
 void splat_table(const SplatTablePush& push, uint32_t first, uint32_t end);
 
-/// These are of host_aov.cpp, which the build compiles once for each band.
+/// A kernel of host_aov.cpp, which is compiled once for each band.
 using AovKernel = void(const AovPush& push, uint32_t first, uint32_t end);
 AovKernel aov_infrared, aov_visible;
 
@@ -24,7 +24,7 @@ struct QueueEnds {
   uint32_t next = 0, shadow = 0;
 };
 
-/// These are of host_shade.cpp, which the build compiles once for each band and kind of scene.
+/// A kernel of host_shade.cpp, which is compiled once for each band and kind of scene.
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 using GatherKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
@@ -60,7 +60,7 @@ KUAFU_KIND(visible_worn)
 KUAFU_KIND(visible_full)
 #undef KUAFU_KIND
 
-/// The ones that know no more than a scene needs. A scene's tracer alone looks at cutouts, but for those that shine.
+/// Returns the kernels with only the features that a scene needs. Cutouts concern the tracer alone, unless they emit light.
 constexpr SurfaceKernels surface_kernels(bool infrared, uint32_t features) {
   if ((features & ~(plain_features | feature_cutouts)) == 0) return infrared ? kernels_infrared_plain : kernels_visible_plain;
   if ((features & ~lit_features) == 0) return infrared ? kernels_infrared_lit : kernels_visible_lit;

@@ -30,7 +30,7 @@ KUAFU_AVX512 void in_avx512(const Loops& loops) {
   loops();
 }
 #endif
-/// Runs loops over lanes in the widest vectors that the machine has.
+/// Runs loops over lanes in the machine's widest vectors.
 template <class Loops>
 void in_vectors(const Loops& loops) {
 #ifdef __x86_64__
@@ -53,7 +53,7 @@ struct alignas(64) PixelSampleLanes {
 };
 void sample_pixels(PixelSampleLanes& lanes, bool replicates);
 
-/// BSDFs of surfaces without features of their own (lib/bsdf.glsl), which take most of stage `shade`.
+/// BSDFs of surfaces without special features (lib/bsdf.glsl), which take most of the time of stage `shade`.
 template <uint32_t channels>
 struct alignas(64) ScatterLanes {
   Vec2Array table;  // SceneAddresses.specular_albedo
@@ -68,15 +68,15 @@ struct alignas(64) ScatterLanes {
   Lanes<float> sampled_pdf;                           // of that direction
   Lanes<uint32_t> delta;                              // nonzero: a mirror or glass sends it on, and no lane computes that
 };
-/// Computes f of wi and its density.
+/// Evaluates f for the direction wi, and its density.
 void evaluate(ScatterLanes<1>& lanes);
 void evaluate(ScatterLanes<3>& lanes);
-/// Draws samples, and takes direction, weight and density from them.
+/// Samples directions, with weight and density.
 void scatter(ScatterLanes<1>& lanes);
 void scatter(ScatterLanes<3>& lanes);
 
 inline glm::vec3 vector_of(const Lanes<float>* v, uint32_t lane) { return {v[0][lane], v[1][lane], v[2][lane]}; }
-/// The type is float in the infrared band, else vec3.
+/// A lane's spectrum: float in the infrared band, else vec3.
 template <uint32_t channels>
 auto spectrum_of(const Lanes<float>* s, uint32_t lane) {
   if constexpr (channels == 1)
@@ -84,7 +84,7 @@ auto spectrum_of(const Lanes<float>* s, uint32_t lane) {
   else
     return vector_of(s, lane);
 }
-/// Point: MaterialPoint, of which the lanes hold no more.
+/// A lane's surface point. The lanes hold only MaterialPoint's fields.
 template <class Point, uint32_t channels>
 Point material_point(const ScatterLanes<channels>& lanes, uint32_t lane) {
   Point m{};

@@ -36,15 +36,15 @@ class PathTracer {
   /// Brings the tracer's acceleration structure up to date.
   void update_tracer(const Scene& scene, const Launch& launch);
 
-  /// Before waves of paths that begin with this sample: light goes through glass to where it lands.
+  /// Traces light through glass to the surfaces where it arrives. Call before waves of paths that begin with this sample.
   void splat_light(ks::Commands& commands, const Launch& launch, uint32_t first_sample);
 
-  /// The plan of the launch that the tables are up to date with.
+  /// The plan of the launch that the tables were updated for.
   [[nodiscard]] const WavePlan& plan() const { return plan_; }
-  /// How many pixels go together through in_waves: with the samples of one pass, or with rays over their squares.
+  /// Pixels that in_waves takes together: with the samples of one pass, or with rays over their squares.
   [[nodiscard]] uint32_t pixels_per_batch() const { return pixels_per_batch_; }
   [[nodiscard]] uint32_t squares_per_batch() const;
-  /// Takes a batch through `step`: a device's as one wave, the host's as many as its workers' slots make of it, at the same time.
+  /// Takes a batch through `step`: on a device as one wave, on the host as one wave per worker's slot, in parallel.
   void in_waves(ks::Commands& commands, const Launch& launch, const WaveRange& batch, const std::function<void(Wave&)>& step);
   [[nodiscard]] WaveRange range(const Launch& launch, uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample,
                                 uint32_t sample_count) const;

@@ -18,9 +18,9 @@ class Splats {
   [[nodiscard]] uint32_t beam_count() const { return beam_count_; }
   /// The address of the SplatTable.
   [[nodiscard]] uint64_t table() const { return table_.address(); }
-  /// The part that all steps of stage `follow` have in common.
+  /// The values that all steps of stage `follow` share.
   [[nodiscard]] BeamPush push(uint32_t key, const glm::vec2& jitter) const;
-  /// The words that the table's steps find cleared.
+  /// The words that must be zero before the table's steps.
   [[nodiscard]] const ks::Buffer& words() const { return *words_; }
   [[nodiscard]] uint64_t cleared_bytes() const { return (splat_heads + splat_words_per_head * uint64_t(buckets_)) * 4; }
   /// Invocations of a step of the table (splat_step_*).

@@ -16,30 +16,30 @@ namespace kuafu {
 class Stages {
  public:
   virtual ~Stages() = default;
-  /// Has a driver compile what waves of this size need, side by side; camera: some view is more than a pinhole at rest.
+  /// Lets a driver compile in parallel what waves of this size need. camera: whether any view is not a resting pinhole.
   virtual void prepare(const WaveSize&, [[maybe_unused]] bool camera) {}
   /// Clears the counters and fills the first queue.
   virtual void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) = 0;
   virtual void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
-  /// Follows the shadow rays past one surface of glass.
+  /// Takes the shadow rays past one surface of glass.
   virtual void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) = 0;
-  /// Before `shade`, adds the light that bodies of glass have bent to where paths arrived.
+  /// Adds the light that bodies of glass have bent to the points that paths reached; call before `shade`.
   virtual void gather(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
   /// Clears the counters and fills the first queue with beams of light.
   virtual void send(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) = 0;
   /// Follows beams through one surface, or lets them land.
   virtual void follow(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) = 0;
-  /// Makes the table of all beams.
+  /// Makes the table of all beams' splats.
   virtual void tabulate(ks::Commands& commands, const Splats& splats) = 0;
   virtual void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) = 0;
   virtual void accumulate(ks::Commands& commands, const AccumulatePush& push) = 0;
   virtual void aov(ks::Commands& commands, const AovPush& push) = 0;
-  /// After the shadow rays of `aov` were traced.
+  /// Writes the results of the shadow rays of `aov`; call after they were traced.
   virtual void visibility(ks::Commands& commands, const AovPush& push) = 0;
 };
 
 std::unique_ptr<Stages> make_device_stages(std::shared_ptr<ks::Device> device, const Tracer& tracer);
-/// For queues of packets in host-visible memory, and addresses that are host pointers.
+/// Makes the host's stages, for queues of packets in host-visible memory and addresses that are host pointers.
 std::unique_ptr<Stages> make_host_stages(std::shared_ptr<ks::Device> device);
 
 }  // namespace kuafu

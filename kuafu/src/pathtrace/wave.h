@@ -11,14 +11,14 @@
 
 namespace kuafu {
 
-/// What answers a wave's rays and runs its stages.
+/// The tracer and stages of a wave.
 struct WaveBackend {
   Memory memory;
   std::unique_ptr<Tracer> tracer;
   std::unique_ptr<Stages> stages;
 };
 
-/// What all waves of a launch have in common: the places of their tables, and what the scene asks of them.
+/// Values that all waves of a launch share: addresses of tables, and the scene's needs.
 struct WavePlan {
   uint64_t scene = 0, views = 0, cameras = 0, aov = 0;  // addresses of the tables that stages read
   bool environments = false;                            // rays carry an environment
@@ -76,7 +76,7 @@ class Wave {
   [[nodiscard]] const WaveRange& range() const { return range_; }
 
  private:
-  /// With generate_listed, `pixels` is that of GeneratePush.
+  /// Runs stage `generate`; with generate_listed, `pixels` is GeneratePush.pixels.
   void generate(uint32_t flags, uint64_t pixels = 0);
   void shade(uint32_t bounce);
   [[nodiscard]] RayQueue of_scene(RayQueue rays) const;

@@ -29,7 +29,7 @@ struct WaveSize {
   [[nodiscard]] uint32_t shadow_rays_per_path() const { return std::max(shadow_rays_per_vertex, visibility ? 1u : 0u); }
 };
 
-/// 32-bit words of a wave's arrays for each path. Arrays of shadow rays hold those of all its rays.
+/// 32-bit words of a wave's arrays for each path. Arrays of shadow rays hold all shadow rays of a path.
 struct WordsPerPath {
   uint32_t rays, environments;  // of two arrays each
   uint32_t state;
@@ -64,9 +64,9 @@ class WaveBuffers {
   [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
   [[nodiscard]] uint64_t counter_address() const { return address(counters_); }
   [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * (1 + size_.glass_passes) * counter_words * 4; }
-  /// The number of a bounce's rays where the host can see it, else the capacity.
+  /// The number of a bounce's rays if the host can read it, else the capacity.
   [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
-  /// The same for its shadow rays.
+  /// The number of a bounce's shadow rays if the host can read it, else the capacity.
   [[nodiscard]] uint32_t shadow_ray_count(uint32_t bounce, uint32_t passed) const;
   [[nodiscard]] uint32_t shadow_capacity() const { return size_.capacity * size_.shadow_rays_per_path(); }
   [[nodiscard]] const WaveSize& size() const { return size_; }
@@ -91,7 +91,7 @@ class WaveSlots {
   explicit WaveSlots(const Memory& memory);
   void fit(const WaveSize& size);
   [[nodiscard]] const WaveSize& size() const { return slots_.front().buffers.size(); }
-  /// The slot of a device.
+  /// The only slot of a device.
   [[nodiscard]] WaveBuffers& only() { return slots_.front().buffers; }
 
   /// A lease lends one of the host's slots as long as it lives.

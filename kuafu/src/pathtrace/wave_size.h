@@ -9,14 +9,13 @@
 
 namespace kuafu {
 
-/// On the host, a worker takes so many paths through all stages before it takes the next. Their queues and state, 300 bytes a path, stay in
-/// its cache.
+/// The number of paths that a host worker takes through all stages at once. Their queues and state, 300 bytes a path, stay in its cache.
 uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex);
 constexpr uint32_t waves_per_worker = 32;  // between two reports of progress
-/// On a device, a wave takes at most an eighth of a GPU's memory, and its dispatches are no larger than the device takes. Of `size` all but
-/// the capacity counts.
+/// The most paths of a device's wave: an eighth of the GPU's memory, and no more than its dispatches hold. Of `size`, the capacity does not
+/// count.
 uint32_t most_paths(const ks::Device& device, const WaveSize& size);
-/// The same of a GPU with so much memory, whose dispatches have at most so many groups.
+/// The most paths of a wave on a GPU with this memory, whose dispatches have at most most_groups groups.
 uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, const WaveSize& size);
 /// The most samples that a pixel has in one wave. The number is fixed, since the order of sums follows from it; the rounds of a budget are
 /// short.

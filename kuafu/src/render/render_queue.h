@@ -16,24 +16,24 @@ namespace kuafu {
 
 class RenderQueue {
  public:
-  /// As Renderer's.
+  /// Takes Renderer's arguments.
   RenderQueue(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library);
-  /// Cancels what is under way, and waits for it.
+  /// Cancels the renders under way and waits for them.
   ~RenderQueue();
   RenderQueue(const RenderQueue&) = delete;
   RenderQueue& operator=(const RenderQueue&) = delete;
 
-  /// Waits for what was submitted, then renders in the caller's thread.
+  /// Waits for submitted renders, then renders in the caller's thread.
   void render(const Scene& scene, Launch launch);
-  /// The same of surfaces that another renderer saw.
+  /// Works as render() for surfaces that another renderer saw.
   void light(const Scene& scene, const GbufferLaunch& gbuffers);
   /// Returns the submission's number, as soon as fewer than two are under way. `held` is let go when the render has ended: until then the
   /// scene must stay as it is.
   uint64_t submit(std::shared_ptr<const Scene> scene, Launch launch, std::shared_ptr<const void> held);
-  /// false: it has not ended after so long (UINT64_MAX: however long it takes). Throws what the render threw. An outcome is kept until the
-  /// second submission after it.
+  /// Returns false if the render has not ended after timeout_ns (UINT64_MAX: no timeout). Throws the render's error. An outcome is kept
+  /// until the second submission after it.
   [[nodiscard]] bool wait(uint64_t number, uint64_t timeout_ns);
-  /// The timeline that reaches the number of each submission that has ended, from the first call on; at the last one's value.
+  /// The timeline, at the last submission's value. From the first call on, it reaches each submission's number when that render has ended.
   [[nodiscard]] ks_sync export_timeline();
   /// Ends every render that has begun or was submitted.
   void cancel() { ++wishes_; }
@@ -55,13 +55,13 @@ class RenderQueue {
   };
 
   [[nodiscard]] Submission& slot(uint64_t number) { return slots_[number % most_under_way]; }
-  /// The launch ends also by cancel() from now on.
+  /// Makes cancel() end this launch, too.
   void heed_cancel(Launch& launch) const;
-  /// Waits in the caller's thread until so many submissions have ended; false: it took too long.
+  /// Waits in the caller's thread until `count` submissions have ended. Returns false if the timeout ended first.
   [[nodiscard]] bool wait_for_ended(uint64_t count, uint64_t timeout_ns);
   void serve();
   void run(Submission& submission);
-  /// Under the mutex.
+  /// Call under the mutex.
   void signal_ended() noexcept;
 
   Renderer renderer_;

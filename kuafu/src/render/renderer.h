@@ -25,7 +25,7 @@ class Renderer {
 
   /// Blocks until the outputs are written. Throws KS_ERROR_CANCELLED when the launch's callback says so.
   void render(const Scene& scene, const Launch& launch);
-  /// The same of surfaces that another renderer saw.
+  /// Works as render() for surfaces that another renderer saw.
   void light(const Scene& scene, const GbufferLaunch& gbuffers);
   /// Milliseconds per stage of the last render.
   [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }

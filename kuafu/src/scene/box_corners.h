@@ -7,7 +7,7 @@
 
 namespace kuafu {
 
-/// box: any struct with `min` and `max`.
+/// The eight corners of a box, which is any struct with `min` and `max`.
 template <typename Box>
 std::array<glm::dvec3, 8> box_corners(const Box& box) {
   std::array<glm::dvec3, 8> corners;

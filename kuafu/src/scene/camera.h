@@ -21,7 +21,7 @@ struct Shutter {
   double exposure_s = 0.0, line_time_s = 0.0;
 
   [[nodiscard]] bool takes_time() const { return exposure_s > 0.0 || (kind == Kind::rolling && line_time_s > 0.0); }
-  /// When it is open for some pixel of an image.
+  /// The time in which the shutter is open for any pixel of an image.
   [[nodiscard]] TimeSpan span(uint32_t width, uint32_t height) const {
     const bool along_rows = readout == Readout::rows_down || readout == Readout::rows_up;
     const uint32_t lines = along_rows ? height : width;
@@ -30,7 +30,7 @@ struct Shutter {
   }
 };
 
-/// The optics between the light and the imager; neutral as made.
+/// The optics between light and imager; the default changes nothing.
 struct Optics : OpticsFields {
   [[nodiscard]] bool defocuses() const { return defocus_lens_radius_m > 0.0; }
 };

@@ -19,7 +19,7 @@ class ChangeLog {
     entries_.push_back(entry);
   }
 
-  /// Entries that changed after `revision`, in order, perhaps twice. None: too long ago to tell, look at all of them.
+  /// Returns the entries that changed after `revision`, in order, perhaps twice. Nothing if that is too long ago: read all entries.
   [[nodiscard]] std::optional<std::span<const uint32_t>> since(uint64_t revision) const {
     if (revision < base_ || revision > this->revision()) return std::nullopt;
     return std::span(entries_).subspan(revision - base_);

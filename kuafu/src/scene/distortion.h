@@ -17,14 +17,14 @@ struct Distortion {
 
 inline bool distorts(const Distortion& lens) { return lens != Distortion{}; }
 
-/// Where the ray through `ideal` (x/z, y/z) appears.
+/// Returns the distorted position of the ray through `ideal` (x/z, y/z).
 glm::dvec2 distort(const Distortion& lens, const glm::dvec2& ideal);
 
 struct Fold {
   glm::dvec2 pixel;        // of the image's edge that cannot be reached
   double reached, needed;  // distorted radius where the lens stops growing, and of the pixel, in focal lengths
 };
-/// The first pixel of the image's edge that has no ray, or more than one; nothing when the whole image can be undistorted.
+/// Returns the first pixel on the image's edge with no ray or several; nothing if the whole image can be undistorted.
 std::optional<Fold> find_fold(const Distortion& lens, const glm::dmat3& camera_k, uint32_t width, uint32_t height);
 
 }  // namespace kuafu

@@ -19,10 +19,11 @@ struct DotPattern {
   bool operator==(const DotPattern&) const = default;
 };
 
-/// Throws for what cannot be drawn; `light` names the owner.
+/// Throws for a pattern that cannot be drawn; `light` names its owner.
 void check(const DotPattern& pattern, const std::string& light);
 
-/// One channel, float32. Each pixel holds the integral of the dots over its square, so powers are kept, wherever a dot lies on the grid.
+/// Draws the pattern as one channel of float32. Each pixel holds the integral of the dots over its square, so a dot keeps its power
+/// anywhere on the grid.
 Texture rasterise(const DotPattern& pattern);
 
 }  // namespace kuafu

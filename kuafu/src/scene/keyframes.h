@@ -17,7 +17,7 @@ struct Keyframes {
   std::vector<float> values;   // a value for each time; cubic_spline: in-tangent, value, out-tangent
 };
 
-/// The value at `time_s`, `width` numbers; before the first time and after the last that of the first and last.
+/// Computes the value, `width` numbers, at `time_s`. Before the first keyframe and after the last, theirs hold.
 void value_at(const Keyframes& keyframes, double time_s, std::span<double> out);
 
 }  // namespace kuafu

@@ -14,7 +14,7 @@
 
 namespace kuafu {
 
-/// What animations change of a node.
+/// The part of a node's pose that animations change.
 struct NodePose {
   glm::dvec3 translation{0.0};
   glm::dquat rotation{1.0, 0.0, 0.0, 0.0};
@@ -22,7 +22,7 @@ struct NodePose {
   std::vector<float> weights;  // of the morph targets of its mesh
 };
 
-/// Coordinates in the node become its parent's by matrix * translation * rotation * scale.
+/// A node of a rig: matrix * translation * rotation * scale maps its coordinates to its parent's.
 struct RigNode {
   uint32_t parent = none;  // an earlier node; none: the file's root
   glm::dmat4 matrix{1.0};
@@ -49,18 +49,18 @@ struct Skin {
   std::vector<glm::mat4> inverse_binds;  // of each joint: from the mesh to the joint
 };
 
-/// Up to four joints of each vertex, by their number in the skin, and their weights.
+/// Up to four joints of each vertex, by number in the skin, with weights.
 struct SkinWeights {
   std::vector<glm::uvec4> joints;
   std::vector<glm::vec4> weights;
 };
 
-/// What weight 1 adds to each vertex; empty: nothing.
+/// The change of each vertex at weight 1; empty: no change.
 struct MorphTarget {
   std::vector<glm::vec3> positions, normals, tangents;
 };
 
-/// A mesh whose vertices move, as it is before they do.
+/// A mesh with moving vertices, in its undeformed shape.
 struct RigMesh {
   uint32_t mesh = none;
   uint32_t node = 0;     // whose weights its targets have
@@ -71,7 +71,7 @@ struct RigMesh {
   std::vector<MorphTarget> targets;
 };
 
-/// Something that stands on a node.
+/// An object that is attached to a node.
 struct RigMember {
   enum class Kind : uint32_t { instance, light, camera };
   Kind kind = Kind::instance;
@@ -89,31 +89,30 @@ struct Rig {
   std::vector<RigMember> members;
 };
 
-/// A rig at one time.
+/// A rig's pose at one time.
 struct RigPose {
   std::vector<NodePose> nodes;
   std::vector<glm::dmat4> node_to_root;
 };
 RigPose rest_pose(const Rig& rig);
-/// By one of its animations; none: by all, of which the first counts where two move the same.
+/// Poses the rig by one animation, or by all if none is given: the first counts for a node that several move.
 RigPose pose_at(const Rig& rig, uint32_t animation, double time_s);
 
 struct Vertices {
   std::vector<glm::vec3> positions, normals;
   std::vector<glm::vec4> tangents;
 };
-/// Morph targets are added, then the joints' matrices blend (section 3.7.3.3). Normals turn by the blend's inverse transpose,
-/// and tangents by the blend itself, so that they keep to the surface.
+/// Deforms a mesh: adds the morph targets, then blends the joints' matrices (glTF 2.0, section 3.7.3.3). Normals turn by the blend's
+/// inverse transpose and tangents by the blend, so both keep to the surface.
 Vertices deformed(const Rig& rig, const RigMesh& mesh, const RigPose& pose);
 
-/// Where a member stands in the world. Of lights and cameras the node's scale is left out; nothing where there is no rotation then. An
-/// instance without extent is made so small that no ray meets it.
+/// Returns a member's transform to the world. Lights and cameras ignore the node's scale; nothing if no rotation is left. An instance
+/// without extent is made so small that no ray hits it.
 std::optional<glm::dmat4> member_to_world(const Rig& rig, const RigMember& member, const RigPose& pose);
 std::optional<glm::dmat4> without_scale(const glm::dmat4& m);
 glm::dmat4 with_extent(const glm::dmat4& m);
 
-/// Throws KS_ERROR_INVALID_ARGUMENT unless all of it is finite, of matching sizes, and refers to what there is. Ids of the scene are not
-/// looked at.
+/// Throws KS_ERROR_INVALID_ARGUMENT unless numbers are finite, sizes match and references exist in the rig. Scene ids are not checked.
 void check(const Rig& rig);
 
 }  // namespace kuafu

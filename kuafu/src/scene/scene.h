@@ -95,13 +95,13 @@ struct Camera {
   double near_m = 0.0, far_m = std::numeric_limits<double>::infinity();
 };
 
-/// Each counter grows when its part changes; readers remember the value they last saw.
+/// Counters that grow when their part of the scene changes. A reader remembers the value that it last saw.
 struct Revisions {
   uint64_t meshes = 1, textures = 1, materials = 1, instances = 1, lights = 1;
 };
 
-/// Tells an object from all others, also from those at its address before and after it, for as long as somebody keeps the token. A copy
-/// has its own; what is assigned to takes another.
+/// Identifies a scene, also against earlier and later ones at its address, as long as someone keeps the token. A copy, or a scene that is
+/// assigned to, gets a new token.
 class Identity {
  public:
   Identity() = default;
@@ -124,22 +124,22 @@ class Scene {
   uint32_t add_material(Material material);
   uint32_t add_instance(Instance instance);
   uint32_t add_light(Light light);
-  /// Moves the vertices; triangles stay. As many positions as there are vertices, and normals exactly where the mesh has them. Its tangents
-  /// stay where none are given.
+  /// Moves a mesh's vertices; triangles stay. Give as many positions as it has vertices, and normals exactly if it has them. Without
+  /// `tangents` its tangents stay.
   void update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals,
                              std::vector<glm::vec4> tangents = {});
-  /// Replaces the texels; size, channels and format may change.
+  /// Replaces a texture's texels; size, channels and format may change.
   void set_texture(uint32_t id, Texture texture);
   void set_material(uint32_t id, Material material);
   void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world) { set_instance_poses({&id, 1}, {&local_to_world, 1}); }
-  /// Of as many instances as there are poses. All are checked before any is moved.
+  /// Moves as many instances as there are poses, after all were checked.
   void set_instance_poses(std::span<const uint32_t> ids, std::span<const glm::dmat4> local_to_world);
-  /// What is there now is the frame before, for motion vectors. Cost follows what moved.
+  /// Begins a new frame: the present poses become the former ones of motion vectors. Its cost depends on what moved.
   void next_frame();
   void set_instance_velocity(uint32_t id, const Twist& velocity);
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);
   void set_light(uint32_t id, Light light) { set_lights({&id, 1}, {&light, 1}); }
-  /// Moves from `lights`, as many as there are ids. All are checked before any is replaced.
+  /// Replaces as many lights as there are ids, after all were checked; moves them out of `lights`.
   void set_lights(std::span<const uint32_t> ids, std::span<Light> lights);
   void set_environment(const Environment& environment);
   void set_medium(const std::optional<Medium>& medium);
@@ -150,32 +150,32 @@ class Scene {
   void remove_instance(uint32_t id);
   void remove_light(uint32_t id);
   void add_camera(Camera camera);
-  /// What of this scene a file animates. Its animations follow those of earlier rigs.
+  /// Adds the animated part of a loaded file. Its animations are numbered after those of earlier rigs.
   void add_rig(Rig rig);
-  /// Poses what hangs on the rig of this animation as that has it at `time_s`, and as its file has it without animation where that moves
-  /// nothing; `none`: every rig by all its animations, of which the first counts where two move the same. What was removed is passed over.
-  /// An error, as where a vertex comes to no finite place, leaves the scene as it was.
+  /// Poses the animation's nodes at time_s; other nodes of its rig keep the file's pose. `none`: poses every rig by all its animations; the
+  /// first counts for a node that several move. Removed objects are skipped. On an error, such as a vertex that is not finite, the scene
+  /// stays unchanged.
   void animate(uint32_t animation, double time_s);
-  /// Moves everything but the environment of `other` to the end of this scene; ids of `other` grow by the sizes of the tables here.
+  /// Moves all of `other` but its environment to the end of this scene. Its ids grow by the sizes of the tables here.
   void append(Scene&& other);
 
   [[nodiscard]] const Table<Mesh>& meshes() const { return meshes_; }
   [[nodiscard]] const Table<Texture>& textures() const { return textures_; }
   [[nodiscard]] const Table<Material>& materials() const { return materials_; }
   [[nodiscard]] const Table<Instance>& instances() const { return instances_; }
-  /// Where the instances stand in tables of all of them, which is what a hit's instance means: slot -> id, or none where one was removed.
+  /// Maps an instance's slot, which a hit names, to its id; none for a removed one.
   [[nodiscard]] const std::vector<uint32_t>& instance_slots() const { return instances_.ids(); }
-  /// Slots whose instance changed, came or went after this value of Revisions::instances; none: look at all of them.
+  /// Returns the slots of instances that changed, came or went after this value of Revisions::instances. Nothing: read all of them.
   [[nodiscard]] std::optional<std::span<const uint32_t>> instance_changes(uint64_t revision) const { return instance_log_.since(revision); }
   [[nodiscard]] const Table<Light>& lights() const { return lights_; }
   [[nodiscard]] const Environment& environment() const { return environment_; }
   [[nodiscard]] const std::optional<Medium>& medium() const { return medium_; }
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
   [[nodiscard]] const std::vector<std::shared_ptr<const Rig>>& rigs() const { return rigs_; }
-  /// Revisions of scenes with another identity have nothing to do with these.
+  /// The scene's token. Revisions compare only between scenes of the same token.
   [[nodiscard]] const std::shared_ptr<const void>& identity() const { return identity_.token(); }
   [[nodiscard]] const Revisions& revisions() const { return revisions_; }
-  /// Whether an instance has a velocity.
+  /// Whether any instance has a velocity.
   [[nodiscard]] bool instances_move() const { return moving_instances_ > 0; }
 
   [[nodiscard]] Bounds bounds() const;        // world, of all instances

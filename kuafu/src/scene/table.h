@@ -16,12 +16,12 @@ namespace kuafu {
 
 inline constexpr uint32_t none = 0xffffffffu;
 
-/// An id is given once and never again, so that a removed entry's reaches nothing. Its slot is the next entry's: memory follows what is
-/// there, but for the four bytes that remember an id.
+/// A table of entries by id. An id is never given again, so a removed entry's id finds nothing. Its slot is used again: memory follows the
+/// present entries, plus four bytes per id.
 template <class T>
 class Table {
  public:
-  /// Returns the id.
+  /// Adds an entry and returns its id.
   uint32_t add(T entry) {
     make_room(1);
     const auto id = uint32_t(slots_.size());
@@ -43,7 +43,7 @@ class Table {
     ids_[slot] = none;
     free_.push_back(slot);
   }
-  /// Moves the entries of `other` here; their ids grow by ids_given() before. Does not fail where there is room.
+  /// Moves the entries of `other` here; their ids grow by the former ids_given(). Does not fail if there is room.
   void append(Table&& other) {
     for (const uint32_t slot : other.slots_) {
       if (slot == none)
@@ -53,7 +53,7 @@ class Table {
     }
     other = {};
   }
-  /// Takes the memory that so many more ids need.
+  /// Allocates memory for `count` more ids.
   void make_room(size_t count) {
     if (ids_given() + count > none) ks::fail(KS_ERROR_UNSUPPORTED, "a scene table is full (2^32 - 1 ids)");
     const auto grow = [count](auto& to) {
@@ -66,9 +66,9 @@ class Table {
   [[nodiscard]] bool has(uint32_t id) const { return id < slots_.size() && slots_[id] != none; }
   [[nodiscard]] T& operator[](uint32_t id) { return *entries_[slots_[id]]; }
   [[nodiscard]] const T& operator[](uint32_t id) const { return *entries_[slots_[id]]; }
-  /// Where the entry stands in tables of all that are there.
+  /// The entry's slot: its place in tables of all present entries.
   [[nodiscard]] uint32_t slot(uint32_t id) const { return slots_[id]; }
-  /// slot -> id, or none where it is free.
+  /// Maps a slot to its id, or none if it is free.
   [[nodiscard]] const std::vector<uint32_t>& ids() const { return ids_; }
   [[nodiscard]] size_t ids_given() const { return slots_.size(); }
   [[nodiscard]] size_t size() const { return ids_.size() - free_.size(); }
@@ -90,7 +90,7 @@ uint32_t slot_or_none(const Table<T>& table, uint32_t id) {
   return id == none ? none : table.slot(id);
 }
 
-/// `owner` 'name' refers to entry `id`.
+/// Throws unless the entry that `owner` 'name' refers to exists.
 template <class T>
 void check_exists(const char* owner, const std::string& name, const char* kind, uint32_t id, const Table<T>& table) {
   if (id >= table.ids_given())

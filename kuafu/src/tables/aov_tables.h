@@ -13,7 +13,7 @@ class AovTables {
  public:
   explicit AovTables(Memory memory) : memory_(std::move(memory)) {}
 
-  /// Throws where the launch names a light that is no projector.
+  /// Updates the tables; throws if the launch names a light that is no projector.
   void update(const Scene& scene, const Launch& launch);
   [[nodiscard]] uint64_t address() const { return addresses_.address(); }
 

@@ -16,7 +16,7 @@ struct BeamSources {
   uint32_t beam_count = 0;
 };
 
-/// About so many beams for each environment. world_radius_m: half the diagonal of what there is.
+/// Divides each environment's beams evenly among its pairs of a sharp light and a body of glass. world_radius_m: half the scene's diagonal.
 BeamSources make_beam_sources(const std::vector<SharpLight>& lights, const std::vector<GlassBody>& bodies, double world_radius_m,
                               uint32_t environment_count, uint32_t beams_per_environment);
 

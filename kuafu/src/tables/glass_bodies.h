@@ -18,7 +18,7 @@ struct GlassBody {
 
 class GlassBodies {
  public:
-  /// Cost follows the instances.
+  /// Finds the bodies of glass again. Its cost grows with the instances.
   void update(const Scene& scene, const Band& band);
   void forget() { bodies_.clear(); }
   [[nodiscard]] const std::vector<GlassBody>& bodies() const { return bodies_; }

@@ -9,7 +9,7 @@
 
 namespace kuafu {
 
-/// Index of a scene's material in the table of materials, whose first entry is the default (for `none`).
+/// Index of a scene's material in the materials' table, whose first entry is the default (for `none`).
 inline uint32_t material_index(const Scene& scene, uint32_t id) { return slot_or_none(scene.materials(), id) + 1; }
 
 class InstanceTable {

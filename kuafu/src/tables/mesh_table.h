@@ -15,14 +15,14 @@ namespace kuafu {
 
 class MeshTable {
  public:
-  /// The addresses of a mesh stay the same as long as it lives.
+  /// A mesh's addresses, which stay as long as the mesh lives.
   struct Addresses {
     uint64_t positions = 0, normals = 0, uvs = 0, uvs_1 = 0, colors = 0, tangents = 0, indices = 0, slots = 0;
     uint32_t flags = 0;                 // instance_has_*
     std::shared_ptr<ks::Buffer> block;  // where they lie, with meshes of the same time; freed with the last of them
   };
 
-  /// Uploads what is new or moved and drops what was removed.
+  /// Uploads new and deformed meshes, and drops removed ones.
   void update(const Memory& memory, const Scene& scene);
   void forget() { meshes_.clear(), watch_.forget(); }
   [[nodiscard]] const Addresses& operator[](uint32_t mesh) const { return meshes_.at(mesh); }

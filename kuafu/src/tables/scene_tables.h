@@ -23,34 +23,34 @@ class SceneTables {
   void update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open);
 
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
-  /// In a scene with a medium, half of them belong to scattering in the medium.
+  /// Shadow rays of each vertex. In a medium, half of them belong to scattering.
   [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_ * (has_medium_ ? 2 : 1); }
-  /// The passes that a wave may need beyond its bounces.
+  /// Passes that a wave may need beyond its bounces.
   [[nodiscard]] uint32_t walk_passes() const { return (material_features_ & feature_subsurface) != 0 ? walk_limit : 0; }
   [[nodiscard]] bool has_medium() const { return has_medium_; }
-  /// feature_* that the scene needs.
+  /// The feature_* flags that the scene needs.
   [[nodiscard]] uint32_t features() const {
     return lookup_features_ | light_features_ | material_features_ | (has_medium_ ? feature_medium : 0) | (moves_ ? feature_motion : 0);
   }
-  /// Whether anything but a camera moves, or a light goes on or off, while a shutter is open.
+  /// Whether anything but a camera moves, or a light switches, while a shutter is open.
   [[nodiscard]] bool moves() const { return moves_; }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
   /// One past the last light group that the scene uses.
   [[nodiscard]] uint32_t light_groups() const { return 1 + std::max(emission_group_, light_group_); }
-  /// Whether a surface lets light through.
+  /// Whether any surface lets light through.
   [[nodiscard]] bool has_glass() const { return has_glass_; }
-  /// Whether some of it is smooth and bounds a body.
+  /// Whether some glass is smooth and bounds a body, so that it bends light.
   [[nodiscard]] bool has_bending() const { return has_bending_; }
-  /// With has_bending.
+  /// The bodies of glass; valid if has_bending().
   [[nodiscard]] const std::vector<GlassBody>& glass_bodies() const { return glass_bodies_.bodies(); }
   [[nodiscard]] const std::vector<SharpLight>& sharp_lights() const { return sharp_lights_; }
   [[nodiscard]] double radius_m() const { return world_radius_m_; }  // half the diagonal of what there is, where some light is directional
-  /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
+  /// Whether the environment or a surface emits light in the band, which only BSDF rays find.
   [[nodiscard]] bool has_ambient() const { return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_; }
 
  private:
   void forget();
-  /// Writes the table of albedos; `frosted` adds those of rough glass, `sheen` fills in those of fibres.
+  /// Writes the tables of albedos; `frosted` adds rough glass, `sheen` fills in fibres.
   void write_albedos(bool frosted, bool sheen);
   [[nodiscard]] uint32_t lookups_of(const Scene& scene) const;
   bool moved_lights(const Scene& scene);

@@ -19,15 +19,15 @@ class TextureTables {
  public:
   explicit TextureTables(Memory memory) : memory_(std::move(memory)) {}
 
-  /// Uploads the textures that are new or were set again. Returns whether a light's record may name one that is gone.
+  /// Uploads textures that are new or were set again. Returns whether a light's record may name a removed one.
   bool update(const Scene& scene);
-  /// Makes the next update upload everything, for it is of another scene.
+  /// Makes the next update upload everything, for another scene.
   void forget();
-  /// The plane of a projector's pattern, which is that of its texture or of its dots.
+  /// Returns the plane of a projector's pattern: its texture's or its dots'.
   PatternAddress pattern(const Scene& scene, const Light& light);
-  /// Frees the dots that no light has any more.
+  /// Frees dots that no light uses.
   void drop_unused();
-  /// Whether a material reads some texture otherwise than plainly.
+  /// Whether any texture has a wrapping, filter, transform or uv set other than the default.
   [[nodiscard]] bool looks_up() const;
   [[nodiscard]] uint64_t address() const { return table_.address(); }
 
