@@ -58,3 +58,18 @@ def pixel_rays(
     if is_distorting(coefficients):
         rays[:2] = undistort(rays[0], rays[1], coefficients)
     return rays
+
+
+def to_tangents(u: NDArray[Any], v: NDArray[Any], k: NDArray[Any], coefficients: Coefficients = ()) -> Positions:
+    """Maps pixels (u, v) to the directions (x, y, 1) that they see. k: 3x3 camera matrix; no coefficients: a
+    pinhole."""
+    y = (v - k[1, 2]) / k[1, 1]
+    x = (u - k[0, 2] - k[0, 1] * y) / k[0, 0]
+    return undistort(x, y, coefficients) if is_distorting(coefficients) else (x, y)
+
+
+def to_pixels(x: NDArray[Any], y: NDArray[Any], k: NDArray[Any], coefficients: Coefficients = ()) -> Positions:
+    """Maps directions (x, y, 1) to pixels (u, v), the inverse of to_tangents()."""
+    if is_distorting(coefficients):
+        x, y = distort(x, y, coefficients)
+    return k[0, 0] * x + k[0, 1] * y + k[0, 2], k[1, 1] * y + k[1, 2]

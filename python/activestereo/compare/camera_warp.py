@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
+from activestereo.common.lens import is_distorting, is_drawn
 from activestereo.effects.core.view import View
 
 _OCCLUSION = 0.02  # above this relative difference of depth the cameras see different surfaces
@@ -31,10 +31,7 @@ class Warp:
 def warp_between(left: View, right: View) -> Warp:
     """Computes the Warp between the two cameras' views of one frame."""
     height, width = left.shape
-    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
-    x, y = (u - left.K[0, 2]) / left.K[0, 0], (v - left.K[1, 2]) / left.K[1, 1]
-    if is_distorting(left.distortion):
-        x, y = undistort(x, y, left.distortion)
+    x, y = left.rays()
     points = np.stack([x, y, np.ones_like(x)]) * left.depth_m
     pose = right.left_to_camera
     there = np.tensordot(pose[:3, :3], points, axes=1) + pose[:3, 3][:, None, None]
@@ -43,8 +40,7 @@ def warp_between(left: View, right: View) -> Warp:
     drawn = left.depth_m > 0
     if is_distorting(right.distortion):
         drawn &= is_drawn(x, y, right.distortion)
-        x, y = distort(x, y, right.distortion)
-    to_u, to_v = right.K[0, 0] * x + right.K[0, 2], right.K[1, 1] * y + right.K[1, 2]
+    to_u, to_v = right.to_pixels(x, y)
     inside = drawn & (to_u >= 1) & (to_u <= width - 2) & (to_v >= 1) & (to_v <= height - 2)
     depth = map_coordinates(right.depth_m, [to_v, to_u], order=0, mode="nearest")
     return Warp(to_u, to_v, inside & (np.abs(depth - there[2]) < _OCCLUSION * z))

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.common.computed_once import computed_once
+from activestereo.common.lens import to_pixels
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.view import PickedView, View
@@ -47,8 +48,7 @@ class DotView:
 
     def project(self, projector_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         K, z = self._view.projector_K, np.where(projector_points[..., 2] > 0, projector_points[..., 2], 1.0)
-        x, y = projector_points[..., 0] / z, projector_points[..., 1] / z
-        return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
+        return to_pixels(projector_points[..., 0] / z, projector_points[..., 1] / z, K)
 
     @computed_once
     def nominal(self) -> np.ndarray:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from activestereo.capture.capture import Frame
+from activestereo.common.lens import to_tangents
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, random_stream
@@ -171,9 +172,7 @@ class EngineInputs:
             return
         K, (height, width) = self.projector.k, self.pattern.shape
         v, u = np.mgrid[0:height, 0:width]
-        y = (v - K[1, 2]) / K[1, 1]
-        x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]
-        self.pattern = (self.pattern * gain(x, y)).astype(np.float32)
+        self.pattern = (self.pattern * gain(*to_tangents(u, v, K))).astype(np.float32)
 
     def blur_pattern(self, sigma_px: float) -> None:
         """Blurs the projector's dots by a Gaussian of sigma_px camera pixels, taken as an angle at the projector."""

@@ -24,7 +24,7 @@ import numpy as np
 import kuafu
 import simsense
 from activestereo.capture.capture import Frame
-from activestereo.common.lens import distort, lens_fields
+from activestereo.common.lens import distort, lens_fields, to_pixels, to_tangents
 from activestereo.effects.core.beam import through_medium
 from activestereo.effects.core.descriptor import Effect, effect
 from activestereo.effects.core.dots import DotView
@@ -292,8 +292,6 @@ def tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
 def _before(dots: DotView, view: View, projector: kuafu.Light) -> tuple[np.ndarray, np.ndarray]:
     """Returns the pattern pixel (u, v) of the beam that lights each camera pixel after the projector changed.
     projector: has the changed pattern_scale or distortion. dots: the beams' pattern pixels before."""
-    K = view.projector_K
-    y = (dots.v - K[1, 2]) / K[1, 1]
-    x = (dots.u - K[0, 2] - K[0, 1] * y) / K[0, 0]
-    x, y = (p / projector.pattern_scale for p in distort(x, y, projector.distortion))
-    return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
+    K, scale = view.projector_K, projector.pattern_scale
+    x, y = distort(*to_tangents(dots.u, dots.v, K), projector.distortion)
+    return to_pixels(x / scale, y / scale, K)

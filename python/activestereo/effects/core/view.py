@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.common.computed_once import computed_once
-from activestereo.common.lens import distort, is_distorting, undistort
+from activestereo.common.lens import to_pixels, to_tangents
 
 
 def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generator:
@@ -150,11 +150,11 @@ class View:
         lens."""
         if u is None or v is None:
             return self.once("rays", lambda: _read_only(*self.rays(*self.pixels())))
-        return _rays(u, v, self.K, self.distortion)
+        return to_tangents(u, v, self.K, self.distortion)
 
     def to_pixels(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns (u, v) at which the nominal camera draws the direction (x, y, 1)."""
-        return _to_pixels(x, y, self.K, self.distortion)
+        return to_pixels(x, y, self.K, self.distortion)
 
     def drawn_by(self, K: np.ndarray, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Returns (u, v), [height][width] each: the nominal camera's pixel position for each pixel ray of another
@@ -236,20 +236,6 @@ def _pixels(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     return u, v
 
 
-def _rays(u: np.ndarray, v: np.ndarray, K: np.ndarray, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    y = (v - K[1, 2]) / K[1, 1]
-    x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]
-    return undistort(x, y, distortion) if is_distorting(distortion) else (x, y)
-
-
-def _to_pixels(
-    x: np.ndarray, y: np.ndarray, K: np.ndarray, distortion: tuple[float, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    if is_distorting(distortion):
-        x, y = distort(x, y, distortion)
-    return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
-
-
 @lru_cache(maxsize=8)
 def _drawn_by(
     shape: tuple[int, int],
@@ -260,7 +246,7 @@ def _drawn_by(
 ) -> tuple[np.ndarray, np.ndarray]:
     # Cameras with the same lens differ by their intrinsics alone.
     own, lens = ((), ()) if nominal == other else (nominal, other)
-    u, v = _to_pixels(*_rays(*_pixels(shape), np.reshape(other_k, (3, 3)), lens), np.reshape(k, (3, 3)), own)
+    u, v = to_pixels(*to_tangents(*_pixels(shape), np.reshape(other_k, (3, 3)), lens), np.reshape(k, (3, 3)), own)
     _read_only(u, v)
     return u, v
 

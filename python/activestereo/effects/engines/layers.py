@@ -13,7 +13,7 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.input_files import read_bytes, read_json
-from activestereo.common.lens import distort, is_drawn, undistort
+from activestereo.common.lens import is_drawn, to_pixels, to_tangents
 from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.resample import SupersampledImages
 
@@ -109,21 +109,15 @@ class Sampling:
 def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Removes lens distortion: returns the (column, row) in an ideal pinhole image with the same K for pixels of a
     Camera."""
-    y = (row - camera.K[1, 2]) / camera.K[1, 1]
-    x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
-    x, y = undistort(x, y, camera.distortion)
-    return camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]
+    return to_pixels(*to_tangents(column, row, camera.K, camera.distortion), camera.K)
 
 
 def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndarray:
     """Applies lens distortion to pixels (column, row) of an ideal pinhole with the camera's K; returns [column or
     row][...]. Inverse of ideal_pixels(); NaN beyond the point where the lens model folds over."""
-    y = (row - camera.K[1, 2]) / camera.K[1, 1]
-    x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
-    is_seen = is_drawn(x, y, camera.distortion)
-    x, y = distort(x, y, camera.distortion)
-    drawn = [camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]]
-    return np.where(is_seen, np.stack(drawn), np.nan)
+    x, y = to_tangents(column, row, camera.K)
+    drawn = np.stack(to_pixels(x, y, camera.K, camera.distortion))
+    return np.where(is_drawn(x, y, camera.distortion), drawn, np.nan)
 
 
 def sampling_of(rig: Rig, scale: int) -> Sampling:

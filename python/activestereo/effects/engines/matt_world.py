@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 import kuafu
+from activestereo.common.lens import to_tangents
 from activestereo.effects.engines.layers import ViewCamera
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
@@ -50,8 +51,7 @@ def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera, albed
     than the camera's pixels."""
     depth_m, K = images["depth"][i, ..., 0], camera.K
     row, column = np.indices(depth_m.shape, dtype=np.float32)
-    y = (row - K[1, 2]) / K[1, 1]
-    x = (column - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    x, y = to_tangents(column, row, K)
     normal = images["normal"][i] @ camera.camera_to_world[:3, :3]
     points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
     squares = -(-albedo.shape[1] // depth_m.shape[1])
