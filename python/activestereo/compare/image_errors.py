@@ -14,7 +14,8 @@ from scipy.ndimage import gaussian_filter, laplace
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, ImageKey
 from activestereo.compare.engine_prediction import changes_no_ray, engine_lights, reflected_lights
-from activestereo.compare.noise import NoiseModel, noise_variances_of, unsteady_light
+from activestereo.compare.measured_image import MeasuredImage
+from activestereo.compare.noise import NoiseModel, noise_of_images
 from activestereo.compare.nuisances import Fit, predict_under_model
 from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves, noise_square, rmse_without_noise
 from activestereo.effects.core.model import Model
@@ -180,10 +181,12 @@ def image_errors(
         lights = engine_lights(capture, model, known, engines(capture), layers, views, cache or LayerCache(), progress)
     fit, expected = predict_under_model(capture, model, lights, views, counted)
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
-    seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
-    noise_variances, noise_model = noise_variances_of(
-        capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen)
-    )
+    images = [
+        MeasuredImage(frame, side, views[frame.id, side], layers[frame.id][side], measured[frame.id, side])
+        for frame in capture.frames
+        for side in SIDES
+    ]
+    noise_variances, noise_model = noise_of_images(capture, images, predictions, fit.nuisances.black_dn)
     sums = {}  # sums over each image's pixels, to be pooled over cameras and frames
     for key, image in counted.items():
         counts, (variance, source) = np.isfinite(image), noise_variances.get(key, (None, None))

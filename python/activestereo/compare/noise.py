@@ -25,11 +25,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from types import SimpleNamespace
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, uniform_filter1d
 from scipy.optimize import nnls
 from scipy.special import ndtr
@@ -37,8 +35,8 @@ from scipy.special import ndtr
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import warp_between
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.nuisances import regressors
-from activestereo.effects.core.view import View
 
 _BINS = 40
 _LEAST_WIDTH_STEPS = 2.0
@@ -92,6 +90,10 @@ class NoiseModel:
         signal = np.asarray(measured_dn, dtype=np.float64) - self.black_dn
         raw = self.offset + self.shot * gain * signal.mean() + self.relative * (signal**2).mean()
         return raw / (1.0 + self.relative)
+
+    def image_variance(self, image: MeasuredImage) -> float:
+        """Estimates the mean variance of a measured image's pixels, DN^2, rounding included."""
+        return max(self.mean_variance(image.measured, image.frame.gain), ROUNDING_VARIANCE)
 
 
 @dataclass(frozen=True)
@@ -282,32 +284,30 @@ _ALIKE = 0.1
 _OUTLIER = 12.0
 
 
-def noise_model_at_other_gains(
-    noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray],
-    shown_gains: set[float],
-) -> NoiseModel:  # fmt: skip
-    """Returns the noise model with more shot noise, if frames at gains without repeats need it. There the variance is
-    taken between neighbouring pixels of nearly equal expected value. observations: objects with frame, view, measured
-    (DN) and key (frame id, side). images: expected DN. shown_gains: gains with repeats.
+def noise_at_other_gains(
+    noise_model: NoiseModel, images: Sequence[MeasuredImage], predicted: Mapping[ImageKey, np.ndarray]
+) -> tuple[NoiseModel, dict[ImageKey, float]]:
+    """Returns (the noise model with more shot noise, if train frames at gains without repeats need it; {(frame id,
+    side): variance, DN^2, of the images at such gains}). There the variance is taken between neighbouring pixels of
+    nearly equal expected value. predicted: expected DN, of the train images at least.
 
     A missing effect adds a variance that grows with the square of the signal, alike at all gains. It is measured at the
     shown gains and subtracted.
     """
-    shown = [o for o in observations if o.frame.gain in shown_gains and o.frame.projector_power > 0]
-    others = [o for o in observations if o.frame.gain not in shown_gains]
-    if not shown or not others:
-        return noise_model
-    missing = max(_slope(noise_model, shown, images, lambda o, signal: signal**2, 0.0), 0.0)
-    return replace(
-        noise_model,
-        shot=noise_model.shot
-        + max(_slope(noise_model, others, images, lambda o, signal: o.frame.gain * signal, missing), 0.0),
-    )
+    train = [i for i in images if i.frame.split == "train"]
+    gains = {i.frame.gain for i in train if i.frame.repeat_group is not None}
+    shown = [i for i in train if i.frame.gain in gains and i.frame.projector_power > 0]
+    others = [i for i in train if i.frame.gain not in gains]
+    if shown and others:
+        missing = max(_slope(noise_model, shown, predicted, lambda i, signal: signal**2, 0.0), 0.0)
+        more = _slope(noise_model, others, predicted, lambda i, signal: i.frame.gain * signal, missing)
+        noise_model = replace(noise_model, shot=noise_model.shot + max(more, 0.0))
+    return noise_model, {i.key: noise_model.image_variance(i) for i in images if i.frame.gain not in gains}
 
 
 def _slope(
-    noise_model: NoiseModel, observations: Sequence[Any], images: dict[tuple[int, str], np.ndarray], lever_of: Callable,
-    missing: float,
+    noise_model: NoiseModel, observations: Sequence[MeasuredImage], images: Mapping[ImageKey, np.ndarray],
+    lever_of: Callable, missing: float,
 ) -> float:  # fmt: skip
     """Returns the coefficient of an extra variance proportional to lever_of(observation, signal). It is fitted to
     differences of neighbouring pixels of nearly equal expected value, after the noise model and missing x signal^2 are
@@ -335,12 +335,10 @@ _SMOOTHEST = 0.25  # share of a bin's pixels that is taken: those with the least
 _LOCAL_MEAN_PX = 4.0  # gain and offset between the cameras go with the local mean of the difference
 _TRIM = 4.0  # deviations
 
-Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
 
-
-def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | None:
-    """Fits a NoiseModel to the differences between the two cameras. pairs: for each frame (left view, right view, left
-    DN, right DN). Returns None if too few pixels lie in smooth parts of the image."""
+def pair_noise_model(pairs: Iterable[tuple[MeasuredImage, MeasuredImage]], black_dn: float) -> NoiseModel | None:
+    """Fits a NoiseModel to the differences between the two cameras. pairs: for each frame (left image, right image).
+    Returns None if too few pixels lie in smooth parts of the image."""
     rows = [row for pair in pairs for row in _rows(*pair)]
     if not rows:
         return None
@@ -350,11 +348,11 @@ def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | Non
     return NoiseModel(max(offset, ROUNDING_VARIANCE), shot, 0.0, float(black_dn))
 
 
-def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[tuple[float, float, float, float]]:
+def _rows(left: MeasuredImage, right: MeasuredImage) -> list[tuple[float, float, float, float]]:
     """Returns rows (gain, mean, variance of one camera, weight) by brightness, from one frame's difference of the
     cameras."""
-    warp = warp_between(left, right)
-    image, there = np.asarray(left_dn, np.float64), warp.read(right_dn)
+    warp = warp_between(left.view, right.view)
+    image, there = np.asarray(left.measured, np.float64), warp.read(right.measured)
     rest = image - there
     rest = rest - gaussian_filter(rest, _LOCAL_MEAN_PX)
     kept = 1.0 - 1.0 / (
@@ -365,9 +363,9 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
     interpolated = (u**2 + (1.0 - u) ** 2) * (v**2 + (1.0 - v) ** 2)
     one_side = rest**2 / (kept * (1.0 + interpolated))
     slope = gaussian_gradient_magnitude(image, 1.0) + gaussian_gradient_magnitude(there, 1.0)
-    usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.max_dn - 1)
-    if left.known is not None:
-        usable &= left.known
+    usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.view.max_dn - 1)
+    if left.view.known is not None:
+        usable &= left.view.known
     level = gaussian_filter(image, 1.0)
     if usable.sum() < _LEAST_PIXELS:
         return []
@@ -387,42 +385,22 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
     return rows
 
 
-def noise_variances_of(
-    capture: Capture, views: Mapping[ImageKey, View], measured: Mapping[ImageKey, np.ndarray],
-    predicted: Mapping[ImageKey, np.ndarray], black_dn: float, no_noise: Mapping[ImageKey, np.ndarray],
-) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:  # fmt: skip
+def noise_of_images(
+    capture: Capture, images: Sequence[MeasuredImage], predicted: Mapping[ImageKey, np.ndarray], black_dn: float
+) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:
     """Returns ({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model); ({}, None) if
-    there are no repeats and nothing in the pairs is smooth. predicted: expected DN; no_noise: known differences between
-    repeats, DN."""
-    noise_variances, noise_model = frame_noise_variances(capture, black_dn, no_noise)
+    there are no repeats and nothing in the pairs is smooth. predicted: expected DN, of the train images at least."""
+    unsteady = unsteady_light({i.key: (i.frame, i.layers, i.measured) for i in images})
+    noise_variances, noise_model = frame_noise_variances(capture, black_dn, unsteady)
     if noise_model is None:
-        frames = capture.split("train") or capture.frames
-        pairs = [
-            (views[f.id, "left"], views[f.id, "right"], measured[f.id, "left"], measured[f.id, "right"]) for f in frames
-        ]
-        noise_model = pair_noise_model(pairs, black_dn)
+        of_key, frames = {i.key: i for i in images}, capture.split("train") or capture.frames
+        noise_model = pair_noise_model([(of_key[f.id, "left"], of_key[f.id, "right"]) for f in frames], black_dn)
         if noise_model is None:
             return {}, None
-        return {
-            key: (_variance(noise_model, measured[key], views[key].frame.gain), "pair") for key in measured
-        }, noise_model
-    # As in a diagnosis, neighbouring pixels give the noise at gains without repeats.
-    train = [
-        SimpleNamespace(frame=f, view=views[f.id, e], measured=measured[f.id, e], key=(f.id, e))
-        for f in capture.split("train")
-        for e in SIDES
-    ]
-    shown = {f.gain for f in capture.split("train") if f.repeat_group is not None}
-    noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
-    others = {key: view.frame.gain for key, view in views.items() if view.frame.gain not in shown}
-    at_others = {key: (_variance(noise_model, measured[key], gain), "noise model") for key, gain in others.items()}
-    return {
-        key: (max(v, ROUNDING_VARIANCE), source) for key, (v, source) in noise_variances.items()
-    } | at_others, noise_model
-
-
-def _variance(noise_model: NoiseModel, image: np.ndarray, gain: float) -> float:
-    return max(noise_model.mean_variance(image, gain), ROUNDING_VARIANCE)
+        return {i.key: (noise_model.image_variance(i), "pair") for i in images}, noise_model
+    noise_model, others = noise_at_other_gains(noise_model, images, predicted)
+    known = {key: (max(v, ROUNDING_VARIANCE), source) for key, (v, source) in noise_variances.items()}
+    return known | {key: (v, "noise model") for key, v in others.items()}, noise_model
 
 
 # Neighbouring rows that are taken to see one brightness: 0.4 ms at 26 us a line, a twentieth of a period of 120 Hz.

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.common.processes import forked
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import predict_under_model
-from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.refine.light import LightMemory
 from activestereo.effects import Model, Randomness, Stage, View
 

@@ -16,6 +16,7 @@ from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.nuisances import solve_bounded
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import pair_noise_model
 from activestereo.compare.render import render_frames
 from activestereo.report.summary import summary_table
@@ -147,6 +148,9 @@ def test_a_pair_without_a_smooth_place_tells_nothing(world, cache):
     capture = read_capture(world.capture_path)
     layers = render_frames(capture, WorldRenderer(world, grid=2), cache=cache)
     frame = capture.frames[0]
-    views = [View.of(capture, frame, side, layers[frame.id][side]) for side in ("left", "right")]
     black = np.zeros((72, 128), np.uint8)
-    assert pair_noise_model([(*views, black, black)], 5.0) is None
+    left, right = (
+        MeasuredImage(frame, side, View.of(capture, frame, side, seen), seen, black)
+        for side, seen in layers[frame.id].items()
+    )
+    assert pair_noise_model([(left, right)], 5.0) is None

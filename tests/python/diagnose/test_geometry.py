@@ -22,7 +22,7 @@ from activestereo.diagnose.answer.verdict_words import geometry_words, next_step
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes, matrix_of
-from activestereo.diagnose.evidence.measured_image import MeasuredImage
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.diagnose.refine import Fitter
 from activestereo.diagnose.refine.geometry_fit import (
     _moving_beyond_others,

@@ -7,18 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture
-from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import (
-    NoiseModel,
-    frame_noise_variances,
-    noise_model_at_other_gains,
-    pair_noise_model,
-    unsteady_light,
-)
+from activestereo.compare.measured_image import MeasuredImage
+from activestereo.compare.noise import NoiseModel, noise_of_images
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence.geometry import Geometry, focal_slopes, geometry_slopes
-from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
 from activestereo.diagnose.evidence.observation import (
     TILE_PX,
@@ -51,12 +44,12 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
     train = [s for s in measured_images if s.frame.split == "train"]
     seen = [(s.frame, s.layers, s.where_known()) for s in train]
     nuisances = fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances
-    noise_variances, noise_model, has_floor = _noise(capture, measured_images, nuisances)
     predicted = _predicted(train, nuisances)
-    if has_floor:
-        noise_model, noise_variances = noise_at_other_gains(
-            noise_model, noise_variances, measured_images, train, predicted
-        )
+    noise, shown = noise_of_images(capture, measured_images, predicted, nuisances.black_dn)
+    noise_model = shown or NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
+    noise_variances = {key: variance for key, (variance, _) in noise.items()}
+    if shown is None:
+        noise_variances = {s.key: noise_model.image_variance(s) for s in measured_images}
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
@@ -67,7 +60,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
         nuisances=nuisances,
         noise_model=noise_model,
         noise_variances=noise_variances,
-        has_floor=has_floor,
+        has_floor=shown is not None,
         materials=len(materials),
         tiles=count,
         geometry=geometry,
@@ -83,7 +76,7 @@ def held_out(evidence: Evidence, capture: Capture, layers: LayersOfFrames) -> tu
     """Makes observations of the frames that have layers, with the noise and the materials of the evidence's train
     frames."""
     images, noise = _measured_images(capture, layers, evidence.seed), evidence.noise_model
-    variances = {s.key: max(noise.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in images}
+    variances = {s.key: noise.image_variance(s) for s in images}
     evidence, train = replace(evidence, noise_variances=variances | evidence.noise_variances), evidence.train
     edge_discrepancy_m = edge_discrepancy(train, _predicted(train, evidence.nuisances), noise)
     material_of = _material_of(evidence.capture)
@@ -137,43 +130,6 @@ def _observed(
         )
 
     return tuple(map(observation, images))
-
-
-def _noise(
-    capture: Capture, measured_images: Sequence[MeasuredImage], nuisances: Nuisances
-) -> tuple[NoiseVariances, NoiseModel, bool]:
-    """Returns ({image key: noise variance, DN^2}, noise model, has floor). The last is False if the noise is assumed:
-    neither repeats nor the two cameras of each frame showed it."""
-    no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in measured_images})
-    noise_variances, noise_model = frame_noise_variances(capture, nuisances.black_dn, no_noise)
-    if noise_model is not None:
-        return {key: max(v[0], ROUNDING_VARIANCE) for key, v in noise_variances.items()}, noise_model, True
-    of_key = {s.key: s for s in measured_images}
-    both = [(of_key[f.id, "left"], of_key[f.id, "right"]) for f in capture.split("train")]
-    by_cameras = pair_noise_model([(a.view, b.view, a.measured, b.measured) for a, b in both], nuisances.black_dn)
-    noise_model = by_cameras or NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
-    return (
-        {s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in measured_images},
-        noise_model,
-        by_cameras is not None,
-    )
-
-
-def noise_at_other_gains(
-    noise_model: NoiseModel,
-    noise_variances: NoiseVariances,
-    measured_images: Sequence[MeasuredImage],
-    train: Sequence[MeasuredImage],
-    predicted: Mapping[tuple[int, str], np.ndarray],
-) -> tuple[NoiseModel, NoiseVariances]:
-    """Returns the noise model and variances after including frames whose gain has no repeats. predicted: expected DN of
-    the train images."""
-    shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
-    noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
-    others = [s for s in measured_images if s.frame.gain not in shown]
-    return noise_model, noise_variances | {
-        s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in others
-    }
 
 
 def _expected(

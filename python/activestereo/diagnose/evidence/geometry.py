@@ -7,7 +7,9 @@ Surfaces move in the image with the light that they scatter. Dots slide over the
 rig.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Hashable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,10 +17,11 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, logm
 
 from activestereo.capture.capture import SIDES, Camera, Capture, ImageKey
-from activestereo.diagnose.evidence.measured_image import MeasuredImage, derivatives_in_dn
+from activestereo.compare.measured_image import MeasuredImage
+from activestereo.compare.nuisances import predict
 from activestereo.effects import Light
 from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.model import Nuisances
+from activestereo.effects.core.model import Nuisances, scales
 from activestereo.effects.core.view import View
 
 TWIST = 6
@@ -258,3 +261,30 @@ def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
         return np.stack([moved.projector, moved.ambient])
 
     return ((seen(_FOCAL_STEP) - seen(-_FOCAL_STEP)) / (2.0 * _FOCAL_STEP)).astype(np.float32)
+
+
+def derivatives_in_dn(
+    images: Sequence[MeasuredImage],
+    nuisances: Nuisances,
+    of_light: Callable[[MeasuredImage], NDArray[np.float32]],
+) -> dict[ImageKey, NDArray[np.float32]]:
+    """Returns {(frame id, side): derivatives of an image, DN, [...][height][width]}, 0 at clipped pixels.
+
+    of_light(image): returns the derivatives of the projector's light and of the ambient light, [2][...][height][width].
+    All images of one pose and camera share them.
+    """
+    views = [(image.side, image.frame.camera_to_world.tobytes()) for image in images]
+    first = dict(reversed(list(zip(views, images, strict=True))))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        known = dict(zip(first, pool.map(of_light, first.values()), strict=True))
+    alike: dict[Hashable, NDArray[np.float32]] = {}  # repeats share theirs
+    out = {}
+    for light, image in zip(views, images, strict=True):
+        projector, ambient = scales(image.frame)
+        if (of_both := (light, projector, ambient)) not in alike:
+            levels = np.array([nuisances.projector_scale * projector, nuisances.ambient_scale * ambient], np.float32)
+            expected = predict(image.frame, image.layers, nuisances, image.view.max_dn)
+            inside = (expected > 0.0) & (expected < image.view.max_dn)
+            alike[of_both] = np.tensordot(levels, known[light], axes=1) * inside
+        out[image.key] = alike[of_both]
+    return out

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel
-from activestereo.diagnose.evidence.measured_image import MeasuredImage
 
 # Largest error of an edge's position that the scene measurement may make, metres. Beyond it an effect is missing.
 _LARGEST_EDGE_DISCREPANCY_M = 1.5e-3

@@ -13,9 +13,9 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry
-from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
 from activestereo.effects.core.model import Nuisances
 

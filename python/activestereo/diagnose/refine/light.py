@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from activestereo.capture.capture import Frame
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.nuisances import slopes
-from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.effects import Effect, Light, Model, View
 from activestereo.effects.core.model import acted, scales

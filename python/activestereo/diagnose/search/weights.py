@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import by_repeats, frame_noise_variances
-from activestereo.diagnose.evidence.gather import noise_at_other_gains
+from activestereo.compare.noise import by_repeats, frame_noise_variances, noise_at_other_gains
 from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
 from activestereo.diagnose.evidence.observation import Evidence, weight_of
 from activestereo.diagnose.refine import ImageResidual
@@ -34,7 +33,8 @@ def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Seque
         own, found = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
         if found is not None:
             own_variances = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in own.items()}
-            noise_model, variances = noise_at_other_gains(found, own_variances, lit_train, lit_train, lit)
+            noise_model, others = noise_at_other_gains(found, lit_train, lit)
+            variances = own_variances | others
     edges_m = edge_discrepancy(lit_train, lit, noise_model)
     weighed = tuple(replace(o, weight=weight_of(noise_model, edges_m, o, lit[o.key])) for o in train)
     return replace(
