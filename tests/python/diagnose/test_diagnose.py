@@ -81,6 +81,8 @@ def test_adding_it_closes_most_of_the_gap_on_frames_that_no_fit_saw(hidden_shadi
     before, after = (diagnosis.result[f"heldout_ir_rmse_{when}"] for when in ("before", "after"))
     floor = diagnosis.result["heldout_noise_floor"]
     assert (before - after) / (before - floor) > 0.6  # the rest is the analytic renderer's own noise
+    share = diagnosis.result["ranking"][0]["explained_share"]
+    assert share == pytest.approx((before**2 - after**2) / (before**2 - floor**2), abs=0.1)
 
 
 def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(lab_world, lab_cache, hidden_shading):

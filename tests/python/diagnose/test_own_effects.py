@@ -66,7 +66,7 @@ def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
     else:
         assert own["mine_idle"] == "it explains next to nothing of the images"
     text = " ".join(diagnosis_screen(result, [], Path("report.html"), "", True).split())
-    assert "one effect: mine_shading (my lens is dark)" in text
+    assert "lacks mine_shading (my lens is dark)" in text
     assert all(f"yours: {why}" in text for why in own.values())
 
 

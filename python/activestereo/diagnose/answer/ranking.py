@@ -93,10 +93,10 @@ def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[st
 
 
 def _nats(outcome: Outcome, gain: float) -> float:
-    """Returns the gain of the profile log-likelihood by a fall of the first fit's mean square (noise variances). The
+    """Returns the gain of the profile log-likelihood by a fall of the first round's mean square (noise variances). The
     noise's scale is free: the residual of every model counts as noise."""
     pixels = _pixels(outcome)
-    left = max(1.0 - gain * pixels / outcome.first.sums.total, 1e-3)
+    left = max(1.0 - gain * pixels / outcome.rounds[0].chi2, 1e-3)
     return -0.5 * pixels / _design(outcome) * float(np.log(left))
 
 
@@ -142,9 +142,11 @@ def _pixels(outcome: Outcome) -> int:
 
 
 def _explained(outcome: Outcome, gain: float) -> float:
-    """Returns the share of the error beyond noise that a fall of the mean square explains, at most 1."""
-    drawn = sum(name.gain for name in outcome.names if name.field is not None)  # was taken off before the fits
-    return min(gain / max(outcome.first.sums.total / _pixels(outcome) - 1.0 + drawn, 1e-9), 1.0)
+    """Returns the share of the error beyond noise that a fall of the mean square explains, at most 1. Error and noise
+    are those of the first round, under whose weights the fits are: noise is no more than the best of them leaves."""
+    first = outcome.rounds[0]
+    noise = min([_pixels(outcome), *(fit.chi2 for fit in first.fits.values())])
+    return min(gain * _pixels(outcome) / max(first.chi2 - noise, 1e-9), 1.0)
 
 
 def judging_of(outcome: Outcome) -> dict[str, Any]:
