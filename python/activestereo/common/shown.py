@@ -46,6 +46,11 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), *words[-1:]] if len(words) > 1 else words)
 
 
+def without_unit(name: str, unit: str) -> str:
+    """Returns a parameter's name without its unit: focus for focus_m in m, nearness for nearness_per_m in 1/m."""
+    return name.removesuffix("_" + unit.replace("1/", "per ").replace(" ", "_"))
+
+
 class PlainStream:
     """Wraps a text stream and escapes control characters in all that is written, except line ends and tabs."""
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.common.shown import listed
+from activestereo.common.shown import listed, without_unit
 from activestereo.diagnose.answer.verdict_words import (
     alike,
     error_text,
@@ -78,7 +78,7 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
         return f"on {', '.join(found['materials']) or 'all surfaces'}"
     unit = "" if found["unit"] in ("", "1") else f" {found['unit']}"
     value, low, high, floor = found["value"], found["low"], found["high"], found.get("floor")
-    shown = name.removesuffix(unit.replace(" ", "_"))
+    shown = without_unit(name, found["unit"])
     if low is None or high is None:
         return f"{shown} {value:.4g}{unit}"
     half = max(high - value, value - low)

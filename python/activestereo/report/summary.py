@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from activestereo.common.shown import listed
 from activestereo.report.screen import Figure, Step, screen
 
 _KINDS = {
@@ -150,7 +151,7 @@ def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
 def _materials(table: Mapping[str, Any]) -> dict[str, Any]:
     worst = sorted(table["bins"], key=lambda b: -b["pixels"] * (b["excess"] - _mean(table["bins"])))[:_MOST_MATERIALS]
     worst = [b for b in worst if b["excess"] > _mean(table["bins"])]
-    return _place(table, worst, f"on {' and '.join(b['label'] for b in worst)}")
+    return _place(table, worst, f"on {listed([b['label'] for b in worst])}")
 
 
 def _mean(bins: Sequence[Mapping[str, Any]]) -> float:

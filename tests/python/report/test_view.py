@@ -145,7 +145,7 @@ def test_a_scene_is_compared_with_its_own_first_picture(table_top):
         assert (u, v) == (100, 60) and before == now > 0
         assert "before" in view.page.text("#readout")
         assert view.page.value("pictures.measured === before[false] && before[true] !== before[false]")
-        assert view.page.value("document.querySelectorAll('.shown .waiting').length") == 0
+        assert view.page.value("document.querySelectorAll('.waiting, .empty').length") == 0
         assert float(re.search(r"RMS ([\d.]+)", view.page.text("#rmse"))[1]) == 0.0
     finally:
         view.close()

@@ -3,8 +3,8 @@
 
 import argparse
 import re
-import shlex
 import signal
+import subprocess
 from contextlib import ExitStack
 from subprocess import CompletedProcess
 
@@ -41,14 +41,18 @@ def refused(words, capsys):
     return line
 
 
+def _as_a_shell_reads(pasted):
+    script = f"activestereo() {{ printf '%s\\0' \"$@\"; }}\n{pasted}"
+    return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True).stdout.split("\0")[:-1]
+
+
 def led_on(text):
-    """The words of each command that a command's end gives to paste. The end fits ten lines of 80 columns, long
-    paths aside; those that view what is there do so, the others' options are known."""
-    whole = text.replace(" \\\n   ", "").splitlines()
-    assert len(whole) <= 10, text
+    """The words of each command that a command's end gives to paste, as bash reads them. The end fits ten lines
+    of 80 columns, long paths aside; those that view what is there do so, the others' options are known."""
+    assert text.replace("\\\n", "").count("\n") <= 10, text
     assert all(len(line) <= 80 or "/" in line for line in text.splitlines()), text
-    found = [re.match(r"(?:next|check|use): activestereo (.*)", line) for line in whole]
-    commands = [shlex.split(line[1]) for line in found if line is not None]
+    pasted = re.findall(r"^(?:next|check|use): (activestereo (?:.*\\\n)*.*)", text, re.M)
+    commands = [_as_a_shell_reads(line) for line in pasted]
     assert commands, text
     for words in commands:
         args = make_parser().parse_args(words + (["--no-browser", "--device", "cpu"] if words[0] == "view" else []))

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from activestereo.common.shown import without_unit
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import SensorModel
@@ -69,7 +70,8 @@ def effect_sliders(effect: Effect) -> list[Slider]:
         if p.name != SURFACES.name:
             reach, unit = _DEVIATIONS * p.typical, "" if p.unit == "1" else p.unit
             low, high = max(p.low, p.neutral - reach), min(p.high, p.neutral + reach)
-            out.append(Slider(p.name, p.name.replace("_", " "), unit, p.typical_value, low, high, p.low, p.high))
+            label = without_unit(p.name, unit).replace("_", " ")
+            out.append(Slider(p.name, label, unit, p.typical_value, low, high, p.low, p.high))
     return out
 
 

@@ -103,7 +103,7 @@ class Cloud {
     canvas.width = Math.max(1, Math.round(canvas.clientWidth * window.devicePixelRatio));
     canvas.height = Math.max(1, Math.round(canvas.clientHeight * window.devicePixelRatio));
     gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.clearColor(0.09, 0.09, 0.09, 1);
+    gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.uniformMatrix4fv(this.places.view, false, this.matrix());
     for (const [name, { buffer, count }] of Object.entries(this.clouds).sort(([a], [b]) => (a === "pointer") - (b === "pointer"))) {

@@ -151,6 +151,7 @@ function drawCloud() {
     }
     cloud.put(name, is_shown ? picture.points : new Float32Array());
   }
+  for (const state of ["waiting", "empty"]) part("cloud").parentElement.classList.toggle(state, !(pictures.measured || pictures.simulated));
   if (!cloud.gl) part("cloud-text").textContent = "this browser has no WebGL: there is no point cloud";
   for (const button of part("clouds").children) button.setAttribute("aria-checked", String(button.dataset.cloud === clouds));
   cloud.draw();
