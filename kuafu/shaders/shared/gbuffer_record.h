@@ -21,6 +21,7 @@ KUAFU_CONST gbuffer_sky = 6u;      // the same
 KUAFU_CONST gbuffer_smooth = 7u;   // the same
 KUAFU_CONST gbuffer_mirror = 8u;   // the same, for each camera
 KUAFU_CONST gbuffer_bounce = 9u;   // per pixel of both cameras
+KUAFU_CONST gbuffer_blend = 10u;   // the same
 
 // GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
@@ -80,6 +81,7 @@ struct GbufferRecord {
   UintArray measured_albedo;      // by place: nonzero where it has an infrared albedo
   UintArray between, middles;     // [right camera, projector][environment][row][place]: the last pixel there, or 0; later matt and lobes
   FloatArray matt, lobes, laser;  // [camera][environment][row][column]: shares of light from all sides that are reflected; radiance
+  FloatArray room;                // the same, of the room's light; in the place of `matt`
   GbufferCells cells;             // of the left camera, [environment][row][column]
   OutputArray outputs;
   SceneReference scene;
@@ -88,8 +90,8 @@ struct GbufferRecord {
   uint cell_columns, cell_rows;
   uint along_rays;  // nonzero: depths are distances from the camera's centre
   uint projector_depth_given;
-  uint has_projector;  // nonzero: some light is one
-  uint laser_as_one;   // nonzero: what the projector sends straight and by other surfaces is one image
+  uint has_projector;   // nonzero: some light is one
+  uint laser_as_one;    // nonzero: what the projector sends straight and by other surfaces is one image
   float baseline_px_m;  // focal length times baseline
   float focal_px;
 };
@@ -102,7 +104,7 @@ struct GbufferPush {
 
 #ifdef __cplusplus
 static_assert(sizeof(GbufferCamera) == 176);
-static_assert(sizeof(GbufferRecord) == 544);
+static_assert(sizeof(GbufferRecord) == 552);
 static_assert(sizeof(GbufferPush) == 16);
 }  // namespace kuafu
 #endif

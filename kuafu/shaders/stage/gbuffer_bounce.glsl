@@ -6,11 +6,12 @@
 const int horizon_slices = 4, horizon_steps = 8;
 const float horizon_growth = 1.7f;    // of the steps
 const float horizon_reach_m = 1.0f;   // what is farther away hides half of what it would, or less
-const int mirror_rays = 8, mirror_steps = 12;
+const int mirror_rays = 32, mirror_steps = 12;
 const float golden_turn = 0.618034f;  // between facets
 const float plane_share = 4e-3f;      // of its distance: a point that lies so far from a cell's plane is of its surface by half
 const int hidden_steps = 12;          // of a cell, past what hides a point from the left camera
 const float hides = 1.05f;            // times a point's 1/m
+const float edge_px = 0.2f;           // of what a pixel spans there: what lies so far off a surface's plane is another surface
 
 uint cells_per_view() { return push.record.at[0].cell_columns * push.record.at[0].cell_rows; }
 
@@ -314,18 +315,50 @@ void mirror_in_cell(uint i) {
 
 void bounce_pixel(uint i, IN(GbufferPlace) p) {
   float inverse = push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel];
-  float ambient = push.record.at[0].ambient.at[p.environment], direct = push.record.at[0].laser.at[i], indirect = 0.0f, light = ambient;
+  float ambient = push.record.at[0].ambient.at[p.environment], direct = push.record.at[0].laser.at[i], indirect = 0.0f, room = ambient;
   if (inverse > 0.0f) {
     uint first_cell = p.environment * cells_per_view();
     vec4 arriving = arriving_at(first_cell, vec2(left_column(p, inverse), float(p.row)), inverse, p.camera);
     float matt = push.record.at[0].matt.at[i], lobes = push.record.at[0].lobes.at[i];
-    light = matt * arriving.x * ambient + lobes * arriving.z;
+    room = matt * arriving.x * ambient + lobes * arriving.z;
     indirect = matt * arriving.y + lobes * arriving.w;
-    light += direct + indirect;
   }
-  write_output(output_radiance, p, light);
+  push.record.at[0].room.at[i] = room;
+  push.record.at[0].laser.at[i] = direct + indirect;
   write_output(output_radiance + 1u + group_projector_direct, p, push.record.at[0].laser_as_one != 0u ? direct + indirect : direct);
   write_output(output_radiance + 1u + group_projector_indirect, p, indirect);
+}
+
+/// Whether a pixel's neighbours along its row or its column lie off a plane with it.
+bool is_bent(FloatArray inverse_depth, uint pixel, int stride, float inverse, float most) {
+  return abs(inverse_depth.at[int(pixel) - stride] + inverse_depth.at[int(pixel) + stride] - 2.0f * inverse) > most;
+}
+
+/// The room's light over a pixel's square, which an edge crosses where three or more of its eight neighbours show another surface: of random
+/// straight edges, 0.2 of the square is theirs with three neighbours and 0.4 with four.
+void blend_pixel(uint i, IN(GbufferPlace) p) {
+  IN(GbufferCamera) camera = push.record.at[0].cameras[p.camera];
+  float inverse = camera.inverse_depth.at[p.pixel], room = push.record.at[0].room.at[i], most = edge_px * inverse / push.record.at[0].focal_px;
+  int width = int(push.record.at[0].width);
+  bool is_inside = p.row > 0u && p.column > 0u && p.row + 1u < push.record.at[0].height && p.column + 1u < push.record.at[0].width;
+  if (is_inside && (is_bent(camera.inverse_depth, p.pixel, 1, inverse, most) || is_bent(camera.inverse_depth, p.pixel, width, inverse, most))) {
+    GbufferSurface s = surface_at_pixel(p);
+    float towards = dot(s.normal, s.way), cosine = dot(s.normal, s.to_camera);
+    float others = 0.0f, sum = 0.0f, weights = 0.0f;
+    for (int k = 0; k < 9; ++k) {
+      int x = k % 3 - 1, y = k / 3 - 1, aside = y * width + x;
+      float there = camera.inverse_depth.at[int(p.pixel) + aside];
+      vec3 way = pixel_way(camera.view, float(int(p.column) + x), float(int(p.row) + y));
+      float plane = inverse * dot(s.normal, way) / min(towards, -1e-6f);
+      if (abs(there - plane) * cosine * cosine <= most) continue;
+      float weight = x == 0 || y == 0 ? 1.0f : 0.25f;
+      others += 1.0f;
+      sum += weight * push.record.at[0].room.at[int(i) + aside];
+      weights += weight;
+    }
+    if (others > 2.0f) room = mix(room, sum / weights, 0.2f * min(others - 2.0f, 2.0f));
+  }
+  write_output(output_radiance, p, room + push.record.at[0].laser.at[i]);
 }
 
 void gbuffer_step(uint i) {
@@ -338,5 +371,6 @@ void gbuffer_step(uint i) {
   else if (step == gbuffer_sky) look_around(i);
   else if (step == gbuffer_smooth) smooth_cell(i);
   else if (step == gbuffer_mirror) mirror_in_cell(i);
-  else bounce_pixel(i, gbuffer_place(i));
+  else if (step == gbuffer_bounce) bounce_pixel(i, gbuffer_place(i));
+  else blend_pixel(i, gbuffer_place(i));
 }

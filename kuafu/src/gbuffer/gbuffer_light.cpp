@@ -76,6 +76,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   step("bounce", gbuffer_smooth, cells);
   step("bounce", gbuffer_mirror, 2 * cells);
   step("bounce", gbuffer_bounce, pixels);
+  step("blend", gbuffer_blend, pixels);
 }
 
 void GbufferLight::fit(const GbufferLaunch& gbuffers) {
@@ -169,6 +170,7 @@ GbufferRecord GbufferLight::record_of(const Scene& scene, const GbufferLaunch& g
   r.matt = memory_.address(*matt_);
   r.lobes = memory_.address(*lobes_);
   r.laser = memory_.address(*laser_);
+  r.room = memory_.address(*matt_);
   r.cells = memory_.address(*cells_);
   r.outputs = frame.outputs();
   r.scene = tables_.address();
