@@ -31,8 +31,8 @@ _MOVED, _SCALED, _OF_ONE_CAMERA = ("slow", "fine", "pair"), ("slow",), ("slow", 
 _APART = 0.25
 _TURN_RAD, _MOVE_M, _FOCAL, _BASELINE, _NEAREST_M = 5e-4, 5e-4, 0.003, 0.1, 0.3
 _SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
-# Periods of flicker bands, in heights of the image.
-_PERIODS = tuple(0.12 * 1.09**k for k in range(21))
+# Flicker bands over the height of an image: rows are read in 4 to 36 ms, mains light has 100 or 120 periods a second.
+_CYCLES = tuple(0.4 + 0.2 * k for k in range(21))
 _PERIODIC = "flicker_banding"
 _TONE = "response_gamma"
 # Shares of a parameter's range at which an effect's size is looked up.
@@ -58,6 +58,7 @@ class Column:
     step: float = 1.0
     bands: tuple[str, ...] = BANDS
     flow: Flow | None = None
+    alike: float = 1.0
 
 
 def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: float) -> list[Column]:
@@ -269,16 +270,17 @@ def acting(effect: Effect, values: dict[str, float], image: Image, view: View, b
     return np.asarray(effect.apply(image.astype(np.float64) + offset, view, **own) - offset)
 
 
-def size_of(room: Room, light: RoomLight, column: Column, linear: float) -> tuple[float, float]:
-    """Converts a fitted coefficient (`linear`) to the parameter's value whose true image change is as large along the
-    column. Returns (that value, its derivative by `linear`). The two are not proportional: a blur grows as the square
-    of its width."""
+def size_of(room: Room, light: RoomLight, column: Column, sign: float = 1.0) -> Callable[[float], tuple[float, float]]:
+    """Returns a function of a fitted coefficient with this sign. It returns (the parameter's value whose true image
+    change is as large along the column, its derivative by the coefficient). The two are not proportional: a blur grows
+    as the square of its width."""
     effect, p = column.effect, column.parameter
     assert effect is not None and p is not None
     acts, name = partial(acting, effect), p.name
-    sign = np.sign(linear) if p.low < p.neutral else 1.0
+    sign = sign if p.low < p.neutral else 1.0
     limit = p.high if sign > 0.0 else -p.low
-    step = min(p.typical_value * _share(effect), limit)
+    step, values = min(p.typical_value * _share(effect), limit), np.r_[0.0, limit * _LADDER]
+    along = np.zeros(len(values))
     for k in (0, 1):
         view, image, looks = _view(room, k), light.both[k], light.looks[k]
 
@@ -288,13 +290,16 @@ def size_of(room: Room, light: RoomLight, column: Column, linear: float) -> tupl
 
         unit = moved(step)
         if square := float((unit * unit).sum()):
-            values = np.r_[0.0, limit * _LADDER]
             along = np.maximum.accumulate([step * float((moved(v) * unit).sum()) / square for v in values])
-            if abs(linear) > along[-1]:
-                return linear, 1.0
-            value, beside = np.interp([abs(linear), 1.01 * abs(linear) + 1e-9], along, values)
-            return float(sign * value), float((beside - value) / (0.01 * abs(linear) + 1e-9))
-    return linear, 1.0
+            break
+
+    def size(linear: float) -> tuple[float, float]:
+        if abs(linear) > along[-1]:
+            return linear, 1.0
+        value, beside = np.interp([abs(linear), 1.01 * abs(linear) + 1e-9], along, values)
+        return float(sign * value), float((beside - value) / (0.01 * abs(linear) + 1e-9))
+
+    return size
 
 
 def _view(room: Room, k: int) -> View:
@@ -329,11 +334,13 @@ def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
         return {}
     p, out = effect.parameters[0], {}
     rows = np.arange(room.shape[0], dtype=np.float32)[:, None] * 2 + 0.5
-    for period in (round(2 * room.shape[0] * share) for share in _PERIODS):
+    for cycles in _CYCLES:
+        period = round(2 * room.shape[0] / cycles)
         angle = 2.0 * np.pi * rows / period
         out[period] = [
-            Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical, _SCALED)
+            Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical, _SCALED,
+                   alike=1.0 / (1.0 + cycles**2))
             for view in range(room.judged)
             for name, wave in (("sine", p.typical * np.sin(angle)), ("cosine", p.typical * np.cos(angle)))
-        ]
+        ]  # fmt: skip
     return out

@@ -185,7 +185,7 @@ def parameters_of(found: Found, seen: Seen) -> Parameters:
             continue  # the effect has no parameter for it
         slope = 1.0
         if name in columns and not found.finding:
-            value, slope = size_of(seen.room, seen.light, columns[name], value)
+            value, slope = size_of(seen.room, seen.light, columns[name], np.sign(value))(value)
         out[name.split(".")[1]] = (value, slope * deviation)
     return out
 

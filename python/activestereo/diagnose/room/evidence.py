@@ -66,9 +66,10 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     chosen = tuple(columns[j] for j in E)
     if not score.any():  # the blocks are of a recording not made yet
         return Reduced(chosen, score, information, information + 1e-9 * np.diag(np.diag(information) + 1e-9))
-    own = np.linalg.solve(information + np.diag(prior[E]), score)
-    beside = np.linalg.solve(inner, s[N] - H[np.ix_(N, E)] @ own)
-    each = normal.score - normal.information[:, :, N] @ beside - normal.information[:, :, E] @ own
+    fit = np.empty(len(columns))
+    fit[E] = np.linalg.solve(information + np.diag(prior[E]), score)
+    fit[N] = np.linalg.solve(inner, s[N] - H[np.ix_(N, E)] @ fit[E])
+    each = normal.score - normal.information @ fit
     each = each[:, E] - each[:, N] @ A.T
     each -= each.mean(axis=0)
     covariance = _BY_TILES * each.T @ each + (1.0 - _BY_TILES) * information

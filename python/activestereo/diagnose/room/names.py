@@ -4,14 +4,16 @@ of one good unit, then the next one beside it that is no twin of the first."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
+from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
-from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, waves
+from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, size_of, waves
 from activestereo.diagnose.room.drops import BLURRED_LOG, blurred_places
 from activestereo.diagnose.room.evidence import ONE_SIDED, Found, Reduced, gaussian, judged, reduced, student
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
@@ -71,6 +73,12 @@ class Seen:
     period_rows: int | None
     trust: Mapping[str, float]
 
+    @computed_once
+    def sizes(self) -> Callable[[str], Callable[[float], tuple[float, float]]]:
+        """Returns a function of a column's name: its size_of(), made once."""
+        columns = {c.name: c for c in self.scores.columns}
+        return cache(lambda name: size_of(self.room, self.light, columns[name]))
+
 
 def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
     """Finds the effects that a room shows beyond a given model. reference: rooms recorded with the same camera when it
@@ -116,7 +124,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
 def known_of(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
     """Returns {column: standard deviation of its coefficient between sessions of good cameras} for all effect columns.
     spread: the same in the parameters' units, by "effect.parameter"."""
-    return {c.name: spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
+    return {c.name: c.alike * spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
 def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
@@ -231,21 +239,19 @@ def _key(column: Column) -> str:
 def _wave(
     room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
 ) -> tuple[int | None, list[Column]]:
-    """Finds the flicker period that best fits the low-pass band; returns (period in rows of the whole image, its
+    """Finds the likeliest flicker period by the low-pass band; returns (period in rows of the whole image, its
     columns). Returns (None, []) if flicker is not asked for. still: nuisance columns fitted along."""
     sets = waves(room, effects)
     if not sets:
         return None, []
     columns = [*still, *(c for each in sets.values() for c in each)]
     sums = normal(room, columns, blocks_of(room, light, columns, ("slow",)), range(len(still)))
-    seen, gains, first = reduced(sums, columns, range(len(still), len(columns))), {}, 0
+    seen, nats, first = reduced(sums, columns, range(len(still), len(columns))), {}, 0
     for period, each in sets.items():
-        own = slice(first, first + len(each))
-        first += len(each)
-        prior = np.diag([c.sd**-2.0 for c in each])
-        gain = seen.score[own] @ np.linalg.solve(seen.information[own, own] + prior, seen.score[own])
-        gains[period] = float(gain)
-    best = max(gains, key=lambda period: gains[period])
+        own = slice(first, first := first + len(each))
+        of = Reduced(tuple(each), seen.score[own], seen.information[own, own], seen.covariance[own, own])
+        nats[period] = judged(of, known_of(of, OF_A_UNIT), LOOKED, NEEDED)[0].nats
+    best = max(nats, key=lambda period: nats[period])
     return best, sets[best]
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
 from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, beside_columns, known_of, with_take
@@ -87,12 +86,12 @@ def told_by(seen: Seen) -> dict[str, Sizes]:
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:
     """Returns {effect: {parameter: least size at which it is named}} for sizes within the parameters' ranges."""
     out: dict[str, Sizes] = {}
-    columns = {c.name: c for c in scores.columns}
+    names = {c.name for c in scores.columns}
     for found in judged(scores, known, LOOKED, NEEDED):
         least_of: dict[str, float] = {}
         for p in (p for p in found.effect.parameters if p.name in found.least):
-            column, least = columns.get(f"{found.effect.id}.{p.name}"), found.least[p.name]
-            least = size_of(seen.room, seen.light, column, least)[0] if column is not None else least
+            name, least = f"{found.effect.id}.{p.name}", found.least[p.name]
+            least = seen.sizes()(name)(least)[0] if name in names else least
             if least <= p.high:
                 least_of[p.name] = least
         if least_of:

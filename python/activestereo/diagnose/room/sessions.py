@@ -2,7 +2,8 @@
 """Deviations that good units show: root mean squares of each column fitted alone, over seven sessions of a D415. Both
 terms of radial distortion are fitted together.
 
-Units are those of the parameters. A further effect is named only beyond them.
+Units are those of the parameters. A further effect is named only beyond them. Flicker bands of c cycles over an image
+deviate by a (1 + c^2)th of the value, as six clean rooms show.
 """
 
 # For an unknown unit: they include properties of its own lens and electronics.
@@ -18,7 +19,7 @@ OF_A_UNIT = {
     "gain_mismatch.offset_dn": 0.27,
     "response_gamma.log_exponent": 0.16,
     "black_level.offset_dn": 0.17,
-    "flicker_banding.depth": 0.0138,
+    "flicker_banding.depth": 0.08,
 }
 # Correlation of terms that one session cannot tell apart.
 ALIKE = {("radial_distortion.k1", "radial_distortion.k2"): -0.98}
@@ -44,5 +45,5 @@ SAME_PLACE = {
     "gain_mismatch.offset_dn": 0.1,
     "response_gamma.log_exponent": 0.012,
     "black_level.offset_dn": 0.2,
-    "flicker_banding.depth": 0.005,
+    "flicker_banding.depth": 0.02,
 }
