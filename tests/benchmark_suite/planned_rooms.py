@@ -36,9 +36,10 @@ from activestereo.effects import builtin
 TURNS, EXPOSURES = ((0, 0), (14, 3), (-13, -4)), (1.0, 0.85, 1.3)
 # Every lens has vignetting: more of it changes a size and yields no name.
 DRAWN = sorted(set(KINDS) - {"vignetting"})
-# The recordings that the plan's texts ask for: a further view, turned or rolled, or the good unit in the same places.
+# The recordings that the plan's texts ask for: a further view (turn, exposure), or the good unit in the same places.
 # AGAIN: degrees by which a tripod misses its former place.
-VIEWS, GOOD, AGAIN = {"turned by 15 degrees": (15, 0), "rolled by 90 degrees": (0, 0, 90)}, "known to be good", 0.3
+VIEWS = {"turned by 15 degrees": ((15, 0), 1.0), "rolled by 90 degrees": ((0, 0, 90), 1.0), "half or": ((0, 0), 0.5)}
+GOOD, AGAIN = "known to be good", 0.3
 
 
 def main():
@@ -67,6 +68,7 @@ def recorded(folder, seed, turns, exposures, session=0):
     room = Room(turns_deg=turns, exposures=exposures, seed=seed, session=session)
     views = room.write(folder.with_name(folder.name + "_views"))
     stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--depth-scale", "0.0001"]
+    stated += ["--exposure", ",".join(str(0.008 * exposure) for exposure in exposures)]
     assert command(["import", str(views), "--sensor", "d415", *stated, "-o", str(folder)]) == 0
     return folder
 
@@ -102,10 +104,10 @@ def answered(folder, row):
     """Makes the recording that the plan asks for, diagnoses it, and returns the row with the named effects and
     verdict."""
     place, reference = folder / "first", []
-    turn = next((turn for text, turn in VIEWS.items() if text in row["by"]), None)
-    if turn is not None:
-        place = folder / "whole"
-        flawed(place, recorded(folder / "more", row["seed"], (*TURNS, turn), (*EXPOSURES, 1.0)), row)
+    view = next((view for text, view in VIEWS.items() if text in row["by"]), None)
+    if view is not None:
+        place, turn, exposure = folder / "whole", *view
+        flawed(place, recorded(folder / "more", row["seed"], (*TURNS, turn), (*EXPOSURES, exposure)), row)
     elif GOOD in row["by"]:
         reference, rng = [folder / "good"], np.random.default_rng(row["seed"])
         turns = [tuple(np.array(turn) + rng.normal(0.0, AGAIN, 2)) for turn in TURNS]

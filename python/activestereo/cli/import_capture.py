@@ -87,7 +87,8 @@ def add_parser(commands: Commands) -> None:
     text = "the camera's place on the gripper: calibrate rig's .hand_eye.json"
     add("--hand-eye", type=Path, metavar="FILE", help=text)
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
-    add("--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)")
+    text = "exposure, seconds, of all frames or T1,T2,... of each (default: 0.008)"
+    add("--exposure", type=_exposures, default=[0.008], metavar="S", help=text)
     add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
     add_shared(parser, verbose="all that was assumed and left out")
     parser.set_defaults(run=_run)
@@ -192,6 +193,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         raise
     if args.swap:
         files = swapped(files)
+    if len(args.exposure) not in (1, len(files)):
+        raise CommandError(f"--exposure: has {len(args.exposure)} times for {len(files)} frames: give one, or each")
     size = image_size(files[0].files["left"], "Infrared 1")
     assumed: list[str] = []
     if bag:
@@ -213,6 +216,10 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         )
     missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
     return capture, [*told, *(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]
+
+
+def _exposures(text: str) -> list[float]:
+    return [positive(each) for each in text.split(",")]
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:

@@ -8,6 +8,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "shared"))
 from room_worlds import BALLS, BASELINE_M, CX, CY, EXPONENT, HEIGHT, PLACE_M, WIDTH, F, Room
 
 from activestereo.calibrate.world.camera import information_of
-from activestereo.calibrate.world.light import black_level, light_view
+from activestereo.calibrate.world.light import black_level, light_view, response_of
 from activestereo.calibrate.world.pattern import PatternEstimate
 from activestereo.calibrate.world.poses import group_views
 from activestereo.calibrate.world.views import SceneView, read_views
@@ -214,6 +215,23 @@ def test_counts_that_end_abruptly_are_the_black_level():
     assert black_level(others)[1] == pytest.approx(others[0].left.min() / np.sqrt(12.0), rel=0.2)
     level, deviation = black_level([replace(view, left=thins_out, right=thins_out)])
     assert deviation > 4.0 and level < 12.0
+
+
+@pytest.mark.parametrize("exponent", [1.0, 0.85])
+def test_two_exposures_of_one_place_tell_response_and_black_level(exponent):
+    """The scene does not matter; a view of another place tells neither."""
+    rng = np.random.default_rng(5)
+    light, elsewhere = (cv2.GaussianBlur(rng.uniform(0.0, 600.0, (120, 160)), (0, 0), 2.0) for _ in range(2))
+
+    def view(light, exposure):
+        dn = np.rint(4.0 + 230.0 * (light * exposure / 600.0) ** exponent + rng.normal(0.0, 0.4, light.shape))
+        dn = dn.astype(np.float32)
+        return SceneView(SimpleNamespace(exposure_gain=exposure), dn, dn, dn, dn > 0, 1.0)
+
+    views = [view(light, 1.0), view(elsewhere, 0.5)]
+    assert response_of(views, 255) is None and response_of([view(light, 1.0)] * 2, 255) is None
+    found, black_dn = response_of([*views, view(light, 0.5)], 255)
+    assert found == pytest.approx(np.log(exponent), abs=0.01) and black_dn == pytest.approx(4.0, abs=0.5)
 
 
 def test_the_squares_of_a_board_are_not_taken_for_dots():

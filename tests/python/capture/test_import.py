@@ -44,12 +44,13 @@ def _refused(arguments, capsys):
 
 
 def test_a_recording_becomes_a_capture(recording):
-    assert main(_arguments(recording, "--depth-scale", "0.001", "--exposure", "0.004")) == 0
+    assert main(_arguments(recording, "--depth-scale", "0.001", "--exposure", "0.004,0.002,0.004")) == 0
     capture = read_capture(recording.parent / "capture")
     assert len(capture.frames) == 3 and {frame.repeat_group for frame in capture.frames} == {0}
     assert capture.rig.baseline_m == pytest.approx(0.0499585680663586) and capture.rig.left_to_right[0, 3] < 0
     assert np.array_equal(capture.rig.right.K, [[43.0, 0, 32.1], [0, 43.5, 24.2], [0, 0, 1]])
-    assert capture.frames[1].timestamp_s == pytest.approx(1700000000.0338) and capture.frames[0].exposure_s == 0.004
+    assert capture.frames[1].timestamp_s == pytest.approx(1700000000.0338)
+    assert [frame.exposure_s for frame in capture.frames] == [0.004, 0.002, 0.004]
     from activestereo.capture.images import read_gray
 
     files = sorted(recording.glob("*Depth*"))
@@ -146,6 +147,8 @@ def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, caps
     text = tmp_path / "d435.txt"
     assert "depth scale: is not known" in _refused(_arguments(recording), capsys)
     scale = ("--depth-scale", "0.001")
+    two = _refused(_arguments(recording, *scale, "--exposure", "0.01,0.02"), capsys)
+    assert "has 2 times for 3 frames: give one, or each" in two
     text.write_text(ENUMERATED.replace("Translation Vector: -0.04", "Translation Vector: 0.04"))
     assert "x is 0.0499586 m, expected below 0: left and right are swapped" in _refused(
         _arguments(recording, *scale), capsys

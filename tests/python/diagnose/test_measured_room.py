@@ -162,6 +162,18 @@ def test_a_good_session_of_the_same_views_tells_what_one_alone_leaves_open(captu
     assert result["added"] == ["vignetting", *also]
 
 
+def test_a_response_that_two_exposures_told_is_named(capture_with, tmp_path):
+    room = shutil.copytree(capture_with(nothing), tmp_path / "room")
+    described = json.loads((room / "capture.json").read_text())
+    described["measured"]["exposure"]["response_log_exponent"] = -0.15
+    (room / "capture.json").write_text(json.dumps(described))
+    result = diagnose(room).result
+    assert result["added"] == ["vignetting", "response_gamma"]
+    assert not any("another exposure" in advice["text"] for advice in result["next_measurement"])
+    told = next(e for e in result["ranking"] if e["effect"] == "response_gamma")
+    assert told["parameters"]["log_exponent"]["value"] == -0.15 and "Two exposures of one place" in told["finding"]
+
+
 def test_a_good_session_of_other_views_tells_the_unit_s_own(capture_with, diagnosed, monkeypatch):
     good, alone = capture_with(nothing), diagnosed(gain)
     monkeypatch.setattr(names, "room_beside", lambda room, other: None)

@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 
 from activestereo.calibrate.world.overlaps import Pose
 from activestereo.calibrate.world.pattern import PatternEstimate, sampled
-from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, places_of, points_of
+from activestereo.calibrate.world.views import (
+    Image,
+    Mask,
+    SceneView,
+    blurred,
+    correlation,
+    normals_of,
+    places_of,
+    points_of,
+)
 
 _SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
 # A bilateral filter of this width, and this many fine deviations, smooths the room's light: noise and remains of dots
@@ -43,6 +52,11 @@ _FLOOR_DN = 0.4
 # A floor blurred by a lens, a resampling or noise: the two darkest of these quantiles lie within this many DN, and the
 # next one lies at least _STEEP times as far away. With noise alone the factor is below 1.25.
 _TAIL, _BLURRED_DN, _STEEP, _BLURRED_FLOOR_DN = (1e-4, 1e-3, 1e-2), 2.0, 1.5, 0.7
+# Two exposures of one place: the least ratio's logarithm, and how well the pictures then correlate under this blur.
+_LEAST_LOG_EXPOSURE, _SAME_PICTURE, _SAME_PLACE_PX, _LINEAR_TO = 0.25, 0.99, 1.0, 0.9
+# Logarithm of the exponent of good imagers' responses: 1.4 % for twice the exposure. The black level is then told to
+# this, DN.
+LINEAR, BLACK_BY_EXPOSURES_DN = 0.02, 0.3
 # This quantile of the pattern's image is taken as the darkness between dots; light there counts as room light.
 _BETWEEN_DOTS = 0.02
 
@@ -94,6 +108,22 @@ def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
         return float(np.median(steep)), _BLURRED_FLOOR_DN
     darkest = float(min(np.quantile(view.left, _DARKEST) for view in views))
     return 0.5 * darkest, max(darkest / np.sqrt(12.0), _FLOOR_DN)
+
+
+def response_of(views: Sequence[SceneView], max_dn: float) -> tuple[float, float] | None:
+    """Returns (log of the response's exponent, black level in DN) from views of one place at different stated
+    exposures; None without such views. There, each pixel's light above black grows as (ratio of exposures)^exponent,
+    whatever the scene, its lights and the lens are."""
+    told = []
+    for a, b in itertools.combinations(views, 2):
+        ratio = float(np.log(b.frame.exposure_gain / a.frame.exposure_gain))
+        for first, second in ((a.left, b.left), (a.right, b.right)):
+            x, y = blurred(first, _SAME_PLACE_PX), blurred(second, _SAME_PLACE_PX)
+            linear = np.maximum(x, y) < _LINEAR_TO * max_dn
+            if abs(ratio) > _LEAST_LOG_EXPOSURE and correlation(x[linear], y[linear]) > _SAME_PICTURE:
+                slope, offset = np.polyfit(x[linear], y[linear], 1)
+                told.append((np.log(max(np.log(slope) / ratio, 1e-3)), offset / (1.0 - slope)))
+    return None if not told else (float(np.median([e for e, _ in told])), float(np.median([b for _, b in told])))
 
 
 def _floor(count: NDArray[np.int64]) -> int | None:

@@ -19,11 +19,14 @@ from numpy.typing import NDArray
 
 from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps, information_of
 from activestereo.calibrate.world.light import (
+    BLACK_BY_EXPOSURES_DN,
+    LINEAR,
     LightEstimate,
     black_level,
     darkness,
     light_view,
     merged_textures,
+    response_of,
     solve_light,
 )
 from activestereo.calibrate.world.masks import known_masks
@@ -281,7 +284,11 @@ def _exposure(world: World, seed: int, folder: Path, progress: Progress) -> None
     views, poses = world.scene_views()
     train = _train(world)
     given = world.capture.rig.black_dn if "exposure" not in world.capture.measured else None
-    believed = given or black_level([view for view in world.views if view.frame.split == "train"])
+    own = [view for view in world.views if view.frame.split == "train"]
+    believed = given or black_level(own)
+    response = response_of(own, world.capture.rig.max_dn) if "exposure" not in world.capture.measured else None
+    if response is not None and abs(response[0]) < LINEAR and given is None:
+        believed = response[1], BLACK_BY_EXPOSURES_DN
     lights = [light_view(view, world.K, world.projected()) for view in views]
     estimate = solve_light([lights[k] for k in train], [poses[k] for k in train], world.K, believed)
     if given is not None:
@@ -305,6 +312,7 @@ def _exposure(world: World, seed: int, folder: Path, progress: Progress) -> None
         "relative_deviation": {
             str(views[k].frame.id): float(sd / exposure[k]) if np.isfinite(sd) else None for k, sd in deviation.items()
         },
+        "response_log_exponent": None if response is None else response[0],
         "vignetting_exponent": None if estimate.exponent is None else list(estimate.exponent),
         "log_scatter": list(estimate.scatter) if np.isfinite(estimate.scatter[0]) else None,
     }

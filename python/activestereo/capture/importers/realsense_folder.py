@@ -7,7 +7,7 @@ beside right/000001.png. Without such numbers, names of a frame differ only in t
 right/desk.png, desk_left.png beside desk_right.png."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -174,15 +174,16 @@ def _by_name(
 def import_realsense(
     files: list[FrameFiles], device: DeviceText, out: Path, projector: Projector, pattern: NDArray[np.uint8],
     depth_scale: float | None = None, scene: Path | None = None,
-    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
+    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposures_s: Sequence[float] = (0.008,),
     robot: RobotPoses | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
     """Writes frames as the capture `out`, which must not exist, and returns it.
 
     files: from frame_files(). 16-bit images without pixels above 255 are stored with 8 bits. projector, pattern: the
     device's nominal ones. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
-    trajectory: (times [n] in seconds, camera poses [n, 4, 4]). robot: poses of a gripper that carries the camera.
-    Without a trajectory, frames of one folder (and one gripper pose) whose pictures agree become a repeat group."""
+    trajectory: (times [n] in seconds, camera poses [n, 4, 4]). exposures_s: of each frame, or one of all. robot: poses
+    of a gripper that carries the camera. Without a trajectory, frames of one folder (and one gripper pose) whose
+    pictures agree become a repeat group."""
     tell = progress or (lambda fraction: None)
     first = read_gray(files[0].files["left"], key="Infrared 1")
     height, width = first.shape
@@ -217,6 +218,7 @@ def import_realsense(
         if color is not None and "color" in entry.files:
             colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
         time_s = 1e-3 * entry.number if entry.number > LEAST_TIME_MS else float(number) / 30.0
+        exposure_s = exposures_s[number if len(exposures_s) > 1 else 0]
         pose, place, gripper_to_base = np.eye(4), 0, None
         if trajectory is not None:
             pose = pose_at(*trajectory, time_s, str(entry.files["left"]))

@@ -69,7 +69,7 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     fit = np.empty(len(columns))
     fit[E] = np.linalg.solve(information + np.diag(prior[E]), score)
     fit[N] = np.linalg.solve(inner, s[N] - H[np.ix_(N, E)] @ fit[E])
-    each = normal.score - normal.information @ fit
+    each = normal.score - np.matmul(normal.information, fit)
     each = each[:, E] - each[:, N] @ A.T
     each -= each.mean(axis=0)
     covariance = _BY_TILES * each.T @ each + (1.0 - _BY_TILES) * information

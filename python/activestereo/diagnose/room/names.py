@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
+from activestereo.calibrate.world.light import LINEAR
 from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
 from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, size_of, waves
@@ -39,6 +40,10 @@ _BLURRED_SHARE, _DOT_PX = 0.003, 1.4
 _UNLIKE_GLARE = 0.2
 # The penalty for flicker bands, which are searched at 21 periods.
 LOOKED = {"flicker_banding": float(np.log(21.0))}
+# The response that two exposures of one place tell.
+LEAST_RESPONSE: dict[str, Mapping[str, float]] = {
+    "response_gamma": {"log_exponent": LINEAR * (float(np.sqrt(2.0 * gaussian(NEEDED, FEW))) + ONE_SIDED)}
+}
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         scores, spread = seen_of(both, asked).scores, SAME_PLACE
     elif reference:
         scores, spread = _beside(scores, [seen_of(other, asked).scores for other in reference]), BETWEEN
+    rows += _response(room, asked)
     if reference:
         rows += _pitch(room, reference, asked)
     named: list[Named] = []
@@ -195,12 +201,27 @@ def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> 
     if effect is None:
         return []
     off = [_row_offset(other) for other in reference]
-    moved = (_row_offset(room) - float(np.mean(off))) / room.capture.rig.left.K[0, 0]
-    deviation = _ROWS_PX / room.capture.rig.left.K[0, 0]
-    reach = 2.0 * effect.parameters[0].typical
-    whole = deviation**2 + reach**2
-    nats = 0.5 * moved**2 * (deviation**-2 - 1.0 / whole) - 0.5 * np.log(whole / deviation**2)
-    return [Found(effect, student(float(nats), FEW), {"stereo_pitch.angle_rad": (moved, deviation)})]
+    f = room.capture.rig.left.K[0, 0]
+    return [_measured(effect, (_row_offset(room) - float(np.mean(off))) / f, _ROWS_PX / f)]
+
+
+def _response(room: Room, effects: Sequence[Effect]) -> list[Found]:
+    """Returns [Found] of a response that two exposures of one place tell, [] without them or if it is not asked for."""
+    effect = next((e for e in effects if e.id == "response_gamma"), None)
+    value = room.capture.measured.get("exposure", {}).get("response_log_exponent")
+    if effect is None or value is None:
+        return []
+    said = "Two exposures of one place differ by another factor than their times: the response is no line"
+    return [_measured(effect, value, LINEAR, said)]
+
+
+def _measured(effect: Effect, value: float, deviation: float, said: str = "") -> Found:
+    """Returns the evidence that the first parameter of an effect is not 0. value: measured by `calibrate world`.
+    deviation: of good units. said: the finding."""
+    p = effect.parameters[0]
+    whole = deviation**2 + (2.0 * p.typical) ** 2
+    nats = 0.5 * value**2 * (deviation**-2 - 1.0 / whole) - 0.5 * np.log(whole / deviation**2)
+    return Found(effect, student(float(nats), FEW), {f"{effect.id}.{p.name}": (value, deviation)}, finding=said)
 
 
 def _row_offset(room: Room) -> float:
@@ -287,10 +308,12 @@ def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
 
 
 def beside_columns(room: Room, effects: Sequence[Effect]) -> dict[str, Mapping[str, float]]:
-    """Returns {finding: {parameter: smallest size detected}} for the findings that have no Column: row noise, lens
-    falloff, and drops on a window (share of the image, and blur)."""
+    """Returns {finding: {parameter: smallest size detected}} for the findings beside the columns: row noise, lens
+    falloff, a response by two exposures, and drops on a window (share of the image, and blur)."""
     out = {found.effect.id: found.least for found in _rows(room, effects)}
     ids = {e.id for e in effects}
+    if _response(room, effects):
+        out |= LEAST_RESPONSE
     falloff = room.capture.measured.get("exposure", {}).get("vignetting_exponent")
     if falloff is not None and "vignetting" in ids:
         out["vignetting"] = {"exponent": float((np.sqrt(2.0 * NEEDED) + ONE_SIDED) * falloff[1])}

@@ -11,7 +11,7 @@ import numpy as np
 
 from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
-from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, beside_columns, known_of, with_take
+from activestereo.diagnose.room.names import LEAST_RESPONSE, LOOKED, NEEDED, Seen, beside_columns, known_of, with_take
 from activestereo.diagnose.room.sessions import OF_A_UNIT, SAME_PLACE
 
 Sizes = Mapping[str, float]
@@ -32,6 +32,7 @@ _VIEWS = (
     ("one more view, turned by 15 degrees, exposure fixed", Take(turn_deg=(0.0, 15.0, 0.0))),
     ("one more view, rolled by 90 degrees where the first one was taken", Take(turn_deg=(0.0, 0.0, 90.0))),
 )
+_EXPOSED = "the first view from a tripod at another exposure, half or twice: state both by import --exposure"
 _MUCH_LESS = 0.75
 _NEEDS_NO_MORE = ("vignetting", "row_noise")  # any two views show them
 _REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
@@ -61,6 +62,8 @@ def plan_of(seen: Seen) -> list[Recording]:
               for r in [with_take(seen, take)]]  # fmt: skip
     good = with_take(seen, Take(is_good=True))
     offers.append((_REFERENCE, 2.0, _tells(seen, good, known_of(good, SAME_PLACE))))
+    if "response_gamma" in {e.id for e in seen.asked}:
+        offers.append((_EXPOSED, 1.0, LEAST_RESPONSE))
     plan, enough = [], set(now)
     for text, minutes, tells in offers:
         usual = {e for e, told in tells.items() if _is_usual(seen, e, told)}
