@@ -116,7 +116,7 @@ def test_what_may_stand_for_a_shape_of_a_name_is_told(clean):
     space = ParameterSpace.of(Model(), builtin()["dark_signal"])
     linear = linearised(fitter, fitter.refine(space, np.array([300.0, 6.0]), fitter.phi0(evidence.nuisances), 8))
     others = [builtin()[name] for name in ("black_level", "gain_mismatch", "lens_psf")]
-    assert stand_ins(linear, builtin()["dark_signal"], others, 100.0, NUMBERS) == ["black_level"]
+    assert stand_ins(linear, builtin()["dark_signal"], others, 1e-3, NUMBERS) == ["black_level"]
 
 
 def test_a_shape_is_looked_at_within_its_range(clean):

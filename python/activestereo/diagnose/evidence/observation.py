@@ -131,9 +131,11 @@ def weight_of(
     return (1.0 / variance).astype(np.float32) * (np.float32(1.0) if known is None else known)
 
 
-def one_of_each_situation(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
+def one_of_each_situation(
+    observations: Sequence[Observation], seed: int = 0, share: float = _PICKED_SHARE
+) -> tuple[Observation, ...]:
     """Chooses one image of each situation (pose and setting) of the right camera, and one of the left camera. A random
-    part of their pixels counts. Every camera effect touches the right camera; the left one shows in what the two
+    share of their pixels counts. Every camera effect touches the right camera; the left one shows in what the two
     differ."""
     seen: set[tuple] = set()
     left = _left_image(observations)
@@ -145,7 +147,7 @@ def one_of_each_situation(observations: Sequence[Observation], seed: int = 0) ->
         if o is left or (o.side == "right" and setting not in seen):
             seen |= {setting} if o.side == "right" else set()
             rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
-            picked = np.sort(rng.permutation(o.pixels)[: int(_PICKED_SHARE * o.pixels)])
+            picked = np.sort(rng.permutation(o.pixels)[: int(share * o.pixels)])
             chosen.append(replace(o, pick=picked if o.pick is None else o.pick[picked]))
     return tuple(chosen)
 

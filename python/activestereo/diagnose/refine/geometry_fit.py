@@ -170,7 +170,8 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
         prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
     phi = solution.phi.copy()
     variance = np.diag(fitter.inverse(solution))[len(solution.theta) + SCALES :].copy()
-    own = _own_places(at_rest, others)
+    fitted_places, all_places = ({int(p) for o in group for p in o.geometry_places} for group in (at_rest, others))
+    own = np.array(sorted(all_places - fitted_places), dtype=np.intp)  # of poses that only moving frames have
     if own.size:
         moved, variance[own] = _own_step(evidence, others, prior, own, solution.space, solution.theta, phi, not blur_px)
         phi[SCALES + own] += moved
@@ -319,14 +320,6 @@ def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
 def _of_poses(chosen: np.ndarray) -> np.ndarray:
     """Returns a mask of the numbers in Geometry.twists() that belong to the chosen poses. chosen: mask [poses]."""
     return np.repeat(np.concatenate([[False], chosen]), TWIST)
-
-
-def _own_places(fitted: Sequence[Observation], others: Sequence[Observation]) -> np.ndarray:
-    """Returns the indices into NuisancePrior of poses that only `others` have."""
-    seen, all_seen = (
-        {int(place) for o in observations for place in o.geometry_places} for observations in (fitted, others)
-    )
-    return np.array(sorted(all_seen - seen), dtype=np.intp)
 
 
 def _change(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> float:

@@ -62,10 +62,11 @@ class LightMemory:
         self._rendered: dict[int, tuple[Light, Light]] = {}  # by the layers, which frames of one pose share
         self._before: OrderedDict[tuple, Light] = OrderedDict()
         self._firsts = [_firsts_of_groups(observations, shared) for shared in _LEVELS]
-        self._views = [
-            {i: _shared_view(observations[i].view, shared) for i in set(firsts)}
-            for shared, firsts in zip(_LEVELS, self._firsts, strict=True)
-        ]
+        self._views: list[dict[int, View]] = []
+        for shared, firsts in zip(_LEVELS, self._firsts, strict=True):
+            views = {i: observations[i].view for i in set(firsts)}
+            frames = {i: cast(Frame, _SharedFrame(view.frame, shared)) for i, view in views.items()}
+            self._views.append({i: replace(view, frame=frames[i]) for i, view in views.items()})
         self._level: dict[Effect, int] = {}
 
     def __call__(self, model: Model, i: int, supersampled: bool = True) -> Light:
@@ -119,10 +120,6 @@ def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, 
     seen = (repr([np.asarray(getattr(o.frame, name)).tolist() for name in shared]) for o in observations)
     keys = ((o.side, id(o.layers), own) for o, own in zip(observations, seen, strict=True))
     return [firsts.setdefault(key, i) for i, key in enumerate(keys)]
-
-
-def _shared_view(view: View, shared: tuple[str, ...]) -> View:
-    return replace(view, frame=cast(Frame, _SharedFrame(view.frame, shared)))
 
 
 class AllPixels:

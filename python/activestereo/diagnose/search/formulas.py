@@ -55,7 +55,7 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
 def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: float, numbers: Numbers) -> list[str]:
     """Returns the ids of other effects that can imitate a change of a shape parameter of a named effect by its typical
     value. A black level that moves with temperature can imitate a dark signal's doubling temperature. floor: changes
-    with a smaller chi2 are ignored."""
+    with a smaller chi2 per pixel are ignored."""
     space, model = linear.solution.space, linear.solution.model
     own, values = next((e, values) for e, values in model.effects if e.id == effect.id)
     shapes = [i for i, (e, p) in enumerate(space.pairs) if e.id == effect.id and p.neutral != 0.0 and not p.choice]
@@ -72,7 +72,7 @@ def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: f
         rest = {name: np.delete(getattr(linear, name), i, axis=0) for name in ("nuisances", "precision")}
         alone = replace(linear, **rest, pull=np.zeros(len(rest["precision"])), residual=change)
         seen = scores(alone, columns)
-        found = candidates(atoms, seen) if seen.total > floor else {}
+        found = candidates(atoms, seen, seen.pixels) if seen.total > floor * seen.pixels else {}
         out += [name for name, c in found.items() if c.gain > (1.0 - numbers.formula_error) * seen.total]
     return out
 

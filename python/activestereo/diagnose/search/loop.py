@@ -15,6 +15,7 @@ from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws
 from activestereo.diagnose.channels.noise_model import NoiseTerm, comb_in, noise_terms
 from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.evidence.observation import one_of_each_situation
 from activestereo.diagnose.refine import Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.score.likelihood import design_effect, occam_nats
@@ -131,7 +132,7 @@ class Search:
 
     def run(self) -> Outcome:
         """Names effects as missing until none passes, then returns the Outcome."""
-        linear = linearised(self._fitter, self._solution)
+        linear = linearised(self._scored, self._solution)
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         made_by = self._settings.workers, self._settings.memory
         atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
@@ -139,8 +140,8 @@ class Search:
         while self._name_one(linear, [a for a in atoms if self._is_open(a.effect)], columns):
             before = linear.fitter
             self._drop_needless()
-            linear = linearised(self._fitter, self._solution)
-            columns = carried(columns, before, self._fitter)
+            linear = linearised(self._scored, self._solution)
+            columns = carried(columns, before, self._scored)
             self._widen_last_set(linear)
             self._structure = local_structure(self._rows)
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
@@ -189,10 +190,13 @@ class Search:
         return self._fitter.prior_sigmas(self._solution, self._first)
 
     def _look_at(self, evidence: Evidence) -> None:
-        """Replaces the evidence, and makes new fitters of all train pixels and of a random part."""
+        """Replaces the evidence, and makes new fitters: of all train pixels, of a random part, and of this part in one
+        image of each situation, for scores and first steps."""
         self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
         self._whole = Fitter(evidence.train, *sized)
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
+        few = one_of_each_situation(self._fitter.observations, share=1.0)
+        self._scored = Fitter(few, *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
         """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether one was
@@ -201,7 +205,7 @@ class Search:
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
         seen = scores(linear, columns)
-        found = candidates(atoms, seen)
+        found = candidates(atoms, seen, self._pixels)
         if found and not self._rounds:
             self._say_first_words(found)
         floor = self._floor()
@@ -240,8 +244,10 @@ class Search:
         field = fields[name][1] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, field, now)
         self._names.append(named)
-        if named.field is not None:
-            self._take_draws(named.field)
+        if named.field is not None:  # its predicted draws are taken off the images
+            pairs = zip(self._rows, named.field.residuals, strict=True)
+            self._take_off({row.observation.key: row.residual - rest for row, rest in pairs})
+            self._fit_again(self._solution)
         elif self._take(fits[name].solution):
             self._swap_last()
         return True
@@ -254,7 +260,7 @@ class Search:
             return
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE and e.family == name.effect.family]
         others = [e for e in images if self._is_open(e) and e.id not in name.members]
-        if more := stand_ins(linear, name.effect, others, self._floor(), self._numbers):
+        if more := stand_ins(linear, name.effect, others, self._floor() / self._pixels, self._numbers):
             left_out = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
             kept = {member: p * self._numbers.credible for member, p in name.members.items()}
             self._names[-1] = replace(name, members=kept | left_out)
@@ -282,7 +288,8 @@ class Search:
             return False
         usual = self._numbers.formula_error
         own = [usual if n.field else min(usual, formula_error(n.effect, usual)) for n in self._names]
-        return gain_beyond(linear, fit.solution) > max(self._floor(), self._missed(own))
+        beyond = gain_beyond(linear, fit.solution) * self._pixels / len(linear.residual)
+        return beyond > max(self._floor(), self._missed(own))
 
     def _missed(self, shares: Sequence[float]) -> float:
         """Returns the fall of chi2 that the named effects' formulas may have missed. shares: of each effect's gain."""
@@ -303,7 +310,9 @@ class Search:
         most = max((c.gain for c in found.values()), default=0.0)
         chosen = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
         model, phi = self._solution.model, self._solution.phi
-        return refits(self._fitter, model, phi, chosen, self._chi2, self._rendering, self._settings.workers)
+        return refits(
+            self._fitter, self._scored, model, phi, chosen, self._chi2, self._rendering, self._settings.workers
+        )
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
         """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: chi2 that
@@ -393,12 +402,6 @@ class Search:
                 fits.append(self._fitter.refine(fit.space, theta, fit.phi, _PEAK))
             fit = min(fits, key=lambda f: f.sums.total)
         return fit
-
-    def _take_draws(self, fit: FieldFit) -> None:
-        """Subtracts the predicted draws of a random field from the images, and refits."""
-        pairs = zip(self._rows, fit.residuals, strict=True)
-        self._take_off({row.observation.key: row.residual - left for row, left in pairs})
-        self._fit_again(self._solution)
 
     def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
         """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""

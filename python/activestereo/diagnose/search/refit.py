@@ -9,13 +9,14 @@ import numpy as np
 from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.refine.fit_cache import fit_key
 from activestereo.diagnose.search.dictionary import Atom
-from activestereo.diagnose.search.rendered import Rendering, fitted_to_renders, is_transport
+from activestereo.diagnose.search.rendered import Rendering, fitted_to_renders
 from activestereo.diagnose.search.selection import Candidate
-from activestereo.effects import Effect, Model
+from activestereo.effects import Effect, Model, Stage
 from activestereo.effects.core.differences import known_differences
 
-# Fits take a few steps from the best start, and from a second one with this part of its gain, unless the first leaves
-# next to nothing. Fits within this part of the best gain take more steps, until chi2 hardly falls.
+# Fits take a few steps on few images from the best start, and from a second one with this part of its gain, unless the
+# first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2
+# hardly falls, the others a single one.
 _STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
@@ -36,6 +37,7 @@ class Refit:
 
 def refits(
     fitter: Fitter,
+    scored: Fitter,
     model: Model,
     phi: np.ndarray,
     chosen: Sequence[Candidate],
@@ -43,28 +45,32 @@ def refits(
     rendering: Rendering | None,
     workers: int,
 ) -> dict[str, Refit]:
-    """Fits each chosen effect beside a model, one at a time; returns {effect: Refit}. phi: nuisances to start from.
-    base_chi2: chi2 of the model alone. rendering: renders effects of light transport in place of their formulas; None
-    keeps the formulas."""
+    """Fits each chosen effect beside a model, one at a time; returns {effect: Refit}. scored: fits few images, for the
+    first steps. phi: nuisances to start from. base_chi2: chi2 of the model alone. rendering: renders what changes the
+    path of light in place of its formula; None keeps the formulas."""
     starts = {c.best.atom.effect.id: c.starts for c in chosen}
     spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
-    found: dict[str, Refit] = {}
+    base = ParameterSpace.of(model)
+    base_of_few = scored.nuisance_fit(base, base.start, phi)[1]
 
     def fit(space: ParameterSpace) -> Solution:
-        return _from_starts(fitter, space, starts[_name(space)], phi, base_chi2)
+        return _from_starts(scored, space, starts[_name(space)], phi, base_of_few)
+
+    first = _side_by_side(scored, fit, spaces, workers)
+    gains = {name: base_of_few - f.chi2 for name, f in first.items()}
 
     def settled(space: ParameterSpace) -> Solution:
-        s = found[_name(space)].solution
-        return fitter.refine(space, s.theta, s.phi, _MORE, _TOLERANCE)
+        name = _name(space)
+        is_close = gains[name] >= _CLOSE * max(gains.values())
+        s = first[name].solution
+        return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 1, _TOLERANCE)
 
-    found |= _side_by_side(fitter, fit, spaces, workers)
-    most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
-    close = [space for space in spaces if base_chi2 - found[_name(space)].chi2 >= _CLOSE * most]
-    found |= _side_by_side(fitter, settled, close, workers)
+    found = _side_by_side(fitter, settled, spaces, workers)
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
     for name, f in found.items():
-        if rendering is not None and is_transport(f.solution.effects[-1]):
-            if base_chi2 - f.chi2 > (1.0 - formula_error(f.solution.effects[-1], _UNMEASURED)) * most:
+        effect = f.solution.effects[-1]
+        if rendering is not None and effect.engine is not None and Stage.MEDIUM <= effect.stage <= Stage.SURFACE:
+            if base_chi2 - f.chi2 > (1.0 - formula_error(effect, _UNMEASURED)) * most:
                 rendered = fitted_to_renders(fitter, f.solution, rendering)
                 found[name] = Refit(rendered, rendered is not f.solution)
     return found

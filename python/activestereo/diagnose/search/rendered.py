@@ -17,7 +17,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
-from activestereo.effects import Effect, Light, Model, Stage, View
+from activestereo.effects import Effect, Light, Model, View
 
 # Rounds of rendering and fitting, and steps of each fit. A difference steps by this share of the typical value or of
 # the parameter's own distance. A round moves a parameter by at most so many steps, and is the last below a half.
@@ -34,11 +34,6 @@ class Rendering(Protocol):
     indirect, ambient), float32 [3][height][width]."""
 
     def __call__(self, model: Model) -> _Images: ...
-
-
-def is_transport(effect: Effect) -> bool:
-    """Returns whether an effect changes the path of light between projector and camera and the engine can render it."""
-    return effect.engine is not None and Stage.MEDIUM <= effect.stage <= Stage.SURFACE
 
 
 @dataclass(frozen=True)

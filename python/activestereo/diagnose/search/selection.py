@@ -7,7 +7,7 @@ noise. Sets that hold the truth with a stated probability follow SuSiE (Wang et 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,11 +66,11 @@ class Candidate:
         return self.best.gain
 
 
-def candidates(atoms: Sequence[Atom], scores: Scores) -> dict[str, Candidate]:
+def candidates(atoms: Sequence[Atom], scores: Scores, pixels: int) -> dict[str, Candidate]:
     """Ranks effects by the scores of their atoms; returns {effect: Candidate}, likeliest first. Effects without gain
-    are left out."""
+    are left out. pixels: the number that gains are told for."""
     hits: dict[str, list[Hit]] = {}
-    temper = max(scores.total / scores.pixels, 1e-3)
+    temper, times = max(scores.total / scores.pixels, 1e-3), pixels / scores.pixels
     for atom in atoms:
         found = [_hit(atom, scores, temper, None)]
         if SURFACES in atom.effect.parameters and len(scores.surfaces) > 1:
@@ -79,7 +79,9 @@ def candidates(atoms: Sequence[Atom], scores: Scores) -> dict[str, Candidate]:
             found += each
             if 1 < len(showing) < len(each):
                 found.append(_hit(atom, scores, temper, showing))
-        hits.setdefault(atom.effect.id, []).extend(found)
+        hits.setdefault(atom.effect.id, []).extend(
+            replace(h, gain=times * h.gain, at_point=times * h.at_point) for h in found
+        )
     out = {name: _candidate(rows) for name, rows in hits.items() if max(row.gain for row in rows) > 0.0}
     return dict(sorted(out.items(), key=lambda item: -item[1].evidence))
 
