@@ -30,8 +30,7 @@ from activestereo.common.shown import PlainStream, printable
 # Commands in the order of --help, each a file of this package.
 _COMMANDS = (
     "demo", "simulate", "view", "presets", "depth", "pair", "depth_quality", "compare", "diagnose", "add", "model",
-    "calibrate", "import_capture", "overlay", "effect", "benchmark", "generate", "resense", "devices",
-    "doctor",
+    "calibrate", "import_capture", "overlay", "effect", "benchmark", "generate", "resense", "doctor",
 )  # fmt: skip
 
 # Printed without a command; README.md has the same table.

@@ -175,7 +175,7 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     }),
     "device": (("--device",), {
         "default": "auto", "metavar": "auto|cpu|N",
-        "help": "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)",
+        "help": "Vulkan device: the best one, lavapipe, or number N of 'activestereo doctor' (default: auto)",
     }),
     "model": (("--model",), {"type": Path, "metavar": "FILE", "help": "%s"}),
     "sensor": (("--sensor",), {"default": "d435", "metavar": "NAME", "help": "%s (default: d435)"}),

@@ -87,7 +87,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("--profile", choices=("engine", *PROFILES), default="active", help=text)
     text = (
-        "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo devices' (default: "
+        "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo doctor' (default: "
         "none, the CPU)"
     )
     parser.add_argument("--device", metavar="auto|cpu|N", help=text)

@@ -13,15 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.cli.arguments import Commands, Finding, add_shared, print_json
-from activestereo.cli.devices import as_json
 from activestereo.common.input_files import read_text
 from activestereo.report.screen import wrapped_lines
 
 _TEXT = """\
-Tells what this machine renders and matches on, why each device is refused, which optional
-packages are there, which library multiplies matrices, where the cache is and how large, and
-how much memory is free. Known failures of a Vulkan set-up are named with the line that mends
-them.
+Tells what this machine renders and matches on, what each Vulkan device can do or why it is
+refused, which optional packages are there, which library multiplies matrices, where the
+cache is and how large, and how much memory is free. Known failures of a Vulkan set-up are
+named with the line that mends them.
+
+A device's number is what --device takes. 'auto' takes the best usable one: discrete GPU,
+integrated, virtual, then CPU. Debian's mesa-vulkan-drivers brings lavapipe, a Vulkan device
+that computes on the CPU; it does everything here, only slower.
 
 The exit status is 0 where all is well, else 1.
 """
@@ -31,6 +34,9 @@ PACKAGES = {
     "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "onnxruntime": "onnx",
     "lerobot": "lerobot", "h5py": "resense", "argcomplete": "completion",
 }  # fmt: skip
+
+
+_DEVICE = ("index", "name", "kind", "driver", "api_version", "memory_bytes", "usable", "refused")
 
 
 def add_parser(commands: Commands) -> None:
@@ -71,7 +77,10 @@ def examine() -> dict[str, Any]:
     return {
         "renders_on": renders_on,
         "matches_on": "the device that renders, or the CPU",
-        "devices": [as_json(device) for device in devices],
+        "devices": [
+            {name: getattr(device, name) for name in _DEVICE} | {"capabilities": list(device.capabilities)}
+            for device in devices
+        ],
         "problems": [asdict(problem) for problem in problems(len(devices))],
         "packages": {name: find_spec(name) is not None for name in PACKAGES},
         "blas": _blas(),
@@ -89,7 +98,10 @@ def _words(found: dict[str, Any]) -> str:
     lines.append(f"matches on: {found['matches_on'] if found['renders_on'] else 'the CPU'}")
     for device in found["devices"]:
         state = "usable" if device["usable"] else f"refused: {device['refused']}"
-        lines.append(f"device [{device['index']}] {device['name']} ({device['kind']}, {device['driver']}): {state}")
+        facts = f"{device['kind']}, Vulkan {device['api_version']}, {device['driver']}"
+        lines.append(f"device [{device['index']}] {device['name']} ({facts}): {state}")
+        can = ", ".join(name.replace("_", " ") for name in device["capabilities"]) or "nothing beyond compute"
+        lines.append(f"  {device['memory_bytes'] / 2**30:.1f} GiB; can: {can}")
     for problem in found["problems"]:
         lines += [f"problem, {problem['name']}: {problem['seen']}", f"  mend it: {problem['remedy']}"]
     there = [name for name, is_there in found["packages"].items() if is_there]

@@ -71,7 +71,7 @@ def assert_refused(result, *words):
 
 
 def test_help_of_each_command(run):
-    assert all(name in run("--help").stdout for name in ("simulate", "depth", "compare", "devices"))
+    assert all(name in run("--help").stdout for name in ("simulate", "depth", "compare", "doctor"))
     for command, words in {
         "simulate": (
             "--sensor",
@@ -85,7 +85,7 @@ def test_help_of_each_command(run):
         ),
         "depth": ("--k", "--baseline", "more (--help-all): matching", "cloud.ply", "example", " \\\n      427.12,0"),
         "compare": ("--out", "compare.json", "--spp"),
-        "devices": ("lavapipe", "--device"),
+        "doctor": ("lavapipe", "--device"),
     }.items():
         result = run(command, "--help")
         assert result.returncode == 0
@@ -93,15 +93,8 @@ def test_help_of_each_command(run):
             assert word in result.stdout, (command, word)
 
 
-def test_devices(process, device):
-    result = process("devices")
-    assert result.returncode == 0 and not result.stderr
-    assert device.info.name in result.stdout and "usable" in result.stdout
-
-
 def test_without_a_driver_it_says_what_to_install(process, table_top, tmp_path):
     missing = {"VK_ICD_FILENAMES": "/nonexistent.json", "VK_DRIVER_FILES": "/nonexistent.json"}
-    assert_refused(process("devices", **missing), "apt install", "mesa-vulkan-drivers")
     assert_refused(process("simulate", table_top, "--out", tmp_path / "out", **missing), "mesa-vulkan-drivers")
 
 

@@ -84,12 +84,12 @@ def test_what_nobody_foresaw_and_a_missing_package_are_one_line(monkeypatch, cap
         raise raised
 
     monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken, allow_outside=False))
-    assert cli.main(["devices"]) == 3
+    assert cli.main(["presets"]) == 3
     text = capsys.readouterr().err
     assert text.count("\n") == 1 and said in text
 
 
-@pytest.mark.parametrize("arguments", [["effect", "check", "a\nb"], ["devices", "a\nb"], ["a\nb"]])
+@pytest.mark.parametrize("arguments", [["effect", "check", "a\nb"], ["doctor", "a\nb"], ["a\nb"]])
 def test_a_name_of_two_lines_is_told_in_one(run, arguments):
     assert r"a\nb" in one_line(run(*arguments))
 

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import kuafu
 import pytest
@@ -39,7 +38,7 @@ def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("ACTIVESTEREO_CACHE", str(tmp_path))
     main(["doctor"])
     said = " ".join(capsys.readouterr().out.split())  # lines break where a path's length has it
-    assert f"renders on: {device.info.name}" in said and f"of 2 GB in {tmp_path}" in said
+    assert f"renders on: {device.info.name}" in said and "GiB; can: " in said and f"of 2 GB in {tmp_path}" in said
     _, found = doctor(ACTIVESTEREO_CACHE=tmp_path)
     assert found["renders_on"] == device.info.name and found["memory_free_bytes"] > 1e8
     assert any(entry["usable"] for entry in found["devices"])
@@ -78,15 +77,6 @@ def test_a_driver_without_a_device():
     assert_named(told, "no device", DEVICELESS.name, "apt install")
 
 
-def test_devices_leads_to_the_doctor_where_a_driver_fails(monkeypatch, capsys):
-    def fails():
-        raise RuntimeError("VK_ERROR_INITIALIZATION_FAILED")
-
-    monkeypatch.setattr("kuafu.Device", SimpleNamespace(enumerate=fails))
-    assert main(["devices"]) == 2
-    assert "VK_ERROR_INITIALIZATION_FAILED: activestereo doctor" in capsys.readouterr().err
-
-
 def test_a_device_that_is_listed_and_cannot_be_opened(device, monkeypatch, capsys):
     class Lost:
         enumerate = kuafu.Device.enumerate
@@ -111,6 +101,7 @@ int vk_icdNegotiateLoaderICDInterfaceVersion(unsigned *version) {
 def made_driver(folder, links=(), source=""):
     """The manifest of a driver whose libraries are gone afterwards. links: {name: the libraries that are gone behind
     it, or None where it is gone itself}."""
+
     def compiled(output, *more, text=""):
         (folder / "source.c").write_text(text)
         linked = f"-Wl,-soname,{output},--no-as-needed,-rpath,$ORIGIN,--allow-shlib-undefined"

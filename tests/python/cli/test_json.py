@@ -14,7 +14,7 @@ from command_line import leaves
 TABLES = {
     "simulate", "presets", "depth", "pair", "depth-quality", "compare", "diagnose", "effect list",
     "effect check", "effect show", "benchmark sim-to-real", "benchmark realism",
-    "devices", "doctor", "model show", "model diff", "model export", "calibrate noise", "calibrate drift",
+    "doctor", "model show", "model diff", "model export", "calibrate noise", "calibrate drift",
     "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate world",
     "calibrate camera", "calibrate poses", "calibrate dots", "calibrate exposure", "calibrate albedo",
 }  # fmt: skip
@@ -43,7 +43,6 @@ def test_commands_with_tables_have_the_option():
 
 
 def test_devices_effects_and_presets(said, device):
-    assert device.info.name in [entry["name"] for entry in said("devices")]
     effects = {entry["id"]: entry for entry in said("effect", "list")}
     sigma = effects["lens_psf"]["parameters"][0]
     assert sigma["name"] == "sigma_px" and sigma["low"] < sigma["high"]

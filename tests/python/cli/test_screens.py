@@ -58,7 +58,6 @@ def test_a_shell_gets_the_words_that_were_meant():
         ("effect", "list"),
         ("effect", "check", "vignetting"),
         ("presets",),
-        ("devices",),
         ("doctor",),
     ],
     ids=" ".join,
