@@ -39,6 +39,13 @@ def test_every_option_that_is_not_supported_is_the_cameras_own_error(call):
             call(sensor, which)
 
 
+def test_each_stream_has_one_default_as_lerobot_looks_for():
+    for sensor in rs.device().query_sensors():
+        profiles = [p for p in sensor.get_stream_profiles() if p.is_video_stream_profile() and p.is_default()]
+        assert [p.stream_name() for p in profiles] == list(dict.fromkeys(p.stream_name() for p in profiles))
+        assert {p.stream_name() for p in profiles} == {p.stream_name() for p in sensor.get_stream_profiles()}
+
+
 def test_a_name_that_is_not_there_is_told():
     with pytest.raises(AttributeError, match="has no pyrealsense2.playback"):
         getattr(rs, "playback")  # noqa: B009  (mypy knows that it is not there)

@@ -90,8 +90,8 @@ def ignored(self: Any, *values: Any, **named: Any) -> None:
 
 @dataclass(frozen=True)
 class StreamRequest:
-    """The stream that a pyrealsense2 config asks for: kind, index, size in pixels, format, rate in 1/s. 0 and
-    format.any accept any value."""
+    """The stream that a pyrealsense2 config asks for: kind, index, size in pixels, format, rate in 1/s, and whether it
+    is the stream's default. 0 and format.any accept any value."""
 
     stream: stream
     index: int = 0
@@ -99,6 +99,7 @@ class StreamRequest:
     height: int = 0
     format: pixel_format = pixel_format.any
     fps: int = 0
+    is_default: bool = False
 
 
 class video_stream_profile:
@@ -122,7 +123,7 @@ class video_stream_profile:
         self.baseline_m: float | None = baseline_m
 
     stream_type, stream_index = getter("request.stream"), getter("request.index")
-    format, fps = getter("request.format"), getter("request.fps")
+    format, fps, is_default = getter("request.format"), getter("request.fps"), getter("request.is_default")
     width, height, get_intrinsics = getter("intrinsics.width"), getter("intrinsics.height"), getter("intrinsics")
 
     def stream_name(self) -> str:

@@ -49,7 +49,7 @@ class sensor(Options, Described):
     def get_stream_profiles(self) -> list[video_stream_profile]:
         """Returns profiles of the usual modes; a pipeline also takes any other size."""
         return [
-            self._camera.profile(StreamRequest(kind, index, *size, form, _FPS))
+            self._camera.profile(StreamRequest(kind, index, *size, form, _FPS, (size, form) == (_SIZES[0], forms[0])))
             for (kind, index), forms in self.modes.items()
             for size in _SIZES
             for form in forms
