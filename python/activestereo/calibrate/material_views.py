@@ -16,6 +16,7 @@ from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 import kuafu
 from activestereo.capture.capture import Camera, Capture, Frame
+from activestereo.common import srgb
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.scene_io.scene_files import load_scene_file
 
@@ -131,9 +132,8 @@ def pictures(scene: MaterialScene, capture: Capture, surfaces: Sequence[int], mo
                 )
         with_color = [f for f in frames if f.color_path is not None]
         if with_color and capture.rig.color is not None:
-            coded = np.array([capture.color(f) for f in with_color], np.float32) / 255.0
-            linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
-            color: NDArray = np.mean(list(linear), axis=0)
+            images = np.array([capture.color(f) for f in with_color], np.float32) / 255.0
+            color: NDArray = np.mean(list(srgb.linear(images)), axis=0)
             name = f"frames[id={with_color[0].id}].color"
             pose: NDArray = frames[0].camera_to_world @ np.linalg.inv(capture.rig.color.left_to_color)
             out += _picture(scene, capture.rig.color, name, color, None, pose, surfaces, 1.0)

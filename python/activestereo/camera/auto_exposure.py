@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common import srgb as srgb_curve
+
 _DAMPING = 0.8
 _LARGEST_STEP = 2.0
 _SETTLED = 0.002  # a step with a smaller relative change ends the control
@@ -136,7 +138,7 @@ def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32
     """Applies sRGB's transfer curve (IEC 61966-2-1) to linear values times a factor, clipped to 0..1. It is accurate to
     2e-5. It reads a table over the value's square root, in which the curve is nearly straight."""
     light = np.ascontiguousarray(linear).reshape(-1)
-    encoded = np.empty_like(light)
+    out = np.empty_like(light)
     scratch = np.empty(min(_BLOCK, light.size), dtype=np.float32)
     for start in range(0, light.size, _BLOCK):
         root = scratch[: light.size - start]
@@ -146,10 +148,9 @@ def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32
         np.sqrt(root, out=root)
         root *= len(SRGB) - 1
         root += 0.5
-        np.take(SRGB, root.astype(np.uint16), out=encoded[start : start + _BLOCK], mode="clip")
-    return encoded.reshape(linear.shape)
+        np.take(SRGB, root.astype(np.uint16), out=out[start : start + _BLOCK], mode="clip")
+    return out.reshape(linear.shape)
 
 
-_LINEAR = np.linspace(0.0, 1.0, 1 << 16) ** 2
 # The table's index is the square root of the linear value, from 0 to 1.
-SRGB = np.where(_LINEAR <= 0.0031308, 12.92 * _LINEAR, 1.055 * _LINEAR ** (1 / 2.4) - 0.055).astype(np.float32)
+SRGB = srgb_curve.encoded(np.linspace(0.0, 1.0, 1 << 16) ** 2).astype(np.float32)

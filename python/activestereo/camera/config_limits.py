@@ -29,6 +29,7 @@ from activestereo.common.limits import (
     SPEED,
     TURN_RATE,
     Limits,
+    camera_matrix_fault,
 )
 from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import MATCHER, OPTICS, RENDER, RENDERER, RIG, SIGNAL, Parameter
@@ -251,9 +252,7 @@ def _matrix_fault(value: Any) -> str | None:
         fault = limits.fault(float(entry))
         if fault is not None:
             return f"{name} {fault}"
-    if k[1, 0] != 0 or not np.array_equal(k[2], [0, 0, 1]):
-        return f"is {k.tolist()}, expected [fx s cx, 0 fy cy, 0 0 1]"
-    return None
+    return camera_matrix_fault(k)
 
 
 def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from activestereo.common.input_files import read_json_object
 from activestereo.common.lens import LENGTHS
-from activestereo.common.limits import ANY, DISTORTION, FOCAL, LENGTH, NUMBER, PIXEL, Limits
+from activestereo.common.limits import ANY, DISTORTION, LENGTH, NUMBER, PIXEL, Limits, camera_matrix_fault
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import rigid_fault
 
@@ -146,8 +146,9 @@ class JsonObject:
 
     def camera_matrix(self, key: str) -> np.ndarray:
         k = self.numbers(key, _CAMERA_MATRIX).reshape(3, 3)
-        if min(k[0, 0], k[1, 1]) < FOCAL.low or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
-            self.fail(key, f"is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
+        fault = camera_matrix_fault(k)
+        if fault is not None:
+            self.fail(key, fault)
         return k
 
     def lens(self, key: str) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from activestereo.common.baseline import unit_question
 from activestereo.common.input_files import read_json_object
+from activestereo.common.limits import camera_matrix_fault
 from activestereo.common.nearest import unknown
 from activestereo.common.output_files import check_target, finite
 from activestereo.common.parameter import RENDER
@@ -55,10 +56,9 @@ def camera_matrix(text: str) -> np.ndarray:
     if len(values) == 4:
         values = np.array([values[0], 0, values[2], 0, values[1], values[3], 0, 0, 1])
     k = values.reshape(3, 3)
-    if not (k[0, 0] > 0 and k[1, 1] > 0 and np.array_equal(k[2], [0, 0, 1]) and k[1, 0] == 0):
-        raise argparse.ArgumentTypeError(
-            f"a camera matrix is fx,0,cx,0,fy,cy,0,0,1 with positive fx and fy, not '{text}'"
-        )
+    fault = camera_matrix_fault(k)
+    if fault is not None:
+        raise argparse.ArgumentTypeError(f"'{text}' {fault}")
     return k
 
 
@@ -78,23 +78,40 @@ def size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-def integer_from(least: int) -> Callable[[str], int]:
-    def parse(text: str) -> int:
-        if not text.isdecimal() or len(text) > 10 or not least <= int(text) < 2**32:
-            raise argparse.ArgumentTypeError(f"a whole number from {least} to {2**32 - 1} is needed, not '{text}'")
-        return int(text)
+def _number(
+    needed: str, is_allowed: Callable[[Any], bool] = lambda value: True, kind: Callable[[str], Any] = float
+) -> Callable[[str], Any]:
+    """Returns a parser of numbers. needed: names the allowed ones in errors. kind: makes the number, or raises
+    ValueError."""
+
+    def parse(text: str) -> Any:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if math.isnan(value) or not is_allowed(value):
+            raise argparse.ArgumentTypeError(f"{needed} is needed, not '{text}'")
+        return value
 
     return parse
 
 
-def positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value < 1e9:
-        raise argparse.ArgumentTypeError(f"a number of at least 0 and below 1e9 is needed, not '{text}'")
-    return value
+def _integer(text: str) -> int:
+    if not (text.isascii() and text.removeprefix("-").isdecimal() and len(text) <= 11):
+        raise ValueError(text)
+    return int(text)
+
+
+def integer_from(least: int) -> Callable[[str], int]:
+    return _number(f"a whole number from {least} to {2**32 - 1}", lambda value: least <= value < 2**32, _integer)
+
+
+whole = _number("a whole number", kind=_integer)
+real = _number("a number")
+positive = _number("a number of at least 0 and below 1e9", lambda value: 0.0 <= value < 1e9)
+above_zero = _number("a number above 0 and below 1e9", lambda value: 0.0 < value < 1e9)
+share = _number("a share from 0 to 1", lambda value: 0.0 <= value <= 1.0)
+positive_share = _number("a share above 0 and up to 1", lambda value: 0.0 < value <= 1.0)
 
 
 def baseline(text: str) -> float:
@@ -105,29 +122,6 @@ def baseline(text: str) -> float:
     question = unit_question(value)
     if question is not None:
         raise argparse.ArgumentTypeError(question)
-    return value
-
-
-def above_zero(text: str) -> float:
-    value = positive(text)
-    if value == 0.0:
-        raise argparse.ArgumentTypeError(f"a number above 0 is needed, not '{text}'")
-    return value
-
-
-def share(text: str) -> float:
-    """Parses a number from 0 to 1."""
-    value = real(text)
-    if not 0.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{value:g} is no share: 0 to 1")
-    return value
-
-
-def positive_share(text: str) -> float:
-    """Parses a number above 0 and up to 1."""
-    value = share(text)
-    if value == 0.0:
-        raise argparse.ArgumentTypeError("0 can never be reached: above 0, up to 1")
     return value
 
 
@@ -254,22 +248,6 @@ def print_section(args: argparse.Namespace, section: str, text: str, *after: "St
 def print_json(value: Any) -> None:
     """Prints the value as JSON on standard output. NaN and infinities, which JSON cannot hold, become null."""
     print(json.dumps(finite(value), indent=1, allow_nan=False))
-
-
-def whole(text: str) -> int:
-    if not (text.isascii() and text.removeprefix("-").isdecimal() and len(text) <= 11):
-        raise argparse.ArgumentTypeError(f"a whole number is needed, not '{text}'")
-    return int(text)
-
-
-def real(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if math.isnan(value):
-        raise argparse.ArgumentTypeError(f"a number is needed, not '{text}'")
-    return value
 
 
 def check_out_file(path: Path) -> None:

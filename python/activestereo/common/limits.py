@@ -81,3 +81,11 @@ DISTORTION = Limits(-1e4, 1e4)
 BITS = Limits(1, 16, "bits", whole=True)
 # JSON keeps whole numbers up to here (RFC 8259, section 6).
 NUMBER = Limits(-(2**53), 2**53, whole=True)
+
+
+def camera_matrix_fault(k: NDArray[np.float64]) -> str | None:
+    """Returns why a [3, 3] is no camera matrix, in words that follow its name; None if it is one."""
+    is_one = np.isfinite(k).all() and min(k[0, 0], k[1, 1]) >= FOCAL.low and k[1, 0] == 0.0
+    if is_one and np.array_equal(k[2], [0.0, 0.0, 1.0]):
+        return None
+    return f"is no camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from activestereo.common import srgb
 from activestereo.common.input_files import checked_file
 from activestereo.scene_io.staging import ALL_SIDES
 
@@ -49,8 +50,7 @@ def read_environment_map(path: str | Path) -> np.ndarray:
     channels = pixels[..., None] if pixels.ndim == 2 else pixels[..., :3][..., ::-1]
     rgb = np.broadcast_to(channels, (height, width, 3))
     if rgb.dtype.kind == "u":
-        coded = rgb.astype(np.float32) / np.iinfo(rgb.dtype).max
-        return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+        return srgb.linear(rgb.astype(np.float32) / np.iinfo(rgb.dtype).max)
     out = np.ascontiguousarray(rgb, np.float32)
     if not np.isfinite(out).all() or out.min() < 0:
         raise EnvironmentMapError(f"{path}: has radiances that are negative or not finite: clamp them in an editor")

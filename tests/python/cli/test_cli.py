@@ -309,7 +309,7 @@ def test_depth_refuses_what_is_wrong(run, pair, tmp_path):
     assert_refused(run("depth", left, right, "--k", "1,2,3", *rest[2:]), "--k", "9 or 4")
     assert_refused(run("depth", left, right, "--k", "a,b,c,d", *rest[2:]), "--k")
     assert_refused(run("depth", left, right, "--k", "1,1,nan,1", *rest[2:]), "--k", "finite")
-    assert_refused(run("depth", left, right, "--k", "-5,0,1,0,5,1,0,0,1", *rest[2:]), "--k", "positive")
+    assert_refused(run("depth", left, right, "--k", "-5,0,1,0,5,1,0,0,1", *rest[2:]), "--k", "focal lengths")
     assert_refused(run("depth", left, right, "--k", K, "--baseline", "0", *rest[4:]), "--baseline")
     assert_refused(run("depth", left, right, "--k", K, "--baseline", "50000", *rest[4:]), "50000 m", "metres")
     assert_refused(run("depth", left, right, "--k", "1e9,1e9,80,48", *rest[2:]), "focal", "pixels")

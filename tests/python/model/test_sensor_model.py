@@ -122,7 +122,7 @@ def test_surfaces_are_bound_by_name(whole):
         (lambda r: r["nuisances"].update(warmth=1.0), "nuisances.warmth: there is no such field"),
         (lambda r: r["nuisances"]["projector_scale"].update(high=1.0), "is 1.0, below low"),
         (lambda r: r.update(colour=1), "colour: this version knows no such key"),
-        (lambda r: r["rig"]["left"].update(K=[1.0] * 9), "is not a camera matrix"),
+        (lambda r: r["rig"]["left"].update(K=[1.0] * 9), "is no camera matrix"),
         (lambda r: r["pattern"].update(file="lost.png"), "lost.png does not exist"),
         (lambda r: r["imager"].pop("shot"), "imager.shot: is missing"),
     ],

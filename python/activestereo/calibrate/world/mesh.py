@@ -17,6 +17,7 @@ from activestereo.calibrate.world.light import Textures
 from activestereo.calibrate.world.overlaps import Pose
 from activestereo.calibrate.world.views import Image, Mask, SceneView, normals_of, places_of, points_of
 from activestereo.capture.capture import Camera
+from activestereo.common import srgb
 from activestereo.scene_io.gltf_writer import CLAMP, GltfWriter
 from activestereo.scene_io.meshes import Mesh, depth_triangles
 
@@ -74,10 +75,9 @@ def _brightest(images: Sequence[Image]) -> float:
 
 def _png(linear: Image) -> bytes:
     """Encodes a linear image 0..1 as an sRGB PNG, which keeps the relative error of dark values small."""
-    value = np.clip(linear, 0.0, 1.0)
-    encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * np.maximum(value, 1e-9) ** (1 / 2.4) - 0.055)
+    counts = np.rint(255.0 * srgb.encoded(np.clip(linear, 0.0, 1.0))).astype(np.uint8)
     buffer = BytesIO()
-    Picture.fromarray(np.repeat(np.rint(255.0 * encoded).astype(np.uint8)[..., None], 3, axis=2)).save(buffer, "PNG")
+    Picture.fromarray(np.repeat(counts[..., None], 3, axis=2)).save(buffer, "PNG")
     return buffer.getvalue()
 
 

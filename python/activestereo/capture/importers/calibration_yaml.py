@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Camera
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.input_files import read_bytes
-from activestereo.common.limits import DISTORTION, FOCAL, LENGTH, PIXEL, SIDE, Limits
+from activestereo.common.limits import DISTORTION, LENGTH, PIXEL, SIDE, Limits, camera_matrix_fault
 from activestereo.common.pose import printed_motion
 from activestereo.common.shown import shown
 
@@ -269,6 +269,7 @@ def _ordered(path: Path, lenses: Sequence[Camera], first_to_second: NDArray[np.f
 
 
 def _matrix(entry: Entry, K: NDArray[np.float64], key: str) -> NDArray[np.float64]:
-    if min(K[0, 0], K[1, 1]) < FOCAL.low or np.any(K[2] != (0.0, 0.0, 1.0)) or K[1, 0] != 0.0:
-        entry.fail(key, f"is no camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
+    fault = camera_matrix_fault(K)
+    if fault is not None:
+        entry.fail(key, fault)
     return K

@@ -19,6 +19,7 @@ from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Pr
 from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.capture.importers.repeats import repeat_groups
 from activestereo.capture.write import write_capture
+from activestereo.common.limits import camera_matrix_fault
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,9 @@ def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64
         K = np.array(values, dtype=np.float64).reshape(3, 3)
     except (TypeError, ValueError):
         raise ValueError(f"{path}: {key}: is {values!r}, expected nine numbers") from None
-    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and np.array_equal(K[2], [0, 0, 1])):
-        raise ValueError(f"{path}: {key}: is {K.ravel().tolist()}, expected fx 0 cx 0 fy cy 0 0 1 with fx, fy above 0")
+    fault = camera_matrix_fault(K)
+    if fault is not None:
+        raise ValueError(f"{path}: {key}: {K.ravel().tolist()} {fault}")
     return K
 
 
