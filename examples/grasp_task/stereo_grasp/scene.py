@@ -71,7 +71,9 @@ class GraspScene:
         """The mesh of object `number`, metres, its middle at the origin."""
         unit = solids.cylinder() if self.is_round[number] else solids.box()
         # Scales are of the axes that the normals lie along, or alike in x and y.
-        return Mesh.of(unit.positions * self.half_sizes_m[environment, number], unit.normals, unit.uvs, unit.indices)
+        return Mesh.from_arrays(
+            unit.positions * self.half_sizes_m[environment, number], unit.normals, unit.uvs, unit.indices
+        )
 
     def _add_room(self) -> None:
         paint = self.scene.add_material(kuafu.Material(name="table", base_color=(0.5, 0.42, 0.33, 1.0), roughness=0.6))

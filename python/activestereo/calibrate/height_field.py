@@ -76,7 +76,7 @@ def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2
     used, triangles = np.unique(triangles, return_inverse=True)
     own = normals[used] / np.maximum(np.linalg.norm(normals[used], axis=1, keepdims=True), 1e-30)
     uvs = np.stack([u / depth.shape[1], v / depth.shape[0]], axis=-1).reshape(-1, 2)[used]
-    return HeightField(Mesh.of(points[used], own, uvs, triangles.reshape(-1, 3)), float(share), len(repeats))
+    return HeightField(Mesh.from_arrays(points[used], own, uvs, triangles.reshape(-1, 3)), float(share), len(repeats))
 
 
 def write_height_field(path: Path, field: HeightField, capture: Capture, pose: NDArray[np.float64]) -> None:

@@ -143,7 +143,7 @@ def calibrate_noise(
         for own in flat:
             some = own if own.shape[1] <= most else own[:, rng.choice(own.shape[1], most, replace=False)]
             dark_counts.append(some.T)
-    counts = Counts.of(pixels, dark_counts, max_dn)
+    counts = Counts.from_pixels(pixels, dark_counts, max_dn)
     transfer = []
     known = sorted((v for v in views if v.exposure_gain is not None), key=lambda view: view.exposure_gain or 0.0)
     if len({view.exposure_gain for view in known}) > 1:

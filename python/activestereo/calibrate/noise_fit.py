@@ -166,7 +166,7 @@ class Counts:
     bin_dn: int
 
     @classmethod
-    def of(cls, pixels: list[np.ndarray], dark: list[np.ndarray], max_dn: int) -> "Counts":
+    def from_pixels(cls, pixels: list[np.ndarray], dark: list[np.ndarray], max_dn: int) -> "Counts":
         """Makes histograms of counts. pixels, dark: arrays [pixel, repeat], one for each view."""
         bin_dn = -(-(max_dn + 1) // _LARGEST_BINS)
         means = np.concatenate([counts.mean(axis=1) for counts in pixels])

@@ -221,7 +221,7 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
         is_whole = found.is_whole
         if side == "right":
             found = _as_if_not_turned(found, rig)
-        spots[side], cut[side] = found.of(is_whole), found.of(~is_whole)
+        spots[side], cut[side] = found.selected(is_whole), found.selected(~is_whole)
     wall = find_wall(spots["left"], spots["right"], rig.left.K, rig.right.K, rig.baseline_m, name)
     return WallView(name, spots, cut, wall, frames[0].exposure_s)
 

@@ -60,7 +60,7 @@ class Spots:
         across = (self.u > border) & (self.u < width - 1 - border)
         return np.asarray(across & (self.v > border) & (self.v < height - 1 - border))
 
-    def of(self, which: np.ndarray) -> "Spots":
+    def selected(self, which: np.ndarray) -> "Spots":
         return replace(self, u=self.u[which], v=self.v[which], flux=self.flux[which])
 
 

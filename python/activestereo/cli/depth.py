@@ -21,8 +21,9 @@ from activestereo.cli.depth_maps import (
     wanted_maps,
     write_maps,
 )
-from activestereo.cli.engine_options import add_matching, given_matching, given_rig
+from activestereo.cli.engine_options import add_matching, given_parameters
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, rectified_pair
+from activestereo.common.parameter import MATCHER, RIG
 
 if TYPE_CHECKING:
     import simsense
@@ -137,7 +138,7 @@ def _make_engine(args: argparse.Namespace, cameras: RectifiedPair, left: np.ndar
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -cameras.baseline_m
     bits = 8 * left.itemsize  # the matcher uses all bits of 8-bit and of 16-bit images
-    options = profile(args.profile, bits) | given_matching(args) | given_rig(args)
+    options = profile(args.profile, bits) | given_parameters(args, MATCHER, RIG)
     # A Vulkan device is opened only on request, so that a plain call needs no driver.
     device = args.device or ("auto" if options.get("back_end") == "vulkan" else "host")
     return simsense.Engine(

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.cli.arguments import CommandError, check_out_file, make_folder, print_json
-from activestereo.cli.engine_options import given_matching, given_rig
+from activestereo.cli.engine_options import given_parameters
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
+from activestereo.common.parameter import MATCHER, RIG
 from activestereo.report.screen import screen
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: Rect
     from activestereo.camera.presets import StereoDepthSensorConfig
 
     base = matcher_parameters(StereoDepthSensorConfig(args.sensor))
-    overrides = given_matching(args) | given_rig(args)
+    overrides = given_parameters(args, MATCHER, RIG)
     device = args.device or ("auto" if overrides.get("back_end") == "vulkan" else "host")
     K = cameras.left_K, cameras.right_K
     return PairMatcher(K, cameras.baseline_m, pair.left, settings, base, overrides, simsense.Device(device))

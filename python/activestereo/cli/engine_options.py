@@ -59,8 +59,9 @@ def _within(p: Parameter, parse: Callable[[str], Any]) -> Callable[[str], Any]:
     return number
 
 
-def given(args: argparse.Namespace, table: Sequence[Parameter]) -> dict[str, Any]:
-    """Returns {name: value} of the table's parameters that the user gave."""
+def given_parameters(args: argparse.Namespace, *tables: Sequence[Parameter]) -> dict[str, Any]:
+    """Returns {name: value} of the tables' parameters that the user gave."""
+    table = [p for one in tables for p in one]
     found = {p.name: getattr(args, p.name) for p in table if p.on_command_line}
     for p, after in zip(table, table[1:], strict=False):
         if p.pair and getattr(args, p.pair) is not None:
@@ -77,13 +78,3 @@ def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -
     add_options(group, MATCHER, defaults)
     add_options(group, RIG)
     return group
-
-
-def given_matching(args: argparse.Namespace) -> dict[str, Any]:
-    """Returns {name: value} of the matcher parameters that the user gave."""
-    return given(args, MATCHER)
-
-
-def given_rig(args: argparse.Namespace) -> dict[str, Any]:
-    """Returns {name: value} of the depth engine's rig parameters that the user gave."""
-    return given(args, RIG)

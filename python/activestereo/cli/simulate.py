@@ -33,9 +33,9 @@ from activestereo.cli.depth_maps import (
     wanted_maps,
     write_maps,
 )
-from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
+from activestereo.cli.engine_options import add_matching, add_options, given_parameters
 from activestereo.cli.parser import rare_group
-from activestereo.common.parameter import RENDER, RENDERER
+from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.scene_io.staging import INFRARED_SHARES, infrared_share
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ def make_config(
     if args.ir_camera_exposure is not None:
         config.ir_exposure_mode, config.ir_camera_gain = "fixed", 1.0
         config.ir_camera_exposure = args.ir_camera_exposure
-    options = given_matching(args) | given_rig(args) | given(args, RENDERER) | given(args, RENDER)
+    options = given_parameters(args, MATCHER, RIG, RENDERER, RENDER)
     for name, value in options.items():
         setattr(config, name, value)
     set_records(config, args)

@@ -19,14 +19,14 @@ class Mesh:
     indices: np.ndarray  # uint32 [t, 3]
 
     @classmethod
-    def of(cls, positions: ArrayLike, normals: ArrayLike, uvs: ArrayLike, indices: ArrayLike) -> Mesh:
+    def from_arrays(cls, positions: ArrayLike, normals: ArrayLike, uvs: ArrayLike, indices: ArrayLike) -> Mesh:
         points, directions, places = (np.ascontiguousarray(a, dtype=np.float32) for a in (positions, normals, uvs))
         return cls(points, directions, places, np.ascontiguousarray(indices, dtype=np.uint32))
 
 
 def joined(parts: Sequence[Mesh]) -> Mesh:
     offsets = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
-    return Mesh.of(
+    return Mesh.from_arrays(
         np.vstack([p.positions for p in parts]),
         np.vstack([p.normals for p in parts]),
         np.vstack([p.uvs for p in parts]),
@@ -65,7 +65,7 @@ def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
     normal = np.cross(side_u, side_v)
     normal /= np.linalg.norm(normal)
     corners = [origin, origin + side_u, origin + side_v, origin + side_u + side_v]
-    return Mesh.of(corners, [normal] * 4, [[0, 1], [1, 1], [0, 0], [1, 0]], grid(2, 2))
+    return Mesh.from_arrays(corners, [normal] * 4, [[0, 1], [1, 1], [0, 0], [1, 0]], grid(2, 2))
 
 
 def box(width: float, height: float, depth: float) -> Mesh:
@@ -98,7 +98,9 @@ def lathe(profiles: Sequence[ArrayLike], segments: int = 96) -> Mesh:
         triangles = grid(len(profile), segments + 1)
         a, b, c = (points[triangles[:, k]] for k in range(3))
         triangles = triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-14]
-        parts.append(Mesh.of(points, normals.reshape(-1, 3), np.stack([u.ravel(), v.ravel()], axis=1), triangles))
+        parts.append(
+            Mesh.from_arrays(points, normals.reshape(-1, 3), np.stack([u.ravel(), v.ravel()], axis=1), triangles)
+        )
     return joined(parts)
 
 

@@ -79,7 +79,7 @@ def read_parts(path: str | Path) -> list[Part]:
             else:
                 normals = arrays["normals"] @ np.linalg.inv(to_world[:3, :3])
                 normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-                mesh = Mesh.of(points, normals, np.zeros((len(points), 2)) if uvs is None else uvs, faces)
+                mesh = Mesh.from_arrays(points, normals, np.zeros((len(points), 2)) if uvs is None else uvs, faces)
             material = None if own is None else scene.get_material(own)
             numbers = {key: getattr(material, key, None) for key in _TEXTURES}
             textures = {key: images[number] for key, number in numbers.items() if number is not None}
@@ -116,7 +116,7 @@ def _shaded(
         length > 0.0, normals / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0)
     )  # of no area: unseen
     at = faces.ravel()
-    return Mesh.of(
+    return Mesh.from_arrays(
         points[at], normals, np.zeros((len(at), 2)) if uvs is None else uvs[at], np.arange(len(at)).reshape(-1, 3)
     )
 

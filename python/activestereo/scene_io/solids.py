@@ -23,7 +23,9 @@ Z_TO_X.setflags(write=False)
 def box() -> Mesh:
     """Returns a cube with sides of 2: scaled by half sizes it is any box."""
     cube = meshes.box(2.0, 2.0, 2.0)
-    return turned(Mesh.of(cube.positions - [0.0, 1.0, 0.0], cube.normals, cube.uvs, cube.indices), _Y_UP_TO_Z_UP)
+    return turned(
+        Mesh.from_arrays(cube.positions - [0.0, 1.0, 0.0], cube.normals, cube.uvs, cube.indices), _Y_UP_TO_Z_UP
+    )
 
 
 @cache
@@ -57,7 +59,7 @@ def rectangle() -> Mesh:
 
 def turned(mesh: Mesh, rotation: NDArray[np.float64]) -> Mesh:
     """Returns the mesh rotated by a 3x3 from its axes to the new ones."""
-    return Mesh.of(mesh.positions @ rotation.T, mesh.normals @ rotation.T, mesh.uvs, mesh.indices)
+    return Mesh.from_arrays(mesh.positions @ rotation.T, mesh.normals @ rotation.T, mesh.uvs, mesh.indices)
 
 
 def height_field(heights_m: NDArray[np.float64], half_x_m: float, half_y_m: float) -> Mesh:
@@ -70,4 +72,6 @@ def height_field(heights_m: NDArray[np.float64], half_x_m: float, half_y_m: floa
     xx, yy = np.meshgrid(x, y)
     uvs = np.stack(np.meshgrid(np.linspace(0, 1, columns), np.linspace(1, 0, rows)), axis=-1)
     points = np.stack([xx, yy, heights_m], axis=-1)
-    return Mesh.of(points.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), meshes.grid(rows, columns))
+    return Mesh.from_arrays(
+        points.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), meshes.grid(rows, columns)
+    )

@@ -76,7 +76,7 @@ def _made(
     if is_round:
         middle[[0, 2]] = 0.0
     up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    upright = Mesh.of((points - middle) @ up.T, mesh.normals @ up.T, mesh.uvs, mesh.indices)
+    upright = Mesh.from_arrays((points - middle) @ up.T, mesh.normals @ up.T, mesh.uvs, mesh.indices)
     material.name = name
     return BenchmarkObject(name, upright, material, turns, is_round, float(middle[1]))
 
@@ -116,4 +116,6 @@ def _stairs() -> Mesh:
 
 
 def _joined(*parts: tuple[Mesh, ArrayLike]) -> Mesh:
-    return meshes.joined([Mesh.of(m.positions + np.asarray(at), m.normals, m.uvs, m.indices) for m, at in parts])
+    return meshes.joined(
+        [Mesh.from_arrays(m.positions + np.asarray(at), m.normals, m.uvs, m.indices) for m, at in parts]
+    )

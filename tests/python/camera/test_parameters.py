@@ -12,7 +12,7 @@ import simsense
 from activestereo import StereoDepthSensorConfig
 from activestereo.cli import make_parser
 from activestereo.cli.arguments import CommandError
-from activestereo.cli.engine_options import given_matching, given_rig
+from activestereo.cli.engine_options import given_parameters
 from activestereo.cli.simulate import make_config
 from activestereo.common.parameter import MATCHER, RIG
 from activestereo.camera.plan import matcher_parameters, parameters
@@ -64,14 +64,14 @@ def test_a_configuration_has_the_defaults_but_for_those_of_sapien() -> None:
 @pytest.mark.parametrize("parameter", MATCHER, ids=lambda p: p.name)
 def test_every_parameter_has_an_option(command: str, parameter) -> None:
     if parameter.kind is bool:
-        assert given_matching(parse(command, parameter.option)) == {parameter.name: True}
+        assert given_parameters(parse(command, parameter.option), MATCHER) == {parameter.name: True}
         return
     value = a_value(parameter)
-    assert given_matching(parse(command, f"{parameter.option}={value}")) == {parameter.name: value}
+    assert given_parameters(parse(command, f"{parameter.option}={value}"), MATCHER) == {parameter.name: value}
 
 
 def test_a_pair_option_sets_width_and_height() -> None:
-    assert given_matching(parse("depth", "--census", "5x3")) == {"census_width": 5, "census_height": 3}
+    assert given_parameters(parse("depth", "--census", "5x3"), MATCHER) == {"census_width": 5, "census_height": 3}
 
 
 def test_an_option_reaches_the_configuration_under_its_name_there() -> None:
@@ -86,7 +86,7 @@ def test_an_option_reaches_the_configuration_under_its_name_there() -> None:
 def test_the_engines_place_memory_and_faults_are_options_too(command: str) -> None:
     args = parse(command, "--back-end", "cpu", "--low-memory", "--fault", "splat_invalid", "--fault", "remap_nearest")
     expected = {"back_end": "cpu", "low_memory": True, "faults": ("splat_invalid", "remap_nearest")}
-    assert given_rig(args) == expected and {p.name for p in RIG} == set(expected)
+    assert given_parameters(args, RIG) == expected and {p.name for p in RIG} == set(expected)
     if command == "simulate":
         assert parameters(make_config(args), RIG) == expected
 

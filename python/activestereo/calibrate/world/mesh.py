@@ -123,4 +123,4 @@ def _mesh(view: SceneView, fresh: Mask, K: NDArray[np.float64], pose: Pose, step
     positions = points[row, column].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
     normals = normals_of(points)[row, column].astype(np.float64) @ pose[:3, :3].T
     uvs = np.stack([(column + 0.5) / depth.shape[1], (row + 0.5) / depth.shape[0]], axis=-1)
-    return Mesh.of(positions, normals, uvs, triangles.reshape(-1, 3))
+    return Mesh.from_arrays(positions, normals, uvs, triangles.reshape(-1, 3))

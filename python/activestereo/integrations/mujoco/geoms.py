@@ -204,7 +204,7 @@ def cube_uvs(mesh: Mesh, is_uniform: bool) -> Mesh:
     v = 0.5 + 0.5 * np.clip(np.choose(face, [-y, s * z, -y]) / depth, -_INSIDE, _INSIDE)
     square = 2 * axis + (sign < 0)
     uvs = np.stack([u, (square[:, None] + v) / _CUBE_FACES], axis=-1)
-    return Mesh.of(
+    return Mesh.from_arrays(
         mesh.positions[mesh.indices].reshape(-1, 3),
         mesh.normals[mesh.indices].reshape(-1, 3),
         uvs.reshape(-1, 2),
@@ -215,7 +215,7 @@ def cube_uvs(mesh: Mesh, is_uniform: bool) -> Mesh:
 def _scaled(mesh: Mesh, scale: NDArray[np.float64] | list[float]) -> Mesh:
     normals = mesh.normals / np.asarray(scale)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Mesh.of(mesh.positions * np.asarray(scale), normals, mesh.uvs, mesh.indices)
+    return Mesh.from_arrays(mesh.positions * np.asarray(scale), normals, mesh.uvs, mesh.indices)
 
 
 def _model_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
@@ -231,4 +231,4 @@ def _model_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
     uvs = np.zeros((len(corners), 2))
     if has_uvs:
         uvs = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + corners[:, 2]] * [1.0, -1.0] + [0.0, 1.0]
-    return Mesh.of(positions, normals, uvs, number.reshape(-1, 3))
+    return Mesh.from_arrays(positions, normals, uvs, number.reshape(-1, 3))

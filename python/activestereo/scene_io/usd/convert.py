@@ -130,7 +130,9 @@ class _Conversion:
             if mesh is None:
                 self.stage.tell(f"{prim.GetPath()} is left out: {prim.GetTypeName()} is not read: export it as a mesh")
             else:
-                material = self.surfaces.of(prim, UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0])[0]
+                material = self.surfaces.material_and_texture_coordinates(
+                    prim, UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
+                )[0]
                 self._place(prim, [self.writer.add_shape(str(prim.GetPath()), mesh, material)], to_world)
         elif prim.GetTypeName() == "SkelRoot":
             self.stage.tell("skins are shown as their meshes are without a skeleton")
@@ -149,7 +151,7 @@ class _Conversion:
         from pxr import UsdGeom, UsdShade
 
         binding = UsdShade.MaterialBindingAPI(prim)
-        looks = [self.surfaces.of(prim, binding.ComputeBoundMaterial()[0])]
+        looks = [self.surfaces.material_and_texture_coordinates(prim, binding.ComputeBoundMaterial()[0])]
         shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         key = shared.GetPath(), looks[0]
         if key in self._shapes:
@@ -164,7 +166,7 @@ class _Conversion:
                 material = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
                 faces = np.asarray(self.stage.value(subset.GetIndicesAttr(), []), dtype=np.int64)
                 faces = faces[(faces >= 0) & (faces < len(face_look))]
-                look = self.surfaces.of(subset.GetPrim(), material)
+                look = self.surfaces.material_and_texture_coordinates(subset.GetPrim(), material)
                 if look not in looks:
                     looks.append(look)
                 face_look[faces] = looks.index(look)

@@ -124,7 +124,7 @@ def _extent(stage: Stage, prim: Any, to: np.ndarray) -> tuple[float, float, dict
     points = np.vstack([radius * out + [x, 0, 0] for x in (-length / 2, length / 2)])
     low, after = np.arange(64), np.roll(np.arange(64), -1)
     triangles = np.vstack([np.stack([low, after, low + 64], axis=1), np.stack([after, after + 64, low + 64], axis=1)])
-    return side, side / np.pi, {}, Mesh.of(points, np.vstack([out, out]), np.zeros((128, 2)), triangles)
+    return side, side / np.pi, {}, Mesh.from_arrays(points, np.vstack([out, out]), np.zeros((128, 2)), triangles)
 
 
 def _cone(stage: Stage, prim: Any) -> tuple[float, float] | None:

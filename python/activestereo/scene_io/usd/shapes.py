@@ -166,7 +166,7 @@ def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
         stage.tell("meshes are shown as their control cages, with smooth normals: subdivision surfaces are not read")
     cut = _cut_concave(cut, points)
     uvs = np.zeros((len(cut.vertices), 2))
-    return cut, Mesh.of(points[cut.vertices], _normals(stage, mesh, cut, points), uvs, cut.corners)
+    return cut, Mesh.from_arrays(points[cut.vertices], _normals(stage, mesh, cut, points), uvs, cut.corners)
 
 
 def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) -> Mesh:
@@ -182,7 +182,7 @@ def part(whole: Mesh, triangles: np.ndarray) -> Mesh:
     """Returns a Mesh of the chosen triangles alone, with equal vertices joined. triangles: mask or numbers."""
     rows = np.hstack([whole.positions, whole.normals, whole.uvs])[whole.indices[triangles].ravel()]
     unique, index = np.unique(rows, axis=0, return_inverse=True)
-    return Mesh.of(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3))
+    return Mesh.from_arrays(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3))
 
 
 def solid(stage: Stage, prim: Any) -> Mesh | None:
@@ -219,4 +219,4 @@ def solid(stage: Stage, prim: Any) -> Mesh | None:
     # A lathe turns about y.
     axes = {"X": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], "Z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}
     turn = np.transpose(axes.get(str(stage.value(turned.GetAxisAttr(), "Z")), np.eye(3)))
-    return Mesh.of(mesh.positions @ turn, mesh.normals @ turn, mesh.uvs, mesh.indices)
+    return Mesh.from_arrays(mesh.positions @ turn, mesh.normals @ turn, mesh.uvs, mesh.indices)

@@ -39,7 +39,7 @@ class Surfaces:
         self._textures: dict[Any, int] = {}
         self._files: dict[str, bytes | None] = {}
 
-    def of(self, prim: Any, material: Any) -> tuple[int, str]:
+    def material_and_texture_coordinates(self, prim: Any, material: Any) -> tuple[int, str]:
         """Returns (index of glTF's material, primvar of its texture coordinates) for a material bound to a prim. A
         material that cannot be read gives a matt surface of the prim's displayColor."""
         name = str(material.GetPath()) if material else "displayColor"
