@@ -11,14 +11,7 @@ robosuite and LIBERO give MuJoCo's depth buffer, upside down: take it with
 and make robosuite's environment with hard_reset=False: robosuite 1.5 else drops its OpenGL context whenever Python
 frees that of an earlier reset (eglReleaseThread), and returns unset memory as depth.
 
-LeRobot's LiberoEnv gives no depth, and its policies take bytes of three channels:
-
-    def rendered(env):
-        sim = env.unwrapped._env.env.sim
-        return get_real_depth_map(sim, sim.render(256, 256, camera_name="agentview", depth=True)[1])[::-1]
-
-    StereoDepth(env, depth=("pixels", "depth"), color=("pixels", "image"), back=lambda z: z[::-1], rendered=rendered,
-                coded=lambda z: np.repeat(np.uint8(255 * np.clip(z / 2.0, 0, 1))[..., None], 3, axis=2))
+robosuite 1.5 needs mujoco<4. LeRobot has its own module, activestereo.integrations.lerobot.
 """
 
 from __future__ import annotations

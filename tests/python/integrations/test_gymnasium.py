@@ -2,8 +2,10 @@
 """Gymnasium environments get the depth of an active stereo camera: with the package where it is installed, else with
 what its published interface says."""
 
+import importlib
 import sys
 import types
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ def _published():
     module = types.ModuleType("gymnasium")
 
     class Env:
+        unwrapped = property(lambda self: self.env.unwrapped if hasattr(self, "env") else self)
+
         def step(self, action):
             return self.seen(), 0.0, False, False, {}
 
@@ -45,6 +49,11 @@ def _published():
         def contains(self, x):
             return x.keys() == self.keys() and all(space.contains(x[name]) for name, space in self.items())
 
+    class SyncVectorEnv:
+        def __init__(self, env_fns, autoreset_mode=None):
+            self.envs, self.metadata = [made() for made in env_fns], {"autoreset_mode": autoreset_mode}
+
+    module.vector = types.SimpleNamespace(SyncVectorEnv=SyncVectorEnv, AutoresetMode=types.SimpleNamespace(NEXT_STEP=1))
     module.Env, module.ObservationWrapper = Env, ObservationWrapper
     module.spaces = types.SimpleNamespace(Box=Box, Dict=Dict)
     return module
@@ -70,7 +79,7 @@ class Wall(gymnasium.Env):
             "color": gymnasium.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
         })
     })  # fmt: skip
-    action_space = None
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (7,), np.float32)
 
     def seen(self):
         depth = np.full((HEIGHT, WIDTH, 1), 100.0 * DISTANCE_M, np.float32)
@@ -114,67 +123,93 @@ def test_a_missing_key_is_named():
 
 
 class Libero(Wall):
-    """LeRobot's LiberoEnv in what matters here (lerobot 0.4, envs/libero.py): colours upside down, and no depth."""
+    """LeRobot's LiberoEnv in what matters here (envs/libero.py): colours upside down, no depth, robosuite inside."""
 
     observation_space = gymnasium.spaces.Dict({
         "pixels": gymnasium.spaces.Dict({"image": gymnasium.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8)})
     })  # fmt: skip
+    observation_width, observation_height = WIDTH, HEIGHT
+
+    def reset(self, *, seed=None, options=None):
+        self._env = types.SimpleNamespace(env=types.SimpleNamespace(sim=self))
+        return self.seen(), {}
+
+    def render(self, width, height, camera_name, depth):
+        """robosuite's sim.render(): upside down, the lower half is nearer."""
+        assert (width, height, camera_name, depth) == (WIDTH, HEIGHT, "agentview", True)
+        return None, np.where(np.arange(HEIGHT)[:, None] < HEIGHT // 2, 0.75, 1.0) * np.ones((HEIGHT, WIDTH))
 
     def seen(self):
         return {"pixels": {"image": np.full((HEIGHT, WIDTH, 3), 160, np.uint8)}}
 
 
-def test_an_environment_without_depth_gets_bytes_that_lerobot_takes():
-    """lerobot 0.4, envs/utils.py, preprocess_observation(): bytes, and fewer channels than rows and columns."""
-    env = StereoDepth(
-        Libero(), ("pixels", "depth"), ("pixels", "image"), 58.0, back=lambda z: z[::-1],
-        rendered=lambda env: np.full((HEIGHT, WIDTH), DISTANCE_M),
-        coded=lambda z: np.repeat(np.uint8(255 * np.clip(z / 2.0, 0, 1))[..., None], 3, axis=2),
-    )  # fmt: skip
-    seen, _ = env.reset(seed=3)
-    assert env.observation_space.contains(seen) and list(seen["pixels"]) == ["image", "depth"]
+@dataclass
+class LiberoConfig:
+    """envs/configs.py of LeRobot's main, November 2026."""
+
+    task: str = "libero_10"
+    observation_height: int = HEIGHT
+    observation_width: int = WIDTH
+    camera_name_mapping: dict | None = None
+    features: dict = field(default_factory=dict)
+    features_map: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        pass
+
+    def create_envs(self, n_envs, use_async_envs=False):
+        mode = gymnasium.vector.AutoresetMode.NEXT_STEP
+        return {self.task: {4: gymnasium.vector.SyncVectorEnv([Libero] * n_envs, autoreset_mode=mode)}}
+
+
+def test_lerobot_evaluates_on_measured_depth(monkeypatch):
+    """envs/utils.py, preprocess_observation(): bytes, and fewer channels than rows and columns."""
+    registered = {}
+    published = {
+        "lerobot.configs.types": {"FeatureType": types.SimpleNamespace(VISUAL="v"), "PolicyFeature": lambda *of: of},
+        "lerobot.envs.configs": {"LiberoEnv": LiberoConfig, "EnvConfig": types.SimpleNamespace(
+            register_subclass=lambda name: lambda kind: registered.setdefault(name, kind))},
+        "robosuite.utils.camera_utils": {"get_real_depth_map": lambda sim, buffer: DISTANCE_M * buffer},
+    }  # fmt: skip
+    for name, content in published.items():
+        parents = name.split(".")[:-1]
+        for module in [".".join(parents[: n + 1]) for n in range(len(parents))] + [name]:
+            monkeypatch.setitem(sys.modules, module, types.ModuleType(module))
+        vars(sys.modules[name]).update(content)
+    monkeypatch.setitem(sys.modules, "gymnasium", gymnasium)
+    monkeypatch.delitem(sys.modules, "activestereo.integrations.lerobot", raising=False)
+    importlib.import_module("activestereo.integrations.lerobot")
+    config = registered["libero_stereo"]("libero_goal")
+    assert config.features["pixels/depth"] == ("v", (HEIGHT, WIDTH, 3))
+    assert config.features_map["pixels/depth"] == "observation.images.depth"
+    envs = config.create_envs(2, use_async_envs=True)["libero_goal"][4].envs
+    assert len(envs) == 2
+    seen, _ = envs[0].reset(seed=3)
+    assert envs[0].observation_space.contains(seen) and set(seen["pixels"]) == {"image", "depth"}
     for image in seen["pixels"].values():
         height, width, channels = image.shape
         assert image.dtype == np.uint8 and channels < height and channels < width and image.flags.c_contiguous
-    told = seen["pixels"]["depth"][..., 0]
-    assert np.median(told[told > 0]) == pytest.approx(255 * DISTANCE_M / 2.0, abs=2)
+    depth = seen["pixels"]["depth"][..., 0]
+    for half, distance_m in ((depth[: HEIGHT // 2 - 12], 0.75 * DISTANCE_M), (depth[HEIGHT // 2 + 12 :], DISTANCE_M)):
+        assert np.median(half[half > 0]) == pytest.approx(255 * distance_m / config.depth_white_m, abs=2)
     with pytest.raises(ValueError, match="give color"):
         StereoDepth(Libero(), ("pixels", "depth"), rendered=lambda env: None)
-
-
-class Robosuite(gymnasium.Env):
-    """robosuite's own environment with observations as Gymnasium has them."""
-
-    def __init__(self, env):
-        self.env, first = env, env.reset()
-        images = {name: first[name] for name in ("agentview_image", "agentview_depth")}
-        self.observation_space = gymnasium.spaces.Dict({
-            name: gymnasium.spaces.Box(0, 255 if image.dtype == np.uint8 else 1, image.shape, image.dtype.type)
-            for name, image in images.items()
-        })  # fmt: skip
-
-    def reset(self, *, seed=None, options=None):
-        return self._seen(self.env.reset()), {}
-
-    def step(self, action):
-        seen, reward, done, info = self.env.step(action)
-        return self._seen(seen), reward, done, False, info
-
-    def _seen(self, seen):
-        return {name: seen[name] for name in self.observation_space}
 
 
 def test_robosuites_depth_buffer_becomes_measured_depth(monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
-    robosuite = pytest.importorskip("robosuite", reason="robosuite is not installed (pip install robosuite)")
+    robosuite = pytest.importorskip(
+        "robosuite", reason="robosuite is not installed (pip install robosuite 'mujoco<4' h5py)"
+    )
     from robosuite.utils.camera_utils import get_real_depth_map
+    from robosuite.wrappers import GymWrapper
 
     scene = robosuite.make(
         "Lift", robots="Panda", has_renderer=False, has_offscreen_renderer=True, camera_names="agentview",
         camera_heights=HEIGHT, camera_widths=WIDTH, camera_depths=True, hard_reset=False,
     )  # fmt: skip
-    own = Robosuite(scene)
+    own = GymWrapper(scene, keys=["agentview_image", "agentview_depth"], flatten_obs=False)
     fovy_deg = scene.sim.model.cam_fovy[scene.sim.model.camera_name2id("agentview")]
     env = StereoDepth(
         own, "agentview_depth", "agentview_image", fovy_deg, back=lambda z: z[::-1],
