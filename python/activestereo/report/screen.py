@@ -59,8 +59,7 @@ def screen(
     lines += [line for step in steps for line in _command_lines(step)]
     more = "" if verbose or (len(told) == len(notes) and not details) else "more: --verbose"
     shown = f"see: {printable(see)}" if see else ""
-    is_short = shown and more and len(shown) + len(more) + 3 <= COLUMNS
-    lines += [f"{shown} ({more})"] if is_short else [line for line in (shown, more) if line]
+    lines += [f"{shown} ({more})"] if shown and more else [line for line in (shown, more) if line]
     return "\n".join([*lines, *(["", wrapped_lines(details.splitlines())] if verbose and details else [])])
 
 
