@@ -227,8 +227,8 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
 
 
 def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
-    """Rotates the right camera's spots to where they would be if its axes were parallel to the left camera's. A
-    measured rig is slightly rotated."""
+    """Moves the right camera's spots to their positions in a camera with axes parallel to the left one's. A measured
+    rig is slightly rotated."""
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
     u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
     return replace(right, u=u / w, v=v / w)

@@ -101,7 +101,7 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
 
 
 def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
-    """Returns the recording's rectified cameras, and lines that state what was assumed about them."""
+    """Returns the recording's rectified cameras, and lines that state the assumptions about them."""
     from activestereo.capture.capture import read_capture
     from activestereo.capture.importers.bag import is_bag, read_calibration
     from activestereo.capture.importers.realsense_text import DeviceText

@@ -166,8 +166,7 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
 
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str]]:
-    """Imports a recording with infrared pairs. Returns the capture, and lines on what was found, assumed and
-    missing."""
+    """Imports a recording with infrared pairs. Returns the capture, and lines on found, assumed and missing data."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag

@@ -96,8 +96,8 @@ def camera_to_camera(pose_a: PoseLike, pose_b: PoseLike) -> NDArray[Any]:
 
 
 def carried_twist(a_to_b: NDArray[Any], twist: ArrayLike) -> NDArray[Any]:
-    """Converts the twist [v, w] (6, m/s and rad/s) of a frame a to that of a frame b fixed to it; each is in its
-    frame's own axes. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). It is exact at any time,
+    """Converts the twist [v, w] (6, m/s and rad/s) of a frame a to the twist of a frame b fixed to it; each is in its
+    own frame's axes. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). It is exact at any time,
     as pose(t) = pose(0) exp(t [v, w]) for both."""
     twist = np.asarray(twist, dtype=np.float64)
     rotation, offset = a_to_b[:3, :3], a_to_b[:3, 3]

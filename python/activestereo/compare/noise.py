@@ -142,7 +142,7 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
 
 
 def _step_dn(capture: Capture) -> float:
-    """Returns the step of a capture's digital numbers, 1 where they are whole numbers."""
+    """Returns the step between neighbouring digital numbers of a capture; 1 if they are whole numbers."""
     comb = comb_of((capture.ir(f, side) for f in capture.split("train") for side in SIDES), capture.rig.max_dn)
     return comb.step_dn if comb else 1.0
 

@@ -321,9 +321,10 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
 
 
 def _on_test_frames(outcome: Outcome, figures: Mapping[str, Any], numbers: Numbers) -> Remainder:
-    """Returns the remainder with the errors on test frames added. It stays unchanged without test frames, and beside
-    named noise, which the floor lacks. No model foretells draws: beside some, test frames count only where more is left
-    than the other names explain and twice what draws leave on train frames, by the same names' gain on either."""
+    """Returns the remainder with the errors on test frames added. It stays unchanged without test frames, and if noise
+    is named, which the floor lacks. No model predicts draws. If draws are named, test frames count only if their
+    remainder exceeds two limits: the part that the other names explain, and twice the draws' remainder on train
+    frames."""
     after, floor, rest = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"], outcome.rest
     has_test = figures["curve"] and figures["curve"][-1]["heldout_ir_rmse"] is not None
     if not has_test or not floor or any(n.id in outcome.noise for n in outcome.names):

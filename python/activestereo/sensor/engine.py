@@ -315,8 +315,8 @@ class SensorEngine:
             self._keep_times(group, self._renderer)
 
     def _finish(self) -> None:
-        """Waits for the pictures' renders, then switches the projectors off, scales each infrared pair to its exposure
-        and hands the pairs to the depth engine."""
+        """Waits for the pictures' renders and switches the projectors off. Then it applies effects on light, scales
+        each infrared pair to its exposure and hands the pairs to the depth engine."""
         picture = self._next
         try:
             try:

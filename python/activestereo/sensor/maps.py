@@ -48,7 +48,7 @@ class JoinedResults:
         self._lock = threading.Lock()
 
     def begin(self) -> None:
-        """Forgets the last picture's arrays; the next picture's maps get others."""
+        """Forgets the last picture's arrays, so that the next picture's maps get new memory."""
         self._whole, self._taken = {}, set()
 
     def learn(self, found: Mapping[str, NDArray[Any]]) -> None:

@@ -57,8 +57,8 @@ class RigPlace:
         return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
 
     def matrix(self) -> NDArray[np.float64]:
-        """Returns pose() as a read-only 4x4. It is computed anew only after the mount or the local pose has moved,
-        because its checks are slow."""
+        """Returns pose() as a read-only 4x4. It is cached until the mount or the local pose moves, because its checks
+        are slow."""
         mount, local = as_matrix(self._mount.pose), as_matrix(self.local)
         parts = mount.tobytes() + local.tobytes()
         if parts != self._parts:

@@ -84,7 +84,7 @@ def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: 
 
 def room_for(nodes: Sequence[dict[str, Any]], cpus: int, may_have_gpu: bool) -> tuple[int, dict[str, int]]:
     """Returns (number of actors that fit on the machines, resources of each): a GPU if there are any, else `cpus`
-    processors of one machine. nodes: ray.nodes(). Raises ValueError if no machine has so many processors, because Ray
+    processors of one machine. nodes: ray.nodes(). Raises ValueError if no machine has `cpus` processors, because Ray
     would wait for one without end."""
     alive = [node["Resources"] for node in nodes if node["Alive"]]
     gpus = sum(int(own.get("GPU", 0)) for own in alive)

@@ -50,8 +50,8 @@ class DotView:
 class PatternEstimate:
     """The measured pattern. image: mean normalised high-pass image under the pattern's K, NaN = no view lit it. place:
     the projector in the left camera's frame, m. covariance: [3, 3], of place. r: {frame id: correlation of its dots
-    with those that the other views predict}. is_common: whether the views share dots; else the image merges each view's
-    own dots as well as they fit."""
+    with the other views' prediction}. is_common: whether the views share dots; else the image merges each view's own
+    dots as well as they fit."""
 
     image: Image
     K: NDArray[np.float64]

@@ -243,8 +243,8 @@ class _Judge:
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
 
     def without(self, effect: Effect, fit: _DepthFit) -> "_Judge":
-        """Subtracts a fitted effect from the device's errors; returns a _Judge of the rest. For a filter it returns
-        itself, since smoothing cannot be undone."""
+        """Subtracts a fitted effect from the device's errors; returns a _Judge of the remaining ones. For a filter it
+        returns itself, since smoothing cannot be undone."""
         if fit.is_filter:
             return self
         shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
@@ -356,8 +356,8 @@ class _Judge:
         return _DepthFit(own, _leading(effect, at(wanted)), limits, is_filter=True)
 
     def _roughness(self, errors: Sequence[np.ndarray]) -> float:
-        """Returns the mean squared difference of neighbours along rows and columns, px^2, over pixels below a pixel of
-        error."""
+        """Returns the mean squared difference between neighbours along rows and columns, px^2. Only pixels with errors
+        below one pixel count."""
         total = count = 0.0
         for error, frame in zip(errors, self._frames, strict=True):
             for axis in (0, 1):

@@ -117,7 +117,7 @@ def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.nda
 
 
 def _gains(pattern: np.ndarray, seed: int) -> np.ndarray:
-    """Draws a gain for every dot, mean 1 and deviation _SPREAD; each pattern pixel gets that of its nearest dot."""
+    """Draws a gain for every dot, mean 1 and deviation _SPREAD; each pattern pixel gets the nearest dot's gain."""
     peaks = (pattern == maximum_filter(pattern, _DOT_PX)) & (pattern > _DIMMEST * pattern.max())
     draws = np.zeros(pattern.shape)
     draws[peaks] = np.random.Generator(np.random.PCG64([_SEED, seed])).normal(1.0, _SPREAD, int(peaks.sum()))

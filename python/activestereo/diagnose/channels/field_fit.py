@@ -218,7 +218,7 @@ def _corrected(
     row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
 ) -> np.ndarray:
     """Returns an image's residual minus the draws that other groups of frames predict, DN. hot_sigma: in a sparse
-    field, only draws beyond so many noise deviations are subtracted; None: all."""
+    field, only draws beyond this many noise deviations are subtracted; None: all."""
     others = _of_others(row, rows, totals)
     a, b = others
     if hot_sigma is None:

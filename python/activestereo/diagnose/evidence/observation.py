@@ -93,10 +93,10 @@ class Evidence:
     seed: int = 0
 
     def nuisance_prior(self) -> NuisancePrior:
-        """Returns the prior of the nuisances by the stated uncertainty, relative to the geometry that was rendered.
-        Deviations of poses grow to the errors found on views at rest, because all views were measured alike. Poses of
-        test frames alone stay where they were found. If the likelihood counts too many pixels, the prior is weighed up
-        by as much (a tempered posterior; Miller and Dunson, JASA 2019)."""
+        """Returns the prior of the nuisances: the stated uncertainty around the stated values, as corrections of the
+        rendered geometry. Poses get a wider prior if views at rest were measured worse than stated. Poses that only
+        test frames have stay where they were found. If the likelihood counts too many pixels, the prior is weighted up
+        by the same factor (a tempered posterior; Miller and Dunson, JASA 2019)."""
         known = self.capture.uncertainty
         twist = np.repeat(self.geometry.beyond_stated() * [known.pose_m, known.pose_rad], TWIST // 2)
         projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)

@@ -46,7 +46,7 @@ class FitCache:
         return iter(self._known)
 
     def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
-        """Runs work(item) for every item in so many processes and keeps the fits that they make. Items that fail there
+        """Runs work(item) for every item in worker processes and keeps the fits that they make. Items that fail there
         are left to the caller's own work(item), which then raises the error."""
 
         def made(item: Any) -> dict[str, Arrays]:

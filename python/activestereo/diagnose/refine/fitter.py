@@ -190,7 +190,7 @@ class Fitter:
 
     @staticmethod
     def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:
-        """Returns the model with parameter j one step further; None for a choice."""
+        """Returns the model with parameter j one step further; None if no fit changes it."""
         return None if space.given[j] else space.model(np.where(np.arange(len(theta)) == j, theta + steps, theta))
 
     def covariance(self, solution: Solution) -> np.ndarray:
@@ -262,8 +262,8 @@ class Fitter:
     def refine(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
     ) -> Solution:
-        """Fits from a start (theta, phi); returns the Solution. It stops after so many iterations, or when chi2 falls
-        by less than a share `tolerance`."""
+        """Fits from a start (theta, phi); returns the Solution. It stops after `iterations`, or when chi2 falls by less
+        than a share `tolerance`."""
         make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
         found = self.remembered(make, space, theta, phi, iterations, tolerance)
         return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))

@@ -126,8 +126,8 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
 
 
 def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
-    """Searches the geometry as gather_where_it_stands() does. Blurred images are used only if the sharp ones ask for a
-    correction."""
+    """Searches the geometry by up to one step per blur and a last sharp step; returns the evidence rendered there.
+    Blurred images, which see further, are used only if the sharp ones need a correction."""
 
     def again(geometry: Geometry) -> Evidence:
         capture = geometry.capture()
@@ -156,8 +156,8 @@ def _moved(
 
 
 def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
-    """Returns one correction: a fit of the train frames at rest, and then of the poses that only moving frames have.
-    Moving frames do not affect the rest, because motion shows more than geometry."""
+    """Returns one correction: from the train frames at rest, then of the poses that only moving frames have. Moving
+    frames affect no other unknown, because motion shows more than geometry."""
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
     fitted = {o.key for o in at_rest}
     others, seen = [o for o in evidence.train if o.key not in fitted], _look(evidence, blur_px)
@@ -251,8 +251,8 @@ def _some(o: Observation, seed: int) -> Observation:
 def _fit_at_rest(
     evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
 ) -> tuple[NuisancePrior, Fitter, Solution]:
-    """Fits the frames at rest with the likelihood weighed by 1 / misfit. Sharp images that ask for a correction are
-    fitted again with a lens, which may be what they lack."""
+    """Fits the frames at rest with the likelihood divided by the misfit. If sharp images need a correction, it fits
+    again with a distorting lens, which may be the true cause."""
     prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
     fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px)
     start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)

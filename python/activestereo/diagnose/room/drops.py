@@ -49,8 +49,8 @@ def blurred_places(room: Room, exponent: float) -> list[Blurred]:
 
 
 def _per_view(room: Room, view: int, exponent: float) -> tuple[Image, Image]:
-    """Returns one sharpness map [height][width] for each camera (left, right): log of the high-frequency energy here
-    over that of the same place in the other camera. NaN = unknown."""
+    """Returns one sharpness map [height][width] for each camera (left, right): the log ratio of high-frequency energy
+    to the other camera's at the same place. NaN = unknown."""
     images, places = room.images[2 * view : 2 * view + 2], room.places(2 * view, 2 * view + 1)
     energy = [blur((blur(i.dn, _FINE_PX) - blur(i.dn, _COARSE_PX)) ** 2, _AROUND_PX) for i in images]
     other = places.read(energy[1])

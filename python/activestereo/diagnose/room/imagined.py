@@ -73,11 +73,11 @@ class ImaginedRoom(Room):
         return (u / z + nowhere).astype(np.float32), (v / z + nowhere).astype(np.float32)
 
     def _base(self, k: int) -> int:
-        """Returns the number of the recorded image that image k is made of."""
+        """Returns the number of the recorded image from which image k is made."""
         return k if k < len(self._room.images) else k - len(self._room.images)
 
     def places(self, a: int, b: int) -> Places:
-        """Returns the places of image a's pixels in image b, by way of the recorded images behind them."""
+        """Returns the positions of image a's pixels in image b, through the recorded images that they are made of."""
         if (a, b) not in self._places:
             self._places[a, b] = self._between(a, b)
         return self._places[a, b]

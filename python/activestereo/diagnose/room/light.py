@@ -71,8 +71,8 @@ def _mean(
     room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None
 ) -> tuple[Image, Image]:
     """Averages the images `of` at the pixels of image number k, and scales the mean to the gain of image k. Returns
-    (mean; mask, 1 where it is known). All images weigh alike for every k: otherwise each column would hold its image's
-    own errors and find them again. images: the numbers to average, None = all."""
+    (mean; mask, 1 where it is known). All images have equal weights for every k: otherwise each column would contain
+    its own image's errors. images: the numbers to average, None = all."""
     total, weight = np.zeros_like(of[k]), np.zeros_like(of[k])
     for j in range(len(of)) if images is None else images:
         if j == k:

@@ -146,8 +146,8 @@ def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
 
 
 def with_take(seen: Seen, take: Take) -> Reduced:
-    """Returns the scores that a room would have with one more pair of images that is only planned. Their covariance is
-    raised over that of independent cells as much as in the recorded room."""
+    """Returns the scores that a room would have with one more, planned pair of images. Their covariance is inflated
+    over independent cells by the same factor as in the recorded room."""
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []

@@ -180,9 +180,9 @@ class Search:
         return terms, unjudged
 
     def _strain(self) -> float:
-        """Returns the farthest that the named effects move a pose, focal length or albedo from its stated value, in
-        stated deviations. Beside effects of air or surfaces it is 0: they change what an albedo means. If none is
-        named, it is the distance of the second farthest albedo, since one albedo may be measured wrong."""
+        """Returns the largest move of a pose, focal length or albedo by the named effects, in stated deviations. If air
+        or surface effects are named it is 0, because they change the meaning of an albedo. If no effect is named, it is
+        the second largest albedo's distance, since one albedo may be measured wrong."""
         if not self._names:
             return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):

@@ -91,7 +91,7 @@ def _name(space: ParameterSpace) -> str:
 def _side_by_side(
     fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
 ) -> dict[str, Refit]:
-    """Fits every space; returns {effect: Refit}. Fits that the cache keeps are made in so many processes."""
+    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in `workers` processes."""
     if fitter.memory is not None:
         fitter.memory.make_ahead(fit, [space for space in spaces if fit_key("", space) is not None], workers)
     return {_name(space): Refit(fit(space)) for space in spaces}

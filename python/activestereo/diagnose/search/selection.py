@@ -48,7 +48,7 @@ class Hit:
         return _values(self.atom, self.coefficients, self.surfaces)
 
     def point(self) -> dict[str, float]:
-        """Returns {parameter: value} of the effect as this dictionary entry (atom) has them, without a fit."""
+        """Returns {parameter: value} of the effect at this dictionary entry (atom), before any fit."""
         return _values(self.atom, np.eye(1, len(self.coefficients))[0], self.surfaces)
 
 
@@ -165,8 +165,8 @@ def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
 
 
 def calibrated(members: Mapping[str, float]) -> dict[str, float]:
-    """Returns the probabilities of a set's members as often as they are right: raised to a power and scaled to the same
-    sum (temperature scaling; Guo et al. 2017, ICML)."""
+    """Returns a set's probabilities so that they match how often its members are right: raised to a power, scaled to
+    the same sum (temperature scaling; Guo et al. 2017, ICML)."""
     powers = {name: p**_SHARPER for name, p in members.items()}
     scale = sum(members.values()) / sum(powers.values())
     return {name: scale * p for name, p in powers.items()}

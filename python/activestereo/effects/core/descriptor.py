@@ -45,7 +45,7 @@ class Stage(IntEnum):
 
 class Randomness(Enum):
     """NONE: the effect is a function of its input. STATIC: random numbers are drawn once per sensor or view, and
-    repeat. TEMPORAL: they are drawn anew for every frame."""
+    repeat. TEMPORAL: new ones are drawn for every frame."""
 
     NONE = "none"
     STATIC = "static"

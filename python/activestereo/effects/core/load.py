@@ -31,9 +31,8 @@ _RNG_PER = {Randomness.NONE: "rig", Randomness.STATIC: "sensor", Randomness.TEMP
 
 
 def load_plugin(path: str | Path) -> list[Effect]:
-    """Returns the Effects of a shared library. Raises ValueError that says what is wrong with its tables, or OSError
-    where it cannot be loaded. It runs in this process with all rights: pointers in the tables are followed unchecked.
-    """
+    """Returns the Effects of a shared library. Raises ValueError with the fault in its tables, or OSError if it cannot
+    be loaded. It runs in this process with all rights: pointers in the tables are followed unchecked."""
     library = c.CDLL(str(Path(path).resolve()))
     try:
         entry = getattr(library, _ENTRY)
@@ -154,8 +153,8 @@ def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any
 
 
 def load_effects(path: str | Path) -> dict[str, Effect]:
-    """Returns {id: Effect} of a .py file or a shared library. Raises FileNotFoundError, or ValueError that says what is
-    wrong with the file."""
+    """Returns {id: Effect} of a .py file or a shared library. Raises FileNotFoundError, or ValueError with the file's
+    fault."""
     path = Path(path)
     if not path.is_file():
         words = "no such effect file (Python, or a shared library; built-in effects need none)"

@@ -194,8 +194,8 @@ class _Image:
     # ---- the scene ----
 
     def _under_lights(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light plus that of the projectors and lamps that an effect adds. It counts as ambient light,
-        because it shines whatever the rig's projector does. Added projectors cast no shadows."""
+        """Returns the light plus the light of projectors and lamps that an effect adds. It counts as ambient, because
+        it does not depend on the rig's projector. Added projectors cast no shadows."""
         inputs = self._inputs(view, values)
         world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
         poses = [(added, added.light_to_world) for added in inputs.rig_lights]

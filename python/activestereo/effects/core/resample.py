@@ -290,10 +290,7 @@ class SupersampledImages:
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         """Returns the warped images: each camera pixel takes these images' value at pixel position (u, v),
-        [height][width] each.
-
-        Beyond the frame, the displacement is that of the border.
-        """
+        [height][width] each. Beyond the frame, the border's displacement holds."""
         return _WarpedSupersampled(self, u, v)
 
     def _warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:

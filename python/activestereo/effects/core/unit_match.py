@@ -89,8 +89,8 @@ class SeenPoints(NamedTuple):
         return way, self.glow * np.maximum(-(way * self.normals).sum(-1), 0.0) / (square * np.sqrt(square))
 
     def beyond_even(self, lit: np.ndarray) -> np.ndarray:
-        """Fits an even beam, without a pattern, to the residual and returns weight times the rest, [n]. lit: each
-        point's DN under that beam at intensity 1."""
+        """Fits an even beam, without a pattern, to the residual; returns weight times the remaining residual, [n]. lit:
+        each point's DN under that beam at intensity 1."""
         even = max(float(lit @ (self.weight * self.residual)), 0.0) / max(float(lit**2 @ self.weight), 1e-300)
         return self.weight * (self.residual - even * lit)
 

@@ -29,7 +29,7 @@ def _ears(places: Points) -> NDArray[np.int64]:
     rest, out = list(range(len(flat))), []
 
     def turn(a: Points, b: Points, c: Points) -> Points:
-        """Computes twice the area of the triangles, positive where they turn left."""
+        """Computes twice the triangles' signed area; positive for a left turn."""
         return np.asarray((b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0]))
 
     def is_ear(k: int) -> bool:
