@@ -26,8 +26,8 @@ from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import SIDES, read_capture
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.room.names import seen_of
-from activestereo.diagnose.room.plan import told_by
+from activestereo.diagnose.room.names import score_room
+from activestereo.diagnose.room.plan import detectable_sizes
 from activestereo.effects import builtin
 
 OWN = "vignetting"  # every lens has it: a stronger one shows as a larger exponent, not as a further name
@@ -116,7 +116,7 @@ def measured(args, name, strength, recording):
             calibrate_world(source, place)
         if name is not None:
             capture = read_capture(place)
-            tells = told_by(seen_of(Room(capture), tuple(builtin().values())))
+            tells = detectable_sizes(score_room(Room(capture), tuple(builtin().values())))
             row["told"], row["least"] = is_told(tells, name, row["truth"], capture)
     except ValueError as error:
         return row | {"verdict": "refused", "why": str(error)}

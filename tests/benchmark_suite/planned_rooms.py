@@ -29,7 +29,7 @@ from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main as command
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.room.names import seen_of
+from activestereo.diagnose.room.names import score_room
 from activestereo.diagnose.room.plan import plan_of
 from activestereo.effects import builtin
 
@@ -93,7 +93,7 @@ def planned(folder, rng):
     row = {"hidden": kind, "size": round(size, 5), "seed": int(rng.integers(2**31)), "by": None}
     clean = recorded(folder / "clean", row["seed"], TURNS, EXPOSURES)
     capture = flawed(folder / "first", clean, row)
-    for recording in plan_of(seen_of(cells.Room(capture), tuple(builtin().values()))):
+    for recording in plan_of(score_room(cells.Room(capture), tuple(builtin().values()))):
         tells = {effect: told for effect, told in recording.tells.items() if told is not None}
         if is_told(tells, kind, row["truth"], capture)[0]:
             return row | {"by": recording.text, "least": is_told(tells, kind, row["truth"], capture)[1]}

@@ -95,7 +95,7 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
     None: the frames' own temperatures. Raises ValueError if frames, a range of temperatures or frames without the
     projector are missing."""
     capture = read_capture(folder)
-    frames = _with_temperatures(capture, temperatures)
+    frames = _frames_with_temperature(capture, temperatures)
     lit = [f for f in frames if f.projector_power > 0.0]
     dark = [f for f in capture.frames if f.has_infrared and f.projector_power == 0.0]
     if not dark:
@@ -139,7 +139,7 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
     )
 
 
-def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Frame]:
+def _frames_with_temperature(capture: Capture, temperatures: Path | None) -> list[Frame]:
     """Returns the frames that have a temperature, in order of time. temperatures: as for calibrate_drift()."""
     frames = sorted((f for f in capture.frames if f.has_infrared), key=lambda f: f.timestamp_s)
     if temperatures is not None:

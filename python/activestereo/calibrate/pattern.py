@@ -220,13 +220,13 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
         found = find_spots(counts.mean(axis=0), _variance_of_mean(counts), part)
         is_whole = found.is_whole
         if side == "right":
-            found = _as_if_not_turned(found, rig)
+            found = _align_right_spots(found, rig)
         spots[side], cut[side] = found.selected(is_whole), found.selected(~is_whole)
     wall = find_wall(spots["left"], spots["right"], rig.left.K, rig.right.K, rig.baseline_m, name)
     return WallView(name, spots, cut, wall, frames[0].exposure_s)
 
 
-def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
+def _align_right_spots(right: Spots, rig: CaptureRig) -> Spots:
     """Moves the right camera's spots to their positions in a camera with axes parallel to the left one's. A measured
     rig is slightly rotated."""
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
@@ -267,7 +267,7 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
         end = np.array([rig.left.width, rig.left.height]) - 1 - left.border_px
         outside = ((pixel <= left.border_px) | (pixel >= end)).any(axis=1)
         parts = [(view.wall.points, np.zeros(3), left.flux), (points[outside], right_m, right.flux[outside])]
-        all_dots.append(np.vstack([_as_dots(*part, view.wall, projector) for part in parts]))
+        all_dots.append(np.vstack([_project_dots(*part, view.wall, projector) for part in parts]))
     dots, *others = all_dots
     for other in others:
         scales.append(float(np.median(dots[pairs[:, 0], 2] / other[pairs[:, 1], 2])))
@@ -285,7 +285,7 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     for view, scale in zip(walls, scales, strict=True):
         for side, spots in view.cut.items():
             points = wall_points(view.wall.plane, *eyes[side], spots.u, spots.v)
-            for dot in _as_dots(points, eyes[side][1], spots.flux, view.wall, projector) * [1.0, 1.0, scale]:
+            for dot in _project_dots(points, eyes[side][1], spots.flux, view.wall, projector) * [1.0, 1.0, scale]:
                 if np.hypot(*(dots[:, :2] - dot[:2]).T).min() > _OTHER_DOT_PX:
                     dots = np.vstack([dots, dot])
     dots = dots[((dots[:, :2] > -0.5) & (dots[:, :2] < [width - 0.5, height - 0.5])).all(axis=1)]
@@ -324,7 +324,7 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     )  # fmt: skip
 
 
-def _as_dots(
+def _project_dots(
     points: np.ndarray, camera_m: np.ndarray, flux: np.ndarray, wall: Wall, projector: ProjectorView
 ) -> np.ndarray:
     """Converts spots on the wall to dots of the pattern [n, 3]: u, v in pattern pixels, and power. points: [n, 3] in

@@ -54,7 +54,7 @@ class AutoExposure:
         """Returns the setting for the next image after one taken with `now`. Mode 'converging' makes one control step;
         otherwise the control settles from the start setting. signal: simsense's imager parameters under `now`. light:
         radiance [height, width]. max_dn: the count at which pixels clip."""
-        seen, black_dn = self._seen(light[None], signal, now), signal["black_level_dn"]
+        seen, black_dn = self._metered_counts(light[None], signal, now), signal["black_level_dn"]
         begin = np.array([(now if self.mode == "converging" else self.start).light_s])
         follow = self._step if self.mode == "converging" else self._settled
         light_s = float(follow(begin, seen, black_dn, max_dn)[0])
@@ -68,12 +68,14 @@ class AutoExposure:
         """Returns [n]: the exposure x gain at which the control settles for each of n images, over the start setting's.
         light: radiance [n, height, width]. signal: simsense's imager parameters under the start setting."""
         begin = np.full(_VIEWS, self.start.light_s)
-        parts = [self._seen(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
+        parts = [self._metered_counts(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
         black_dn = signal["black_level_dn"]
         found = [self._settled(begin[: len(seen)], seen, black_dn, max_dn) for seen in parts]
         return np.asarray(np.concatenate(found) / self.start.light_s, np.float32)
 
-    def _seen(self, light: NDArray[np.float32], signal: Mapping[str, float], now: Setting) -> NDArray[np.float32]:
+    def _metered_counts(
+        self, light: NDArray[np.float32], signal: Mapping[str, float], now: Setting
+    ) -> NDArray[np.float32]:
         """Returns [n, pixels]: counts above black that one second of exposure x gain gives in the metering region of n
         images. light: radiance [n, height, width]."""
         dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
@@ -97,7 +99,7 @@ class AutoExposure:
         self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
     ) -> NDArray[np.float64]:
         """Makes one control step for each of n images and returns the new exposure x gain, seconds [n]. light_s: the
-        present ones [n]. seen: [n, pixels] from _seen()."""
+        present ones [n]. seen: [n, pixels] from _metered_counts()."""
         counts = seen * light_s.astype(np.float32)[:, None]
         counts += np.float32(black_dn)
         np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)

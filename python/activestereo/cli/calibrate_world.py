@@ -75,14 +75,14 @@ def _print_plan(args: argparse.Namespace) -> None:
     from activestereo.calibrate.world.cells import Room
     from activestereo.capture.capture import read_capture
     from activestereo.diagnose.room.diagnosed import is_measured_room
-    from activestereo.diagnose.room.names import seen_of
+    from activestereo.diagnose.room.names import score_room
     from activestereo.diagnose.room.plan import plan_of, plan_text
     from activestereo.effects import builtin
 
     capture = read_capture(args.recording)
     if not is_measured_room(capture):
         raise CommandError(f"{args.recording}: is no measured room: make one with calibrate world")
-    plan = plan_of(seen_of(Room(capture), tuple(builtin().values())))
+    plan = plan_of(score_room(Room(capture), tuple(builtin().values())))
     if args.json:
         print_json([{"text": r.text, "minutes": r.minutes, "tells": dict(r.tells)} for r in plan])
     else:

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> None:
 
     effects = library(*args.effects)
     own = [word for file in args.effects for word in ("--effects", file)]
-    under_model = {} if args.model is None else _under_model(args, capture, effects)
+    under_model = {} if args.model is None else _model_arguments(args, capture, effects)
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         phases = Phases(bar, PHASES | {WRITING: WRITING_S})
         comparison = compare(
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> None:
     print(comparison_screen(comparison.scores, next_step, args.out / "report.html", kept, args.verbose))
 
 
-def _under_model(args: argparse.Namespace, capture: "Capture", effects: "dict[str, Effect]") -> dict[str, Any]:
+def _model_arguments(args: argparse.Namespace, capture: "Capture", effects: "dict[str, Effect]") -> dict[str, Any]:
     """Returns compare()'s arguments for the model of --model: effects and calibration. Outside measured rooms they
     include the scene measurement and the render engines.
 

@@ -47,7 +47,7 @@ def _run(args: argparse.Namespace) -> None:
     is_capture = (args.source / "capture.json").is_file() or args.source.name == "capture.json"
     if args.scene is None and not is_capture:
         raise CommandError("--scene is needed for files")
-    pictures = _of_capture(args) if is_capture else _of_files(args)
+    pictures = _overlay_capture(args) if is_capture else _overlay_files(args)
     if args.out is None:
         if not can_show_windows():
             raise CommandError("no window can be opened here: save the pictures by --out DIR")
@@ -65,7 +65,7 @@ def _run(args: argparse.Namespace) -> None:
     print(screen(sentence, (), (), leads))
 
 
-def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+def _overlay_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     """Yields (name, RGB picture with contours) for each pose of a capture: its colour image, and its infrared ones
     without dots, averaged over repeats. A capture with neither yields the left image of every frame."""
     import numpy as np
@@ -110,7 +110,7 @@ def _undistorted(image: NDArray[np.floating], camera: Camera) -> NDArray[np.floa
     return cv2.undistort(image, camera.K, camera.distortion).reshape(image.shape)
 
 
-def _of_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+def _overlay_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     from activestereo.capture.images import read_color
     from activestereo.report.overlay import Overlay
 

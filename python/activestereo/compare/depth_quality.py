@@ -57,7 +57,7 @@ def depth_quality(
     v, u = np.indices(frames.shape[1:], dtype=np.float64)
     rays = np.stack([(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1], np.ones(u.shape)], axis=-1)
     rays, frames = rays[rows, columns], frames[:, rows, columns]
-    single = np.array([_of_frame(z, rays, matrix[0, 0] * baseline_m, true_distance_m) for z in frames])
+    single = np.array([_frame_quality(z, rays, matrix[0, 0] * baseline_m, true_distance_m) for z in frames])
     known = np.isfinite(single)  # each metric's mean over the frames that have it
     mean = np.where(known, single, 0).sum(axis=0) / np.maximum(1, known.sum(axis=0))
     fill, accuracy, plane_fit, subpixel = map(float, np.where(known.any(axis=0), mean, np.nan))
@@ -81,7 +81,7 @@ def quality_table(quality: DepthQuality) -> str:
     )
 
 
-def _of_frame(
+def _frame_quality(
     z: np.ndarray, rays: np.ndarray, focal_baseline: float, true_distance_m: float | None
 ) -> tuple[float, float, float, float]:
     """Computes (fill rate %, Z accuracy %, plane-fit RMS mm, subpixel RMS px) of one frame. z: depths of the region, m.

@@ -78,7 +78,7 @@ class StripView:
         values = effect.typical_values | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
         values = effect.values(values | dict(given or {}))
         if effect.stage > Stage.DIGITAL:
-            return self._of_depth(effect, values)
+            return self._depth_strip(effect, values)
         models = self._base, self._base.with_effect(effect, **values)
         images = [self._image(model, self._side) for model in models]
         return EffectStrip(effect, values, "DN", *images)
@@ -100,7 +100,7 @@ class StripView:
         light = model.light(self._layers[side], view, True)
         return np.asarray(model.signal(light, view, self._nuisances, True), dtype=np.float64)
 
-    def _of_depth(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
+    def _depth_strip(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
         """Computes both pictures for an effect on disparity or depth, from the true depth. If its typical values change
         nothing there, it is applied to simsense's depth of noisy pairs instead, after as many frames as it needs to
         settle."""

@@ -54,7 +54,7 @@ from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing, with_test_frames
 from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_room
 from activestereo.diagnose.score.likelihood import design_effect
-from activestereo.diagnose.search.loop import Outcome, Search, with_own_functions
+from activestereo.diagnose.search.loop import Outcome, Search, restore_functions
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.diagnose.search.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
@@ -233,7 +233,7 @@ def _told_again(
     result, complete = found.result, found.model
     says(_verdict_words(result["verdict"], result["added"]))
     phases.begin(BOTH)
-    _, before, _, after = held_out_figures(errors.standing_by(complete), None, result["added"], complete)
+    _, before, _, after = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
     accepted = complete.bound(surface_names(errors.capture.scene_path))
     return Diagnosis(result, accepted, found.stub, complete, before, after, made)
 
@@ -299,13 +299,13 @@ def examine(
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
     with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
     found = told(replace(outcome, rest=with_names), settings=settings)
-    confirmed = replace(outcome, rest=_on_test_frames(outcome, found.result, numbers))
+    confirmed = replace(outcome, rest=_add_test_errors(outcome, found.result, numbers))
     if _verdict(confirmed, numbers) != found.result["verdict"]:
         return told(confirmed, settings=replace(settings, phases=Phases(None, PHASES)))
-    return replace(found, result=found.result | _rests_on(confirmed, numbers))
+    return replace(found, result=found.result | _verdict_evidence(confirmed, numbers))
 
 
-def _rests_on(outcome: Outcome, numbers: Numbers) -> dict[str, Any]:
+def _verdict_evidence(outcome: Outcome, numbers: Numbers) -> dict[str, Any]:
     """Returns the entries of diagnose.json that the verdict rests on: probabilities, ranking and the numbers it
     compares."""
     verdict, name_of = _verdict(outcome, numbers), surface_text(outcome.evidence.capture.scene_path)
@@ -320,7 +320,7 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
     return verdict_of(outcome.rest, bool(outcome.names), outcome.evidence.has_floor, numbers)
 
 
-def _on_test_frames(outcome: Outcome, figures: Mapping[str, Any], numbers: Numbers) -> Remainder:
+def _add_test_errors(outcome: Outcome, figures: Mapping[str, Any], numbers: Numbers) -> Remainder:
     """Returns the remainder with the errors on test frames added. It stays unchanged without test frames, and if noise
     is named, which the floor lacks. No model predicts draws. If draws are named, test frames count only if their
     remainder exceeds two limits: the part that the other names explain, and twice the draws' remainder on train
@@ -362,7 +362,7 @@ def _told(
     if names and not is_found:
         rows = tuple(Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles).residuals(solution))
     found = {name.id: parameters_of(outcome, name) for name in names}
-    accepted = with_own_functions(solution.model, candidates)
+    accepted = restore_functions(solution.model, candidates)
     for name in names if is_found else ():
         if name.field is not None or name.id in outcome.noise:
             accepted = accepted.with_effect(name.effect, **{key: v.value for key, v in found[name.id].items()})
@@ -372,7 +372,7 @@ def _told(
         accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in fault.parameters.items()})
         found[fault.effect.id] = fault.parameters
     if settings.with_test is not None:
-        own = with_own_functions(solution.model, candidates)
+        own = restore_functions(solution.model, candidates)
         evidence = settings.with_test(evidence, outcome.fitter, solution, own)
     capture, black_dn = evidence.capture, solution.nuisances.black_dn
     residual = residual_model(rows, black_dn, capture.name, evidence.seed) if verdict == UNKNOWN else None
@@ -399,13 +399,13 @@ def _told(
         "albedos": albedo_json(evidence, outcome.fitter, solution),
         "residual_model": residual and residual.as_json(),
         "model": model_json(accepted, solution.nuisances),
-    } | _rests_on(outcome, numbers)  # fmt: skip
+    } | _verdict_evidence(outcome, numbers)  # fmt: skip
     result["own"] = {e.id: _why(e, result, model) for e in candidates if builtin().get(e.id) is not e}
     complete = found_model(evidence, accepted, solution, found)
     before = after = None
     if settings.errors is not None:
         phases.begin(BOTH)
-        errors = settings.errors.standing_by(complete)
+        errors = settings.errors.at_stated_geometry(complete)
         figures, before, moved, after = held_out_figures(errors, given, result["added"], complete)
         result |= {name: value for name, value in figures.items() if value is not None}
         plain = errors.plain()

@@ -77,7 +77,7 @@ class Urdf:
         self.link_names = [self._text(link, "name") for link in links]
         colours = {m.get("name", ""): colour for m in root.findall("material") if (colour := self._colour(m))}
         self._visuals = [[self._visual(v, colours) for v in link.findall("visual")] for link in links]
-        self._joints = self._in_order([self._joint(joint) for joint in root.findall("joint")])
+        self._joints = self._sort_joints([self._joint(joint) for joint in root.findall("joint")])
         self.joint_names = [j.name for j in self._joints if j.kind in _MOVES and j.driver == j.name]
         unknown = next((j for j in self._joints if j.kind in _MOVES and j.driver not in self.joint_names), None)
         if unknown is not None:
@@ -164,7 +164,7 @@ class Urdf:
         length = float(np.linalg.norm(axis)) or 1.0
         return _Joint(name, kind, ends[0], ends[1], self._origin(element), axis / length, driver, factor, offset)
 
-    def _in_order(self, joints: list[_Joint]) -> list[_Joint]:
+    def _sort_joints(self, joints: list[_Joint]) -> list[_Joint]:
         """Returns the joints sorted, parents before children. Raises ValueError if they form no tree."""
         children = [joint.child for joint in joints]
         placed = set(range(len(self.link_names))) - set(children)

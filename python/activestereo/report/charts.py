@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 from activestereo.compare.where import COVARIATES
 from activestereo.diagnose.answer.verdict_words import error_text
-from activestereo.report.lettering import as_written
+from activestereo.report.lettering import escape_dollars
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,7 +123,7 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
         axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5,
                       color=ORANGE, lw=1.4, label="mean residual")  # fmt: skip
         axes.hlines(floor, x - 0.4, x + 0.4, color=INK, lw=1.4, label="noise floor")
-        names = [as_written(b.get("label", f"{b.get('low', 0):.4g}")) for b in bins]
+        names = [escape_dollars(b.get("label", f"{b.get('low', 0):.4g}")) for b in bins]
         axes.set_xticks(
             x,
             names,

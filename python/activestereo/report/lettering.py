@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def as_written(name: str) -> str:
+def escape_dollars(name: str) -> str:
     """Escapes a name so that Matplotlib does not read the text between two $ as a formula."""
     return printable(name).replace("$", r"\$")
 

@@ -53,12 +53,12 @@ def model_images(
     elif found_errors is None:
         found = comparison.model
         for entry in (diagnosis or {}).get("model", {}).get("effects", []) if not found.effects else ():
-            found = _with(found, effects, entry["id"], entry.get("parameters", {}))
+            found = _add_effect(found, effects, entry["id"], entry.get("parameters", {}))
         if found.effects:
             models[FOUND] = found
     for entry in (diagnosis or {}).get("ranking", [])[:ROWS]:
         values = {name: parameter["value"] for name, parameter in entry["parameters"].items()}
-        model = _with(start, effects, entry["effect"], values)
+        model = _add_effect(start, effects, entry["effect"], values)
         own = [effect for effect, _ in model.effects if effect.id == entry["effect"]]
         if any(effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE for effect in own):
             models[entry["effect"]] = model
@@ -104,7 +104,7 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
     return {name: predicted(name) if known is None else known for name, known in out.items()}
 
 
-def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
+def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
     """Returns the model with an effect added. If the effect or its parameters are unknown it returns the model
     unchanged, so that the report shows the rest."""
     try:

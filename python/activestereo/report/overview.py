@@ -12,7 +12,7 @@ from matplotlib.image import AxesImage
 
 from activestereo.common.accuracy import Accuracy
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
-from activestereo.report.lettering import as_written
+from activestereo.report.lettering import escape_dollars
 
 _NO_DATA = "#15181c"
 _LEAST_SPAN_MM = 5.0  # least range of an error's colours, which else span nine in ten pixels
@@ -85,7 +85,7 @@ class _Page:
             self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below,
         )
         self.figure = Figure(figsize=self._size, facecolor="white")
-        self._text(0.42, as_written(title), fontsize=18, weight="bold", color=INK)
+        self._text(0.42, escape_dollars(title), fontsize=18, weight="bold", color=INK)
         self._text(0.76, subtitle, fontsize=12, color=MUTED)
 
     def _text(self, top: float, text: str, **style: Any) -> None:
@@ -180,7 +180,7 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
     for place, value in zip(places, values, strict=True):
         text = f"{value:.1f} {unit}" if np.isfinite(value) else "none"
         axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=INK)
-    names = [as_written(row.name) for row in rows]
+    names = [escape_dollars(row.name) for row in rows]
     short = [name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…" for name in names]
     axes.set_yticks(places, short, fontsize=11, color=INK)
     axes.set_xlim(0, 1.2 * most)

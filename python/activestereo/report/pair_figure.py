@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from activestereo.common.palette import BLUE, ORANGE
 from activestereo.compare.pair_findings import Finding, residual_image
-from activestereo.report.lettering import as_written
+from activestereo.report.lettering import escape_dollars
 
 _COLOURS = (BLUE, ORANGE)
 _DETAIL = 0.25  # share of the image's width that the detail shows, from its middle
@@ -33,7 +33,7 @@ def pair_figure(
         rest, _ = residual_image(left.astype(np.float64), right.astype(np.float64), disparities[name])
         axes = [figure.add_subplot(grid[row, column]) for column in range(4)]
         axes[0].imshow(left, cmap="gray", norm=PowerNorm(0.5, 0, highest))
-        axes[0].set_title(f"{as_written(name)}: left camera (display gamma 2)", fontsize=9)
+        axes[0].set_title(f"{escape_dollars(name)}: left camera (display gamma 2)", fontsize=9)
         height, width = left.shape
         half = int(0.5 * _DETAIL * width), int(0.5 * _DETAIL * height)
         middle = np.s_[height // 2 - half[1] : height // 2 + half[1], width // 2 - half[0] : width // 2 + half[0]]

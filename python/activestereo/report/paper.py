@@ -17,7 +17,7 @@ from activestereo.common.output_files import replace_file, write_text
 from activestereo.common.palette import INK, MUTED
 from activestereo.diagnose.answer.verdict_words import alike, headline
 from activestereo.report.charts import covariates_chart, effects_chart, frames_chart, photon_transfer_chart
-from activestereo.report.lettering import as_written, save_figure
+from activestereo.report.lettering import escape_dollars, save_figure
 from activestereo.report.worst import known_residual, residual_limit, worst_frame
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def _images_figure(comparison: Comparison, images: Mapping[str, Mapping[ImageKey
     signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
     columns = 1 + len(images)
     figure = Figure(figsize=(4.4 * columns, 5.6), layout="constrained")
-    figure.suptitle(f"{as_written(title)} (frame {entry['id']}, {_SIDE} camera)", size=11, color=INK)
+    figure.suptitle(f"{escape_dollars(title)} (frame {entry['id']}, {_SIDE} camera)", size=11, color=INK)
     panels = [(1, "measured", measured, gray)]
     for column, (name, own) in enumerate(images.items(), 2):
         panels.append((column, name, own[key], gray))

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
-from activestereo.report.lettering import as_written
+from activestereo.report.lettering import escape_dollars
 from activestereo.report.worst import known_residual, residual_limit, worst_frame
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def comparison_figure(comparison: Comparison) -> Figure:
 
 
 def _title(figure: Figure, scores: dict[str, Any]) -> None:
-    title = f"{as_written(scores['capture'])}: measured against simulated infrared"
+    title = f"{escape_dollars(scores['capture'])}: measured against simulated infrared"
     figure.text(0.055, 0.955, title, size=15, weight="bold", color=INK)
     parts = []
     for split, values in scores["ir"].items():

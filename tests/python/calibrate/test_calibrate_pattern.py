@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from activestereo import StereoDepthSensorConfig
 from activestereo.model.write import replace_sections
-from activestereo.calibrate.pattern import _as_if_not_turned, _meeting_point, _variance_of_mean, calibrate_pattern
+from activestereo.calibrate.pattern import _align_right_spots, _meeting_point, _variance_of_mean, calibrate_pattern
 from activestereo.calibrate.spots import Spots, find_spots
 from activestereo.calibrate.wall import ProjectorView, find_wall
 from activestereo.capture.capture import read_capture
@@ -158,7 +158,7 @@ def test_a_turned_right_camera_is_set_straight(pattern):
     left_to_right[:3, 3] = left_to_right[:3, :3] @ rig.left_to_right[:3, 3]  # the camera stays where it is
     seen = (points @ left_to_right[:3, :3].T + left_to_right[:3, 3]) @ rig.right.K.T
     spots = Spots(seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2], np.ones(50), 1.0, np.zeros((240, 424)))
-    straight = _as_if_not_turned(spots, replace(rig, left_to_right=left_to_right))
+    straight = _align_right_spots(spots, replace(rig, left_to_right=left_to_right))
     true = (points + rig.left_to_right[:3, 3]) @ rig.right.K.T
     assert np.abs(straight.v - true[:, 1] / true[:, 2]).max() < 1e-9
     assert np.abs(straight.u - true[:, 0] / true[:, 2]).max() < 1e-9
@@ -209,9 +209,7 @@ def test_merged_spots_are_told_apart():
 
 def test_spots_whose_middles_lie_outside_are_found():
     rng, (height, width), sigma = np.random.default_rng(0), (120, 160), 1.5
-    u, v = (
-        part.ravel() for part in np.meshgrid(np.linspace(-1.0, width, 14), np.linspace(-1.0, height, 11))
-    )
+    u, v = (part.ravel() for part in np.meshgrid(np.linspace(-1.0, width, 14), np.linspace(-1.0, height, 11)))
     y, x = np.mgrid[:height, :width]
     image = 8.0 + sum(60.0 * np.exp(-0.5 * ((x - a) ** 2 + (y - b) ** 2) / sigma**2) for a, b in zip(u, v, strict=True))
     spots = find_spots(image + rng.normal(0, 0.2, image.shape), np.full(image.shape, 0.04))

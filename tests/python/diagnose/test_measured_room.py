@@ -21,7 +21,7 @@ from activestereo.diagnose.room import columns, names
 from activestereo.diagnose.room.columns import acting
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
-from activestereo.diagnose.room.names import glare_of, seen_of, with_take
+from activestereo.diagnose.room.names import reinterpret_as_glare, score_room, with_planned_pair
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.effects import Model, builtin
 from room_worlds import BASELINE_M, BLACK_DN, CX, CY, EXPONENT, F, Room
@@ -186,15 +186,15 @@ def test_a_good_session_of_other_views_tells_the_unit_s_own(capture_with, diagno
 @pytest.mark.parametrize("lifted, is_glare", [((-0.15, 0.3), True), ((0.15, -0.3), False), ((-0.3, -0.15), False)])
 def test_black_levels_that_follow_the_views_light_are_glare(capture_with, lifted, is_glare):
     """Exposures are 1, 0.85 and 1.3 of one room: a quarter of the light, scattered, lifts its views so."""
-    seen = seen_of(Measured(read_capture(capture_with(nothing))), tuple(builtin().values()))
+    seen = score_room(Measured(read_capture(capture_with(nothing))), tuple(builtin().values()))
     light = np.mean([image.mean() for image in seen.light.seen[:2]])
     told = {f"black_level.{v}": (0.25 * x * light, 0.1) for v, x in enumerate(lifted, 1)}
-    found = glare_of(Found(builtin()["black_level"], 7.0, told), seen)
+    found = reinterpret_as_glare(Found(builtin()["black_level"], 7.0, told), seen)
     assert (found is not None) == is_glare
     if found is not None:
         assert found.effect.id == "veiling_glare" and found.nats == 7.0
         assert found.parameters["veiling_glare.fraction"][0] == pytest.approx(0.25, rel=0.4)
-    assert glare_of(Found(builtin()["gain_mismatch"], 7.0, told), seen) is None
+    assert reinterpret_as_glare(Found(builtin()["gain_mismatch"], 7.0, told), seen) is None
 
 
 def test_what_is_no_reference_is_refused_in_a_line(capture_with):
@@ -246,7 +246,7 @@ def test_the_plan_is_of_the_recording_at_hand_and_leaves_no_effect_out(capture_w
 def test_a_view_that_was_imagined_lies_where_a_recorded_one_does(capture_with):
     """A take of the first view's own pose sees what that view sees; one that turns sees it turned, and back."""
     room = Measured(read_capture(capture_with(nothing)))
-    seen = seen_of(room, (builtin()["tangential_distortion"], builtin()["gain_mismatch"]))
+    seen = score_room(room, (builtin()["tangential_distortion"], builtin()["gain_mismatch"]))
     same = ImaginedRoom(room, seen.light, Take(exposure=2.0))
     assert (same.views, len(same.images)) == (3, 8)
     usable = same.images[6].usable
@@ -262,7 +262,7 @@ def test_a_view_that_was_imagined_lies_where_a_recorded_one_does(capture_with):
     for effect in ("tangential_distortion", "gain_mismatch"):
         lead = [f"{effect}.{p.name}" for p in builtin()[effect].parameters][0]
         information = [
-            float(r.information[j, j]) for r in (seen.scores, with_take(seen, Take(turn_deg=(0.0, 15.0, 0.0))))
+            float(r.information[j, j]) for r in (seen.scores, with_planned_pair(seen, Take(turn_deg=(0.0, 15.0, 0.0))))
             for j, c in enumerate(r.columns) if c.name == lead
         ]  # fmt: skip
         assert information[1] > information[0]  # more views tell more
@@ -274,8 +274,8 @@ def test_a_lens_s_distortion_is_found_at_its_own_size(capture_with):
     for k, image in enumerate(room.images):
         moved = acting(effect, {"p1": 0.003}, image.dn, columns._view(room, k), 0.0)
         room.images[k] = replace(image, dn=moved.astype(np.float32))
-    scores = seen_of(room, (effect,)).scores
-    (found,) = names.judged(scores, names.known_of(scores, names.OF_A_UNIT), names.LOOKED, names.NEEDED)
+    scores = score_room(room, (effect,)).scores
+    (found,) = names.judged(scores, names.session_spread(scores, names.OF_A_UNIT), names.LOOKED, names.NEEDED)
     assert found.parameters["tangential_distortion.p1"][0] == pytest.approx(0.003, rel=0.4)
 
 

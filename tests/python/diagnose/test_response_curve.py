@@ -11,7 +11,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.refine import Fitter, ParameterSpace
-from activestereo.diagnose.search.tone import with_any_curve
+from activestereo.diagnose.search.tone import refit_free_curve
 from activestereo.effects import Light, Model, builtin
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
@@ -44,7 +44,7 @@ def fitted(evidence, effect):
 
 def test_a_curve_of_any_shape_takes_what_the_formula_of_the_response_leaves(evidence):
     fitter, formula = fitted(evidence, "response_gamma")
-    curve = with_any_curve(fitter, formula)
+    curve = refit_free_curve(fitter, formula)
     assert curve.sums.total < 0.2 * formula.sums.total
     assert curve.theta == pytest.approx(formula.theta, abs=0.05)
     dark = np.zeros((4, 4))
@@ -55,4 +55,4 @@ def test_a_curve_of_any_shape_takes_what_the_formula_of_the_response_leaves(evid
 @pytest.mark.parametrize("effect", ["gain_mismatch", "none"])
 def test_what_is_no_curve_of_values_keeps_its_fit(evidence, effect):
     fitter, formula = fitted(evidence, effect)
-    assert with_any_curve(fitter, formula) is formula
+    assert refit_free_curve(fitter, formula) is formula

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from activestereo.diagnose.answer.ranking import ranking_of
-from activestereo.diagnose.diagnosis import _on_test_frames
+from activestereo.diagnose.diagnosis import _add_test_errors
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.search.dictionary import carried
@@ -120,7 +120,7 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
     after = (1.0 + left) ** 0.5
     figures = {"heldout_ir_rmse_geometry": (after**2 + 0.4) ** 0.5, "heldout_ir_rmse_after": after}
     figures |= {"heldout_noise_floor": 1.0, "curve": [{"heldout_ir_rmse": after}]}
-    found = _on_test_frames(outcome, figures, NUMBERS)
+    found = _add_test_errors(outcome, figures, NUMBERS)
     assert (found.test_left is not None) == denies
     assert (verdict_of(found, True, True, NUMBERS) == UNKNOWN) == denies
 

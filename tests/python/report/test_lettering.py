@@ -7,7 +7,7 @@ import warnings
 import pytest
 from matplotlib.figure import Figure
 
-from activestereo.report.lettering import as_written, save_figure
+from activestereo.report.lettering import escape_dollars, save_figure
 
 NAMES = ["\x1b[31mred", "bell\x07", "two\nlines", "\ud800", "$\\nothing$", "a$b", "100 %", "日本", "\u202eright"]
 
@@ -16,7 +16,7 @@ NAMES = ["\x1b[31mred", "bell\x07", "two\nlines", "\ud800", "$\\nothing$", "a$b"
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_is_drawn_without_a_word(name: str, form: str) -> None:
     figure = Figure(figsize=(1, 1))
-    figure.suptitle(as_written(name))
+    figure.suptitle(escape_dollars(name))
     file = io.BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

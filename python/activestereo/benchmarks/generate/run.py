@@ -111,7 +111,7 @@ def _make_frames(settings: Settings, out: Path, missing: list[int], workers: int
     """Makes the missing frames and yields the number of each after it is written. If a worker is lost, new workers make
     the remaining frames."""
     if workers == 1 or len(missing) < 2:
-        yield from _make_frames_here(settings, out, missing)
+        yield from _make_in_process(settings, out, missing)
         return
     left, told, losses = missing, set[int](), 0
     while left:
@@ -132,7 +132,7 @@ def _make_frames(settings: Settings, out: Path, missing: list[int], workers: int
         left = [number for number in left if number not in told]
 
 
-def _make_frames_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
+def _make_in_process(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
     """Makes frames in this process; writes one while the next renders."""
     if not missing:
         return

@@ -70,7 +70,7 @@ class _Board:
 def camera_from_boards(views: Sequence[SceneView], rig: Rig) -> CameraEstimate | None:
     """Estimates the camera from a chessboard in the views; None if fewer than four views show it."""
     found = [board for view in views if (board := _board(view)) is not None]
-    boards = _without_outliers(found)
+    boards = _drop_outliers(found)
     if len(boards) < _LEAST_BOARDS:
         return None
     start = _start(boards, rig)
@@ -153,7 +153,7 @@ def _residuals(x: Vector, boards: Sequence[_Board]) -> Vector:
     return np.concatenate(out)
 
 
-def _without_outliers(boards: Sequence[_Board]) -> list[_Board]:
+def _drop_outliers(boards: Sequence[_Board]) -> list[_Board]:
     """Returns the boards without those whose corners were miscounted: they do not fit the perspective of a plane."""
     kept = []
     for board in boards:

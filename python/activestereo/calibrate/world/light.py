@@ -198,7 +198,7 @@ def solve_light(
     exposures[np.arange(len(rows)), second.astype(int)] = 1.0
     exposures[np.arange(len(rows)), first.astype(int)] -= 1.0
     if held is not None:
-        _, ratio = _at_black(here, there, held.black_dn[0])
+        _, ratio = _log_ratio(here, there, held.black_dn[0])
         n_held = held.exponent[0] if held.exponent else 0.0
         solution, errors, _ = _robust(exposures[:, 1:], ratio - lens * n_held, block)
         exposure = np.exp(np.r_[0.0, solution])
@@ -206,7 +206,7 @@ def solve_light(
     black, free = believed[0], None
     most = believed[0] + 3.0 * believed[1]
     for _ in range(_ROUNDS):
-        slope, ratio = _at_black(here, there, black)
+        slope, ratio = _log_ratio(here, there, black)
         free = _robust(np.column_stack([exposures[:, 1:], lens, slope]), ratio, block)
         before, black = black, float(np.clip(black - free[0][-1], 0.0, most))
         if abs(black - before) < 0.02:
@@ -216,9 +216,9 @@ def solve_light(
     weight = np.array([told**-2, believed[1] ** -2])
     black = float(weight @ (black, believed[0]) / weight.sum())
     black_sd = float(weight.sum() ** -0.5)
-    slope, ratio = _at_black(here, there, black)
+    slope, ratio = _log_ratio(here, there, black)
     solution, errors, keep = _robust(np.column_stack([exposures[:, 1:], lens]), ratio, block)
-    by_black = _robust(np.column_stack([exposures[:, 1:], lens]), _at_black(here, there, black + 0.1)[1], block)[0]
+    by_black = _robust(np.column_stack([exposures[:, 1:], lens]), _log_ratio(here, there, black + 0.1)[1], block)[0]
     errors = np.hypot(errors, (by_black - solution) / 0.1 * black_sd)
     flat = np.linalg.lstsq(exposures[keep][:, 1:], ratio[keep], rcond=None)[0]
     scatter = [(ratio[keep] - exposures[keep][:, 1:] @ flat).std()]
@@ -229,7 +229,7 @@ def solve_light(
     return LightEstimate(exposure, deviation, (black, black_sd), exponent, (float(scatter[0]), float(scatter[1])))
 
 
-def _at_black(
+def _log_ratio(
     here: NDArray[np.float64], there: NDArray[np.float64], black_dn: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compares the room's light (DN) at the same places in two views, `here` and `there`. Returns (minus the derivative

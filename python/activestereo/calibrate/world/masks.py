@@ -29,14 +29,14 @@ def known_masks(
         others = [j for j, used in enumerate(is_train) if used and j != k]
         if others:
             known &= np.any(
-                [_sees(views[j], view, np.linalg.inv(poses[j]) @ poses[k], rig.left.K) for j in others], axis=0
+                [_overlap_mask(views[j], view, np.linalg.inv(poses[j]) @ poses[k], rig.left.K) for j in others], axis=0
             )
         out[view.frame.id, "left"] = known
-        out[view.frame.id, "right"] = _in_right(view, known, rig)
+        out[view.frame.id, "right"] = _warp_to_right(view, known, rig)
     return out
 
 
-def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float64]) -> Mask:
+def _overlap_mask(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float64]) -> Mask:
     """Returns a mask of the view's pixels whose surface `other` has measured, too. to_other: 4x4 from the view's to the
     other's camera frame."""
     column, row, z = places_of(points_of(view.depth_m, K), to_other, K)
@@ -45,7 +45,7 @@ def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float
     return np.asarray(inside & (np.abs(depth - z) < _SAME_SURFACE * z))
 
 
-def _in_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
+def _warp_to_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
     """Warps a mask of the left image to the right image by the view's depth. Right pixels near surfaces outside the
     mask are left out."""
     column, row = pixel_grid(known.shape)

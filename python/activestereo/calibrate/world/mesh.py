@@ -41,7 +41,7 @@ def write_scene(
     room_scale = 1.0 / _brightest([t.room for t in textures])
     triangles = 0
     for k, (view, pose, texture) in enumerate(zip(views, poses, textures, strict=True)):
-        fresh = ~_had(view, pose, views[:k], poses[:k], camera.K)
+        fresh = ~_already_seen(view, pose, views[:k], poses[:k], camera.K)
         mesh = _mesh(view, fresh, camera.K, pose, max(step, 2))
         if mesh is None:
             continue
@@ -92,7 +92,7 @@ def closed_depth(depth_m: Image) -> Image:
     return np.asarray(smooth, np.float32)
 
 
-def _had(
+def _already_seen(
     view: SceneView, pose: Pose, others: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Mask:
     """Returns a mask of the view's pixels whose surface an earlier view already shows. A seam along the earlier views'

@@ -137,10 +137,10 @@ def _normal_equations(
     for overlap in overlaps:
         for a, b in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             first, second = poses[order[a]], poses[order[b]]
-            under = _under(surfaces[a], K), _under(surfaces[b], K)
+            under = _recompute_points(surfaces[a], K), _recompute_points(surfaces[b], K)
             c = contact(under[0], under[1], np.linalg.inv(second) @ first, K, _REACH_M)
             jacobian = np.zeros((len(c.distance), size))
-            jacobian[:, :3] = _by_camera(c, under, np.linalg.inv(second) @ first, camera)
+            jacobian[:, :3] = _camera_derivatives(c, under, np.linalg.inv(second) @ first, camera)
             normal = c.normal @ second[:3, :3].T
             point = c.point @ second[:3, :3].T + second[:3, 3]
             turn = np.concatenate([np.cross(point, normal), normal], axis=1)
@@ -163,13 +163,15 @@ def _normal_equations(
     return _Sums(weight * hessian / 2, weight * gradient / 2, weight * np.concatenate(blocks) / np.sqrt(2.0), median)
 
 
-def _under(surface: Surface, K: NDArray[np.float64]) -> Surface:
+def _recompute_points(surface: Surface, K: NDArray[np.float64]) -> Surface:
     """Returns the surface with its points recomputed for another camera matrix K; its normals change too little to
     matter."""
     return replace(surface, points=points_of(surface.view.depth_m, K))
 
 
-def _by_camera(c: Contact, under: Sequence[Surface], a_to_b: Pose, camera: NDArray[np.float64]) -> NDArray[np.float64]:
+def _camera_derivatives(
+    c: Contact, under: Sequence[Surface], a_to_b: Pose, camera: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Returns minus the derivatives [n, 3] of the points' distances from planes by f, cx, cy. Both the point and the
     plane that it meets move. camera: (f, cx, cy)."""
     start = (c.point - a_to_b[:3, 3]) @ a_to_b[:3, :3]

@@ -124,7 +124,7 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
     # If every name has a number of its own, files are joined by equal numbers or near times.
     numbers = [[number for number, _ in files] for files in by_stream.values()]
     if any(None in own or len(set(own)) < len(own) for own in numbers):
-        return _by_name(folder, by_stream, streams)
+        return _join_by_name(folder, by_stream, streams)
     numbered = {stream: [(number or 0.0, file) for number, file in files] for stream, files in by_stream.items()}
     frames = []
     for time_ms, left in sorted(numbered["left"]):
@@ -141,7 +141,7 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
     return frames
 
 
-def _by_name(
+def _join_by_name(
     folder: Path, by_stream: dict[str, list[tuple[float | None, Path]]], streams: dict[str, re.Pattern[str]]
 ) -> list[FrameFiles]:
     """Joins files into frames whose names differ only in the stream's word, in natural order ('view 9' before 'view

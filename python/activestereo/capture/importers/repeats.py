@@ -19,7 +19,7 @@ def repeat_groups(images: Sequence[NDArray], views: Sequence[Hashable]) -> list[
     recent: dict[Hashable, list[list[int]]] = {}
     for k, (image, view) in enumerate(zip(images, views, strict=True)):
         near = recent.setdefault(view, [])
-        group = next((g for g in near if _lies_on(image, images[g[0]])), None)
+        group = next((g for g in near if _show_same_view(image, images[g[0]])), None)
         if group is None:
             group = []
             groups.append(group)
@@ -29,7 +29,7 @@ def repeat_groups(images: Sequence[NDArray], views: Sequence[Hashable]) -> list[
     return [number.get(k) for k in range(len(images))]
 
 
-def _lies_on(image: NDArray, other: NDArray) -> bool:
+def _show_same_view(image: NDArray, other: NDArray) -> bool:
     """Returns whether two images show one view, so that they differ only by noise, brightness and offsets of rows and
     columns. Their difference is averaged over blocks: noise nearly vanishes, and most of a movement stays."""
     first, second = image.astype(np.float32), other.astype(np.float32)

@@ -43,7 +43,7 @@ class ErrorsOfModels:
     cache: LayerCache | None = None
     stands: Capture | None = None
 
-    def standing_by(self, model: SensorModel) -> ErrorsOfModels:
+    def at_stated_geometry(self, model: SensorModel) -> ErrorsOfModels:
         """Returns the same with the geometry that a model states."""
         there = calibrated(self.capture, model)
         return self if _stand_alike(there, self.capture) else replace(self, stands=there)
@@ -56,7 +56,7 @@ class ErrorsOfModels:
             capture = calibrated(self.capture, model)
             return self._under(model, capture, self.base(capture))
         if self.stands is None:
-            return self.plain() if model is None else self._of_effects(model, self.capture, *self._light_there())
+            return self.plain() if model is None else self._of_effects(model, self.capture, *self._base_light())
         return self._of_effects(model, self.capture, self.base(self.capture))
 
     def standing(self, model: Model | SensorModel | None) -> ImageErrors:
@@ -65,16 +65,16 @@ class ErrorsOfModels:
             return self.given(model)
         if isinstance(model, SensorModel):
             return self.found(model)
-        return self.plain() if model is None else self._of_effects(model, self.stands, *self._light_there())
+        return self.plain() if model is None else self._of_effects(model, self.stands, *self._base_light())
 
     @computed_once
     def plain(self) -> ImageErrors:
         """Returns the errors of the base model on the capture at the geometry that was found."""
-        return self._of_effects(None, self.stands or self.capture, *self._light_there())
+        return self._of_effects(None, self.stands or self.capture, *self._base_light())
 
     def found(self, model: SensorModel) -> ImageErrors:
         """Returns the errors of a model's effects on the capture at the geometry that was found."""
-        return self._under(model, self.stands or self.capture, *self._light_there())
+        return self._under(model, self.stands or self.capture, *self._base_light())
 
     def _of_effects(
         self, model: Model | None, capture: Capture, base: Halves, mean: LayersOfFrames | None = None
@@ -90,7 +90,7 @@ class ErrorsOfModels:
         return image_errors(capture, bound, base, self.seed, self.engines, measured, self.progress, self.cache, mean)
 
     @computed_once
-    def _light_there(self) -> tuple[Halves, LayersOfFrames]:
+    def _base_light(self) -> tuple[Halves, LayersOfFrames]:
         """Returns the base model's light at the geometry that was found, and the mean of its two halves. It is kept
         because it is expensive."""
         halves = self.base(self.stands or self.capture)

@@ -311,7 +311,7 @@ class _Judge:
     def _judged(self, effect: Effect, neutral: np.ndarray, found: np.ndarray) -> _DepthFit:
         base, now = self._squares(effect, neutral), self._squares(effect, found)
         before, after = sum(float(s.sum()) for s in base), sum(s.sum() for s in now)
-        tiles, counts = _by_tile(now, [frame.valid for frame in self._frames])
+        tiles, counts = _tile_sums(now, [frame.valid for frame in self._frames])
         pixels, design = counts.sum(), design_effect(tiles, counts)
         nats = 0.5 * pixels / design * np.log(before / after) if after > 0 else 0.0
         better = np.mean([n.sum() < b.sum() for n, b in zip(now, base, strict=True)])
@@ -379,7 +379,7 @@ def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) ->
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
 
 
-def _by_tile(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _tile_sums(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Returns (sum of squares, count of valid pixels) of every tile with a valid pixel."""
     squares_of, pixels_of = [], []
     for s, ok in zip(squares, valid, strict=True):

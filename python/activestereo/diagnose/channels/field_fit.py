@@ -94,7 +94,7 @@ def fit_fields(
             pairs = zip(train, rows, strict=True)
             squares = 0.0  # the draws' expected squared error, in noise variances, summed over the pixels
             for image, row in pairs:
-                left = variance / (1.0 + variance * _of_others(row, rows, totals)[0])
+                left = variance / (1.0 + variance * _leave_one_out_sums(row, rows, totals)[0])
                 squares += float((image.observation.weight * row.z**2 * left[row.index]).sum())
             unforeseen += squares / sum(row.residual.size for row in rows)
         train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
@@ -117,12 +117,12 @@ def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarra
 def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
     """Returns (share of the places that have a draw, the mean of these draws or None) of a sparse field."""
     a, b = totals
-    strong = _stands_out(totals, hot_sigma)
+    strong = _exceeds_noise(totals, hot_sigma)
     share = float(strong.sum() / max((a > 0).sum(), 1))
     return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
 
 
-def _stands_out(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
+def _exceeds_noise(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
     """Returns where the draws of a sparse field exceed hot_sigma noise deviations, bool [draw]."""
     a, b = totals
     return b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
@@ -219,16 +219,16 @@ def _corrected(
 ) -> np.ndarray:
     """Returns an image's residual minus the draws that other groups of frames predict, DN. hot_sigma: in a sparse
     field, only draws beyond this many noise deviations are subtracted; None: all."""
-    others = _of_others(row, rows, totals)
+    others = _leave_one_out_sums(row, rows, totals)
     a, b = others
     if hot_sigma is None:
         value = b / (a + 1.0 / variance)
     else:
-        value = np.where(_stands_out(others, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
+        value = np.where(_exceeds_noise(others, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
     return row.residual - row.z * value[row.index]
 
 
-def _of_others(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
+def _leave_one_out_sums(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
     """Returns the sums (a, b) of all groups of frames except the image's own, [2][draw]. totals: the sums of all
     groups."""
     return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)

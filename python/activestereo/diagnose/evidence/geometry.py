@@ -172,7 +172,9 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
     square = np.maximum(_dot(from_projector, from_projector), 1e-12)[..., None]
     brightening = flat * pattern * (normal / facing - 3.0 * from_projector / square)  # gradient of cos / d^2
     lit = dots.lit[..., None]
-    of_dots = flat * _by_motion(view.projector_K, there, np.where(dots.lit, dots.z, np.inf), _pattern_slope(dots, view))
+    of_dots = flat * _motion_derivative(
+        view.projector_K, there, np.where(dots.lit, dots.z, np.inf), _pattern_slope(dots, view)
+    )
 
     # The projector moves: the surfaces stay, the light that falls on them changes.
     by_place = np.where(lit, -(of_dots + brightening @ turn.T), 0.0)
@@ -180,19 +182,23 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
     # The rig moves: surfaces move in the cameras' frames with the light that they scatter, and slide along the pixels'
     # rays through the pattern.
     sliding = _dot(of_dots @ turn, rays) / _not_grazing(normal, rays)
-    carried = pattern * _by_motion(view.K, points, z, _gradient(layers.flat))
-    carried += _by_motion(view.K, points, z, _gradient(layers.indirect))
+    carried = pattern * _motion_derivative(view.K, points, z, _gradient(layers.flat))
+    carried += _motion_derivative(view.K, points, z, _gradient(layers.indirect))
     of_projector = np.where(lit, sliding[..., None] * normal + brightening - carried, 0.0)
     turning = np.where(lit, -np.cross(normal, from_projector) * flat * pattern / facing, 0.0)
-    of_ambient = -_by_motion(view.K, points, z, _gradient(layers.ambient))
+    of_ambient = -_motion_derivative(view.K, points, z, _gradient(layers.ambient))
     lights = [
-        np.concatenate([by_place, by_turn, *_by_twist(view.left_to_camera, points, of_projector, turning)], axis=-1),
-        np.concatenate([np.zeros((*view.shape, TWIST)), *_by_twist(view.left_to_camera, points, of_ambient)], axis=-1),
+        np.concatenate(
+            [by_place, by_turn, *_twist_derivative(view.left_to_camera, points, of_projector, turning)], axis=-1
+        ),
+        np.concatenate(
+            [np.zeros((*view.shape, TWIST)), *_twist_derivative(view.left_to_camera, points, of_ambient)], axis=-1
+        ),
     ]
     return np.moveaxis(np.array(lights, dtype=np.float32), -1, 1)
 
 
-def _by_twist(
+def _twist_derivative(
     left_to_camera: np.ndarray, points: np.ndarray, by_motion: np.ndarray, turning: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the derivatives [..., 3] by v and by w of the rig's twist, in the left camera's axes. Surfaces move the
@@ -202,7 +208,7 @@ def _by_twist(
     return force @ turn, (moment + np.cross(force, offset)) @ turn
 
 
-def _by_motion(K: np.ndarray, points: np.ndarray, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+def _motion_derivative(K: np.ndarray, points: np.ndarray, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     """Returns the derivative [..., 3] of an image by the motion of its surface points. gradient: of the image per
     pixel, [..., 2]."""
     of_u = gradient[..., 0] * K[0, 0] / z

@@ -148,7 +148,7 @@ def _moved(
 ) -> Evidence:
     """Returns the evidence at the corrected geometry, made by again(geometry); itself if the images hardly change.
     Moving poses that would be corrected by far more than the others go back to their stated place."""
-    twists, stated = twists.copy(), _of_poses(_moving_beyond_others(evidence, twists))
+    twists, stated = twists.copy(), _pose_mask(_moving_beyond_others(evidence, twists))
     twists[stated] = -evidence.geometry.twists()[stated]
     if _change(evidence, focal, twists) < _LINEAR_SHARE:
         return evidence
@@ -164,7 +164,7 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     at_rest, others = list(map(seen, at_rest)), list(map(seen, others))
     misfit = 1.0
     prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
-    if np.abs(_without_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
+    if np.abs(_drop_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
         start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
         misfit = _misfit(fitter, fitter.refine(start, start.start, phi0, 0))
         prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
@@ -175,8 +175,8 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     if own.size:
         moved, variance[own] = _own_step(evidence, others, prior, own, solution.space, solution.theta, phi, not blur_px)
         phi[SCALES + own] += moved
-    focal, twists = np.split(_without_albedos(phi[SCALES:], evidence), [len(SIDES)])
-    deviations = np.sqrt(_misfit(fitter, solution) * _without_albedos(variance, evidence))
+    focal, twists = np.split(_drop_albedos(phi[SCALES:], evidence), [len(SIDES)])
+    deviations = np.sqrt(_misfit(fitter, solution) * _drop_albedos(variance, evidence))
     return _Step(focal, twists, deviations, misfit, solution.sums.total / fitter.tile_pixels().sum())
 
 
@@ -205,7 +205,7 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
     """Returns the evidence with its test frames at corrected poses, found under a solution's model and nuisances.
     model: the solution's, with its effects' own functions. render: returns the layers of a capture's test frames."""
     space, phi, unmoved = ParameterSpace.of(model), solution.phi, np.zeros(len(SIDES))
-    held = _of_poses(evidence.geometry.held_out())
+    held = _pose_mask(evidence.geometry.held_out())
     own = len(SIDES) + evidence.materials + np.flatnonzero(held)
 
     def again(geometry: Geometry) -> Evidence:
@@ -237,10 +237,10 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
 def _look(evidence: Evidence, blur_px: float) -> Callable[[Observation], Observation]:
     """Returns a function that thins out an Observation for a geometry search: it blurs it, or for blur_px = 0 picks a
     random part of its pixels."""
-    return partial(coarse, sigma_px=blur_px) if blur_px else partial(_some, seed=evidence.seed)
+    return partial(coarse, sigma_px=blur_px) if blur_px else partial(_random_pixels, seed=evidence.seed)
 
 
-def _some(o: Observation, seed: int) -> Observation:
+def _random_pixels(o: Observation, seed: int) -> Observation:
     """Returns the observation with a random part of its pixels, the same ones for all frames of one camera and pose."""
     view = int.from_bytes(blake2b(o.side.encode() + o.frame.camera_to_world.tobytes(), digest_size=8).digest(), "big")
     pool = np.arange(o.measured.size) if o.pick is None else o.pick
@@ -257,9 +257,9 @@ def _fit_at_rest(
     fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px)
     start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
     solution = fitter.refine(start, start.start, phi0, _ITERATIONS)
-    moves = np.split(_without_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
+    moves = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     if not blur_px and _change(evidence, *moves) >= _LINEAR_SHARE:
-        solution = fitter.refine(*_with_lens(evidence, model, fitter, phi0), phi0, _ITERATIONS)
+        solution = fitter.refine(*_lens_start(evidence, model, fitter, phi0), phi0, _ITERATIONS)
     return prior, fitter, solution
 
 
@@ -270,7 +270,7 @@ def _misfit(fitter: Fitter, solution: Solution) -> float:
     return design * max(1.0, solution.sums.total / pixels.sum())
 
 
-def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
+def _lens_start(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
     """Returns the parameter space and start of the fit: the model's own, or with a lens if a scan finds that it helps.
     A fit from neutral would not find the lens: the nuisances absorb its displacements and hold its parameters."""
     space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
@@ -294,14 +294,14 @@ def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray
     return found
 
 
-def _without_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
+def _drop_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
     """Returns the entries of the prior's vector for focal lengths and twists."""
     return np.delete(stated, np.arange(evidence.materials) + len(SIDES))
 
 
 def standing(evidence: Evidence, solution: Solution) -> Geometry:
     """Returns the geometry under a solution (the stated or rendered one if images hardly change between them)."""
-    focal, twists = np.split(_without_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
+    focal, twists = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     geometry = evidence.geometry
     if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _LINEAR_SHARE:
         return Geometry.as_stated(geometry.stated)
@@ -317,7 +317,7 @@ def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
     return moves & (strain > max(_MOVING_SIGMAS, _MOVING_RATIO * strain[~moves].max(initial=0.0)))
 
 
-def _of_poses(chosen: np.ndarray) -> np.ndarray:
+def _pose_mask(chosen: np.ndarray) -> np.ndarray:
     """Returns a mask of the numbers in Geometry.twists() that belong to the chosen poses. chosen: mask [poses]."""
     return np.repeat(np.concatenate([[False], chosen]), TWIST)
 

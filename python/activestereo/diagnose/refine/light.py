@@ -73,7 +73,7 @@ class LightMemory:
         """Returns the light of observation i that falls on the sensor. supersampled: as in Model.light."""
         chain = tuple((e, tuple(values.items())) for e, values in model.on_light())
         if not chain:
-            return self._of_layers(i)[supersampled]
+            return self._rendered_light(i)[supersampled]
         for level in range(max(self._level.get(effect, 0) for effect, _ in chain), len(_LEVELS)):
             first = self._firsts[level][i]
             if self._firsts[level].count(first) > 1:
@@ -95,7 +95,7 @@ class LightMemory:
 
     def _remembered(self, chain: tuple, i: int, supersampled: bool, view: View) -> Light:
         if not chain:
-            return self._of_layers(i)[supersampled]
+            return self._rendered_light(i)[supersampled]
         key = chain, i, supersampled, id(view)
         if key not in self._before:
             self._before[key] = self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled, view), view)
@@ -104,7 +104,7 @@ class LightMemory:
         self._before.move_to_end(key)
         return self._before[key]
 
-    def _of_layers(self, i: int) -> tuple[Light, Light]:
+    def _rendered_light(self, i: int) -> tuple[Light, Light]:
         """Returns the rendered light without and with supersampled images."""
         layers = self._observations[i].layers
         if id(layers) not in self._rendered:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image
 from activestereo.diagnose.room.bands import BANDS
-from activestereo.diagnose.room.columns import Column, moved_by
+from activestereo.diagnose.room.columns import Column, gradient_change
 from activestereo.diagnose.room.light import RoomLight
 
 # Every n-th pixel is a cell: neighbours in a band share errors.
@@ -94,7 +94,7 @@ def _changed(room: Room, light: RoomLight, column: Column, k: int, bands: Sequen
             there, own = room.places(left, k), column.flow(left)
             along, across = (np.where(there.seen, there.read(d), o) for d, o in zip(flow, own, strict=True))
             flow = along, across
-        out["pair"] = light.looks[left].pair(np.float32(_SHOWN) * moved_by(light.both[left], *flow))
+        out["pair"] = light.looks[left].pair(np.float32(_SHOWN) * gradient_change(light.both[left], *flow))
     elif "pair" in asked and (both := column.change(k, light.both[k])) is not None:
         out["pair"] = looks.pair(both)
     return out
@@ -181,7 +181,7 @@ def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], besid
     """
     prior, spread, trust = np.array([c.sd**-2.0 for c in columns]), {}, {}
     information, score = _empty(room, columns)
-    for band, of_band, own in _by_band(room, blocks):
+    for band, of_band, own in _blocks_by_band(room, blocks):
         first = [1.0 / b.variance for b in own]
         weights, spread[band] = _student(own, first, beside, prior)
         _sum_tiles(own, weights, information, score)
@@ -196,7 +196,7 @@ def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], tru
     """Sums blocks of a planned recording into normal equations. Nothing is measured yet, so all scores are 0. trust:
     {band: factor on the cells' weights}, from the Normal of a real recording."""
     information, score = _empty(room, columns)
-    for band, _, own in _by_band(room, blocks):
+    for band, _, own in _blocks_by_band(room, blocks):
         weights = [np.float32(trust.get(band, 0.0)) / b.variance for b in own]
         _sum_tiles(own, weights, information, score)
     return Normal(tuple(c.name for c in columns), information, np.zeros_like(score), {}, trust)
@@ -212,7 +212,7 @@ def _tiles(room: Room) -> int:
     return room.views * _TILES[0] * _TILES[1]
 
 
-def _by_band(room: Room, blocks: Sequence[Block]) -> Iterator[tuple[str, slice, list[Block]]]:
+def _blocks_by_band(room: Room, blocks: Sequence[Block]) -> Iterator[tuple[str, slice, list[Block]]]:
     """Yields (band, slice of the tile axis that belongs to it, its blocks) for every band with blocks."""
     tiles = _tiles(room)
     for number, band in enumerate(BANDS):

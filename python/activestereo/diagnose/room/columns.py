@@ -160,12 +160,12 @@ def _flow(
 def _moving(flow: Flow) -> Change:
     def change(k: int, image: Image) -> Image | None:
         dx, dy = flow(k)
-        return moved_by(image, dx, dy) if dx.any() or dy.any() else None
+        return gradient_change(image, dx, dy) if dx.any() or dy.any() else None
 
     return change
 
 
-def moved_by(image: Image, dx: Image, dy: Image) -> Image:
+def gradient_change(image: Image, dx: Image, dy: Image) -> Image:
     """Returns the change in DN of an image whose light moves by (dx, dy) pixels [height][width], from its gradient
     (first order)."""
     down, across = np.gradient(image)

@@ -79,10 +79,10 @@ class ImaginedRoom(Room):
     def places(self, a: int, b: int) -> Places:
         """Returns the positions of image a's pixels in image b, through the recorded images that they are made of."""
         if (a, b) not in self._places:
-            self._places[a, b] = self._between(a, b)
+            self._places[a, b] = self._compute_places(a, b)
         return self._places[a, b]
 
-    def _between(self, a: int, b: int) -> Places:
+    def _compute_places(self, a: int, b: int) -> Places:
         base_a, base_b, recorded = self._base(a), self._base(b), len(self._room.images)
         if a < recorded and b < recorded:
             return self._room.places(a, b)

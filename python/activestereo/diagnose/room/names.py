@@ -90,20 +90,20 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     was good. A reference of the same views is fitted together with the room. References of other views give the
     camera's lasting errors, which are subtracted."""
     asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
-    seen = seen_of(room, asked)
+    seen = score_room(room, asked)
     scores, spread, rows = seen.scores, OF_A_UNIT, _rows(room, asked)
     rows += _drops(room, seen.light.lens, asked)
     both = next(filter(None, (room_beside(room, other) for other in reference)), None)
     if both is not None:
-        scores, spread = seen_of(both, asked).scores, SAME_PLACE
+        scores, spread = score_room(both, asked).scores, SAME_PLACE
     elif reference:
-        scores, spread = _beside(scores, [seen_of(other, asked).scores for other in reference]), BETWEEN
+        scores, spread = _beside(scores, [score_room(other, asked).scores for other in reference]), BETWEEN
     rows += _response(room, asked)
     if reference:
         rows += _pitch(room, reference, asked)
     named: list[Named] = []
     ranking: tuple[Found, ...] = ()
-    known = known_of(scores, spread)
+    known = session_spread(scores, spread)
     while len(named) < _MOST_NAMES:
         before = {member for n in named for member in n.members} | {f.effect.id for f in rows}
         found = [*(f for f in judged(scores, known, LOOKED, NEEDED) if f.effect.id not in before), *rows]
@@ -116,7 +116,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         members = members if best not in rows else {best.effect.id: 1.0}
         rows = [f for f in rows if f is not best]
         own = {c.name for c in scores.columns if c.effect is best.effect}
-        glare = glare_of(best, seen)
+        glare = reinterpret_as_glare(best, seen)
         if glare is not None:
             half = 0.5 * members.pop(best.effect.id)
             members = {glare.effect.id: half + members.pop(glare.effect.id, 0.0), best.effect.id: half, **members}
@@ -127,13 +127,13 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     return Names(tuple(named), ranking, seen)
 
 
-def known_of(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
+def session_spread(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
     """Returns {column: standard deviation of its coefficient between sessions of good cameras} for all effect columns.
     spread: the same in the parameters' units, by "effect.parameter"."""
     return {c.name: c.alike * spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
-def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
+def score_room(room: Room, asked: Sequence[Effect]) -> Seen:
     """Computes the expected light of a room and the scores of the effects' columns. asked: the effects to judge."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
@@ -145,7 +145,7 @@ def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
     return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), period, sums.trust)
 
 
-def with_take(seen: Seen, take: Take) -> Reduced:
+def with_planned_pair(seen: Seen, take: Take) -> Reduced:
     """Returns the scores that a room would have with one more, planned pair of images. Their covariance is inflated
     over independent cells by the same factor as in the recorded room."""
     room = ImaginedRoom(seen.room, seen.light, take)
@@ -228,7 +228,7 @@ def _row_offset(room: Room) -> float:
     return float(room.capture.rig.right.K[1, 2] - room.capture.rig.left.K[1, 2])
 
 
-def glare_of(found: Found, seen: Seen) -> Found | None:
+def reinterpret_as_glare(found: Found, seen: Seen) -> Found | None:
     """Reinterprets black levels that differ between views as veiling glare: a share of each view's mean light. Returns
     the finding, None if glare does not fit. With a good session, glare must fit better than a common level. Without
     one, only differences to the first view count: its level is in the measured black level."""
@@ -271,7 +271,7 @@ def _wave(
     for period, each in sets.items():
         own = slice(first, first := first + len(each))
         of = Reduced(tuple(each), seen.score[own], seen.information[own, own], seen.covariance[own, own])
-        nats[period] = judged(of, known_of(of, OF_A_UNIT), LOOKED, NEEDED)[0].nats
+        nats[period] = judged(of, session_spread(of, OF_A_UNIT), LOOKED, NEEDED)[0].nats
     best = max(nats, key=lambda period: nats[period])
     return best, sets[best]
 

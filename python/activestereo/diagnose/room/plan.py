@@ -11,7 +11,15 @@ import numpy as np
 
 from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
-from activestereo.diagnose.room.names import LEAST_RESPONSE, LOOKED, NEEDED, Seen, beside_columns, known_of, with_take
+from activestereo.diagnose.room.names import (
+    LEAST_RESPONSE,
+    LOOKED,
+    NEEDED,
+    Seen,
+    beside_columns,
+    session_spread,
+    with_planned_pair,
+)
 from activestereo.diagnose.room.sessions import OF_A_UNIT, SAME_PLACE
 
 Sizes = Mapping[str, float]
@@ -56,12 +64,12 @@ def plan_of(seen: Seen) -> list[Recording]:
     most effects per minute first, then commands. A view is listed for effects that this recording misses at typical
     size, or that it detects at a much smaller size. Commands are for effects that no view detects at typical size.
     Every effect asked about appears once or more."""
-    this = told_by(seen)
+    this = detectable_sizes(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
-    offers = [(text, 1.0, _tells(seen, r, known_of(r, OF_A_UNIT))) for text, take in _VIEWS
-              for r in [with_take(seen, take)]]  # fmt: skip
-    good = with_take(seen, Take(is_good=True))
-    offers.append((_REFERENCE, 2.0, _tells(seen, good, known_of(good, SAME_PLACE))))
+    offers = [(text, 1.0, _tells(seen, r, session_spread(r, OF_A_UNIT))) for text, take in _VIEWS
+              for r in [with_planned_pair(seen, take)]]  # fmt: skip
+    good = with_planned_pair(seen, Take(is_good=True))
+    offers.append((_REFERENCE, 2.0, _tells(seen, good, session_spread(good, SAME_PLACE))))
     if "response_gamma" in {e.id for e in seen.asked}:
         offers.append((_EXPOSED, 1.0, LEAST_RESPONSE))
     plan, enough = [], set(now)
@@ -81,9 +89,11 @@ def plan_of(seen: Seen) -> list[Recording]:
     return [Recording(_THIS, 0.0, this), *plan, *commands]
 
 
-def told_by(seen: Seen) -> dict[str, Sizes]:
+def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
     """Returns {effect: {parameter: least size that this recording detects}}, effects without a column included."""
-    return _tells(seen, seen.scores, known_of(seen.scores, OF_A_UNIT)) | dict(beside_columns(seen.room, seen.asked))
+    return _tells(seen, seen.scores, session_spread(seen.scores, OF_A_UNIT)) | dict(
+        beside_columns(seen.room, seen.asked)
+    )
 
 
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:

@@ -21,7 +21,7 @@ def unseen_rmse(room: Room, view: int, black_dn: float, exponent: float) -> floa
     """Returns the root mean square error in DN of one view's left image as the other views predict it, at half size;
     NaN if they see none of it. The prediction has a falloff cos^exponent and one free scale."""
     left, beside = room.images[2 * view], room.places(2 * view, 2 * view + 1)
-    expected, known = _by_others(room, view, black_dn, exponent)
+    expected, known = _predict_from_others(room, view, black_dn, exponent)
     known &= beside.seen
     clear = cv2.erode(known.astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)) > 0
     if not clear.any():
@@ -33,7 +33,7 @@ def unseen_rmse(room: Room, view: int, black_dn: float, exponent: float) -> floa
     return float(np.sqrt(np.mean(rest[clear] ** 2)))
 
 
-def _by_others(room: Room, view: int, black_dn: float, exponent: float) -> tuple[Image, np.ndarray]:
+def _predict_from_others(room: Room, view: int, black_dn: float, exponent: float) -> tuple[Image, np.ndarray]:
     """Returns (the left image as other views' left images predict it, a mask of the places that they see)."""
     own = room.images[2 * view]
     gain = (1.0 + own.r2()) ** np.float32(-0.5 * exponent)

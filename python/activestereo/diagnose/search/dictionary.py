@@ -99,15 +99,15 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
     contents = {a.effect.id: effect_content(a.effect) for a in atoms}
     known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
     if memory is None:
-        stored = _made(linear, known, workers)
+        stored = _compute_columns(linear, known, workers)
     else:
         shapes = [(contents[a.effect.id], list(a.values.items()), a.steps) for a in known]
         key = content_key("columns", linear.residual, shapes)
-        stored = memory.once(key, lambda: {"columns": _made(linear, known, workers)})["columns"]
+        stored = memory.once(key, lambda: {"columns": _compute_columns(linear, known, workers)})["columns"]
     if not own:
         return stored.astype(np.float32)
     columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
-    for some, of_some in ((known, stored), (own, _made(linear, own, workers))):
+    for some, of_some in ((known, stored), (own, _compute_columns(linear, own, workers))):
         first = 0
         for atom in some:
             columns[atom.columns()] = of_some[first : first + len(atom.steps)]
@@ -115,7 +115,7 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
     return columns
 
 
-def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
+def _compute_columns(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
     """Computes columns_of() without a cache, [columns][n]; float16 rounds far below the noise."""
     if not atoms:
         return np.zeros((0, len(linear.residual)), np.float16)

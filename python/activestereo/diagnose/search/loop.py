@@ -26,8 +26,8 @@ from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
 from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
 from activestereo.diagnose.search.refit import Refit, formula_error, refits
 from activestereo.diagnose.search.scores import scores
-from activestereo.diagnose.search.selection import Candidate, by_chance, calibrated, candidates, credible
-from activestereo.diagnose.search.tone import is_response, with_any_curve
+from activestereo.diagnose.search.selection import Candidate, calibrated, candidates, credible, gain_by_chance
+from activestereo.diagnose.search.tone import is_response, refit_free_curve
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
 from activestereo.diagnose.settings import Settings
@@ -120,7 +120,7 @@ class Search:
         self._needless: set[str] = set()
         self._rounds: list[Round] = []
         self._measured = evidence
-        self._look_at(evidence)
+        self._use_evidence(evidence)
         self._first = self._solution = fitted_model(self._fitter, given, self._fitter.phi0(evidence.nuisances))
         self._rows = self._whole.residuals(self._solution)
         self._noise, self._unjudged = self._name_noise()
@@ -189,7 +189,7 @@ class Search:
             return 0.0
         return self._fitter.prior_sigmas(self._solution, self._first)
 
-    def _look_at(self, evidence: Evidence) -> None:
+    def _use_evidence(self, evidence: Evidence) -> None:
         """Replaces the evidence, and makes new fitters: of all train pixels, of a random part, and of this part in one
         image of each situation, for scores and first steps."""
         self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
@@ -233,7 +233,7 @@ class Search:
         members = self._members(left, fits)
         name = next(iter(members))
         gain = self._chi2 - left[name]
-        chance = by_chance(atoms, seen, numbers.alpha) if gain < _CLEAR * floor else 0.0
+        chance = gain_by_chance(atoms, seen, numbers.alpha) if gain < _CLEAR * floor else 0.0
         now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
             return False
@@ -248,7 +248,7 @@ class Search:
             pairs = zip(self._rows, named.field.residuals, strict=True)
             self._take_off({row.observation.key: row.residual - rest for row, rest in pairs})
             self._fit_again(self._solution)
-        elif self._take(fits[name].solution):
+        elif self._accept(fits[name].solution):
             self._swap_last()
         return True
 
@@ -338,21 +338,21 @@ class Search:
         both = {name: float(np.log(p + sharp.get(name, 0.0))) for name, p in question.items()}
         return calibrated(credible(both, self._numbers.credible))
 
-    def _take(self, fit: Solution) -> bool:
+    def _accept(self, fit: Solution) -> bool:
         """Continues the search from a fit with one more named effect: estimates the poses and the weights again under
         it, and refits. Returns whether the poses changed."""
         evidence = before = self._evidence
         if self._settings.located is not None and not evidence.geometry.is_as_stated():
-            there, self._rendering = self._settings.located(with_own_functions(fit.model, self._effects), evidence)
+            there, self._rendering = self._settings.located(restore_functions(fit.model, self._effects), evidence)
             if there is not evidence:  # its images still hold the draws taken off before
                 evidence = self._less_draws(there, self._drawn)
-                self._look_at(evidence)
+                self._use_evidence(evidence)
                 phi = np.append(fit.phi[:SCALES], np.zeros(len(fit.phi) - SCALES))
                 fit = self._fitter.refine(fit.space, fit.theta, phi, _SETTLING, _SETTLED)
-        self._look_at(evidence)
+        self._use_evidence(evidence)
         rows = self._whole.residuals(fit)
-        self._look_at(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
-        self._fit_again(self._at_best_peaks(fit))
+        self._use_evidence(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
+        self._fit_again(self._refit_at_peaks(fit))
         self._less_rounding()
         return evidence is not before
 
@@ -385,9 +385,9 @@ class Search:
         if gain > (1.0 + self._numbers.formula_error) * name.gain:
             effect = self._effect(best.effects[-1].id)
             self._names[-1] = replace(name, effect=effect, members={effect.id: 1.0}, gain=gain)
-            self._take(best)
+            self._accept(best)
 
-    def _at_best_peaks(self, fit: Solution) -> Solution:
+    def _refit_at_peaks(self, fit: Solution) -> Solution:
         """Refits earlier effects that have several narrow likelihood peaks (Effect.starts) at their best peak beside
         the effect named last; returns the fit."""
         for effect in [e for e in fit.effects[:-1] if e.starts is not None]:
@@ -406,7 +406,7 @@ class Search:
     def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
         """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""
         self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
-        self._look_at(self._less_draws(self._evidence, drawn))
+        self._use_evidence(self._less_draws(self._evidence, drawn))
 
     @staticmethod
     def _less_draws(evidence: Evidence, drawn: Mapping[ImageKey, np.ndarray]) -> Evidence:
@@ -415,7 +415,7 @@ class Search:
 
     def _fit_again(self, fit: Solution) -> None:
         settled = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)
-        self._solution = with_any_curve(self._fitter, settled)
+        self._solution = refit_free_curve(self._fitter, settled)
         start, prior = ParameterSpace.of(self._given), self._evidence.nuisance_prior()
         without = self._fitter
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):  # albedos would take its place
@@ -443,7 +443,7 @@ class Search:
                 self._rows = self._whole.residuals(without)
 
 
-def with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
+def restore_functions(model: Model, candidates: Sequence[Effect]) -> Model:
     """Returns the model with its effects' own image functions in place of rendered ones."""
     own = {e.id: e for e in candidates}
     return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))

@@ -88,7 +88,7 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
             there = change(np.where(np.arange(len(steps)) == j, theta[own] + step, theta[own])) if step else {}
             slopes.append({key: (image - here[key]) / step for key, image in there.items()})
         emulated = _Rendered(effect, theta[own].copy(), here, tuple(slopes)).emulated()
-        solution = fitter.refine(_with(start.space, emulated), theta, phi, _STEPS)
+        solution = fitter.refine(_replace_function(start.space, emulated), theta, phi, _STEPS)
         best = min(best, solution, key=lambda s: s.sums.total)
         reach = np.abs(steps)
         moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
@@ -99,7 +99,7 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
     return best
 
 
-def _with(space: ParameterSpace, effect: Effect) -> ParameterSpace:
+def _replace_function(space: ParameterSpace, effect: Effect) -> ParameterSpace:
     """Returns the space with another image function of its last effect."""
     return replace(space, pairs=tuple((effect if e.id == effect.id else e, p) for e, p in space.pairs))
 

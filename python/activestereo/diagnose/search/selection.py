@@ -138,7 +138,7 @@ def _values(atom: Atom, coefficients: NDArray[np.float64], surfaces: tuple[int, 
     return {name: float(np.clip(v, parameters[name].low, parameters[name].high)) for name, v in values.items()}
 
 
-def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
+def gain_by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
     """Returns the fall of chi2 that chance alone exceeds with probability alpha, for the best of all atoms, if no
     effect is missing. It is a quantile of a wild bootstrap, which gives the scores of image blocks random signs."""
     rng = np.random.Generator(np.random.PCG64(_SEED))

@@ -50,7 +50,7 @@ def is_response(effect: Effect) -> bool:
     return effect.stage is Stage.READOUT and effect.is_pointwise
 
 
-def with_any_curve(fitter: Fitter, solution: Solution) -> Solution:
+def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
     """Adds a free correction curve to the last named effect if it is a response curve, and fits again; other fits are
     returned unchanged."""
     if not solution.effects or not is_response(solution.effects[-1]):

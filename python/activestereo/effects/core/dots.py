@@ -26,7 +26,9 @@ class DotView:
     @classmethod
     def of(cls, view: View) -> DotView:
         """Returns the DotView of a view, computed once per view."""
-        return view.once("dots", lambda: cls.of(view.source)._at(view) if isinstance(view, PickedView) else cls(view))
+        return view.once(
+            "dots", lambda: cls.of(view.source)._pick_pixels(view) if isinstance(view, PickedView) else cls(view)
+        )
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -37,7 +39,7 @@ class DotView:
         self.u, self.v = self.project(points)
         self.box_u, self.box_v = self._footprint()
 
-    def _at(self, view: PickedView) -> DotView:
+    def _pick_pixels(self, view: PickedView) -> DotView:
         """Returns the projector's dots as n selected pixels see them, arrays of [1][n]. Each pixel's footprint in the
         pattern is kept from the whole image."""
         some = copy(self)

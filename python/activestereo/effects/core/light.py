@@ -139,7 +139,7 @@ class Light:
             operation = lambda images: sample(images, u, v)  # noqa: E731
             of_gain = lambda gain: sample(gain, u, v, order=1)  # noqa: E731
             later = _Later(self, operation, lambda images: images.warped(u, v), of_gain)
-            later.size, later.at = u.size, lambda names, pick: self._warped_at(later, names, u, v, pick)
+            later.size, later.at = u.size, lambda names, pick: self._sample_warped(later, names, u, v, pick)
             return later.light()
         look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
         later = _Later(self, lambda images: sample(images, u, v))
@@ -147,7 +147,7 @@ class Light:
         later.size, later.at = u.size, lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
         return later.light()
 
-    def _warped_at(
+    def _sample_warped(
         self, later: _Later, names: tuple[str, ...], u: np.ndarray, v: np.ndarray, pick: np.ndarray | slice
     ) -> np.ndarray:
         """Returns the sum of the named images after the pending warp `later` to positions (u, v), [n]. pick: flat

@@ -98,10 +98,10 @@ class Model:
         if self._of(Stage.DISPARITY, Stage.DISPARITY, True):
             disparity = inverse_depth(matched, view)
             for effect, parameters in self._of(Stage.DISPARITY, Stage.DISPARITY, True):
-                disparity = _in_stream(effect, parameters, disparity, view, stream)
+                disparity = _apply_in_stream(effect, parameters, disparity, view, stream)
             matched = inverse_depth(disparity, view)
         for effect, parameters in self._of(Stage.DEPTH, Stage.DEPTH, True):
-            matched = _in_stream(effect, parameters, matched, view, stream)
+            matched = _apply_in_stream(effect, parameters, matched, view, stream)
         return matched
 
     @property
@@ -116,7 +116,7 @@ class Model:
         return tuple(sorted(chosen, key=lambda pair: pair[0].stage))
 
 
-def _in_stream(
+def _apply_in_stream(
     effect: Effect, parameters: dict[str, float], image: np.ndarray, view: View, stream: dict[str, np.ndarray]
 ) -> np.ndarray:
     """Applies one effect to a disparity or depth image of a stream and returns the result. If the effect remembers, its

@@ -73,11 +73,11 @@ class _Image:
             "optics.": self._through_optics,
             "projector.": self._projected,
             "pattern": self._projected,
-            "lights": self._under_lights,
-            "rig_lights": self._under_lights,
+            "lights": self._add_lights,
+            "rig_lights": self._add_lights,
             "medium": self._through_medium,
             "materials.": self._reflected,
-            "": self._in_motion if only_times else self._redrawn,
+            "": self._average_exposure if only_times else self._redrawn,
         }
         acts = next(act for kind, act in kinds.items() if any(name.startswith(kind) for name in names))
 
@@ -149,7 +149,7 @@ class _Image:
             return light
         return light.warped(*view.drawn_by(camera.k, lens))
 
-    def _in_motion(self, light: Light, view: View, values: dict[str, float]) -> Light:
+    def _average_exposure(self, light: Light, view: View, values: dict[str, float]) -> Light:
         """Returns the mean light over the exposure, where each row is exposed at its own time."""
         if not view.frame.is_moving:
             return light
@@ -193,7 +193,7 @@ class _Image:
 
     # ---- the scene ----
 
-    def _under_lights(self, light: Light, view: View, values: dict[str, float]) -> Light:
+    def _add_lights(self, light: Light, view: View, values: dict[str, float]) -> Light:
         """Returns the light plus the light of projectors and lamps that an effect adds. It counts as ambient, because
         it does not depend on the rig's projector. Added projectors cast no shadows."""
         inputs = self._inputs(view, values)

@@ -78,13 +78,13 @@ class BoxSampler:
         for side in (-0.5, 0.5):
             row, share = _place(v + 0.5 + side * box_v, self._limits[1])
             row *= self._limits[0] + 1
-            low = self._between(row + right, b) - self._between(row + left, a)
+            low = self._interpolate(row + right, b) - self._interpolate(row + left, a)
             row += self._limits[0] + 1
-            high = self._between(row + right, b) - self._between(row + left, a)
+            high = self._interpolate(row + right, b) - self._interpolate(row + left, a)
             total = low + share * (high - low) - total
         return total / (box_u * box_v)
 
-    def _between(self, index: np.ndarray, share: np.ndarray) -> np.ndarray:
+    def _interpolate(self, index: np.ndarray, share: np.ndarray) -> np.ndarray:
         """Returns the integral image at a fraction `share` between a flat index and the next one in its row. Adds 1 to
         `index` in place."""
         at = self._integral.ravel()

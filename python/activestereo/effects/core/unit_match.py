@@ -88,7 +88,7 @@ class SeenPoints(NamedTuple):
         square = np.maximum((way**2).sum(-1), 1e-6)
         return way, self.glow * np.maximum(-(way * self.normals).sum(-1), 0.0) / (square * np.sqrt(square))
 
-    def beyond_even(self, lit: np.ndarray) -> np.ndarray:
+    def fit_even_beam(self, lit: np.ndarray) -> np.ndarray:
         """Fits an even beam, without a pattern, to the residual; returns weight times the remaining residual, [n]. lit:
         each point's DN under that beam at intensity 1."""
         even = max(float(lit @ (self.weight * self.residual)), 0.0) / max(float(lit**2 @ self.weight), 1e-300)
@@ -139,7 +139,7 @@ class PlaneMatch:
         row, column, inside = pixels_of(way @ turn, self._K, self._shape, (height / 4, width / 4))
         inside &= lit > 0
         at, lit = (row * width + column)[inside], np.where(inside, lit, 0.0)
-        left, lit, weight = seen.beyond_even(lit)[inside], lit[inside], seen.weight[inside]
+        left, lit, weight = seen.fit_even_beam(lit)[inside], lit[inside], seen.weight[inside]
         moment = self._correlated(at, lit * left, self._of_pattern)
         norm = self._correlated(at, lit**2 * weight, self._of_square)
         strength = np.maximum(moment, 0.0) / np.maximum(norm, 1e-2 * norm.max() + np.float32(1e-30))
@@ -230,7 +230,7 @@ def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
     """Returns two images over directions from a place, [2][row][column]; rows are elevations, columns azimuths. They
     are the gradient and the curvature of chi squared by the intensity that a source there sends in each direction."""
     way, lit = seen.lit_from(place)
-    left = seen.beyond_even(lit)
+    left = seen.fit_even_beam(lit)
     column = np.floor(np.arctan2(way[:, 0], way[:, 2]) / _STEP_RAD).astype(int) % _COLUMNS
     height = np.clip(way[:, 1] / np.maximum(np.linalg.norm(way, axis=1), 1e-9), -1.0, 1.0)
     row = ((np.arcsin(height) + np.pi / 2) / _STEP_RAD).astype(int)
