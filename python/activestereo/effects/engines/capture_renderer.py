@@ -190,8 +190,8 @@ class CaptureRenderer:
     def _images(
         self, scene_path: Path, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """Returns the rendered images, {output: image}, by job and side: [job][side]. The last renders are remembered,
-        so that changes which move no ray trace none."""
+        """Returns the rendered images, {output: image}, by job and side: [job][side]. The last renders are kept and
+        reused for changes that move no ray."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
         with self._loaded(scene_path) as world, world.alone() as scene:
             if key not in self._kept:

@@ -33,7 +33,7 @@ class PaddedImage {
   Buffer<uint8_t> storage_;
 };
 
-/// The census words of an image, moved `shift` columns to the left. To the left its first column repeats, to the right its last.
+/// The census words of an image, moved `shift` columns to the right. To the left its first column repeats, to the right its last.
 class CensusPlanes {
  public:
   /// left_reach: how many columns left of column 0 may be read.
