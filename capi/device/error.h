@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the engines throw inside, and the one place where it becomes a ks_status at the C boundary.
+// The exception of both engines, and the one place that converts it to a ks_status at the C boundary.
 #pragma once
 
 #include <exception>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the checks made from capi/generation call: each throws KS_ERROR_INVALID_ARGUMENT with the field, its value and the remedy.
+// Checks that generated code calls (capi/generation). Each throws KS_ERROR_INVALID_ARGUMENT with the field, its value and the remedy.
 // `owner` stands before the name ("left signal: ", "material 'oak': ", or ""). Thread rule: pure functions.
 #pragma once
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a C handle points to: a shared_ptr, a reference count and a tag that tells handles of different kinds, and released ones, apart.
-// Thread rule: retain and release may be called from any thread.
+// The object behind a C handle: a shared_ptr, a reference count and a tag, which tells kinds of handles and released handles apart. Thread
+// rule: retain and release may be called from any thread.
 #pragma once
 
 #include <unistd.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A VkDevice that the host program has made (KS_SELECT_VULKAN): what it can do for us, as far as the host enabled it.
+// A VkDevice that the host program made (KS_SELECT_VULKAN), and its capabilities as far as the host enabled them.
 #pragma once
 
 #include "device/physical.h"

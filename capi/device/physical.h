@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one physical device says about itself, and whether this project can run on it. Plain values: the refusal rule is a pure function of
-// them.
+// The facts of a physical device, and whether this project can run on it. Plain values: the refusal rule is a pure function of them.
 #pragma once
 
 #include <string>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A compute pipeline that is built on a thread of its own when it is first used, or before: a driver's compiler takes seconds and cannot be
-// stopped, but a caller who wants to end need not wait for it. The thread then goes on, and the next use finds what it made.
+// A compute pipeline that is built on a thread of its own, at its first use or before. A driver's compiler takes seconds and cannot be
+// stopped, but a cancelled caller need not wait: the thread goes on, and the next use finds the result.
 #pragma once
 
 #include <future>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Threads that outlive what they were begun for, and take up the next work: what others keep for each thread that ever was (Embree keeps
-// some bytes for each that built a tree) does not grow with the work. Thread rule: internally synchronised.
+// Threads that wait for new work after their last one has ended. Some libraries keep memory for every thread that ever ran, as Embree does
+// for each that built a tree; with reused threads it does not grow. Thread rule: internally synchronised.
 #pragma once
 
 #include <condition_variable>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tables say of a public struct; struct_table.h has it for each (capi/generation).
+// Facts of a public struct from its table; the generated struct_table.h specialises them (capi/generation).
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A timeline semaphore: how far the work of one sender has come. Shared by reference; keeps its device alive. Thread rule: internally
-// synchronised.
+// A timeline semaphore: a number that grows as one sender's work proceeds. Shared by reference; keeps its device alive. Thread rule:
+// internally synchronised.
 #pragma once
 
 #include <memory>

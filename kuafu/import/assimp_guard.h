@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What assimp 5.2.5 takes on trust and then crashes on or never returns from, where a clear error is better than the end of the process.
+// Checks of files that assimp 5.2.5 trusts and then crashes on or never returns from. A clear error is better than the end of the process.
 #pragma once
 
 #include <assimp/scene.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The memory that reading one scene file may take. It is tied to the bytes of the files read, so that a short file cannot ask for
-// gigabytes: what a reader is about to allocate by a number in a file is claimed first, which makes the clear errors; whatever else is
-// allocated (inside libraries) meets the address space limit of the process, kept at the same number. Not thread-safe.
+// The memory that reading one scene file may take. It is proportional to the files' bytes, so that a short file cannot ask for gigabytes. A
+// reader claims memory before it allocates by a number in a file, which gives clear errors. Other allocations, inside libraries, meet the
+// process' address space limit, kept at the same number. Not thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What moves a primitive's vertices: joints and weights (glTF 2.0 section 3.7.3.3), morph targets (section 3.7.2.2).
+// The data that moves a primitive's vertices: joints and weights (glTF 2.0 section 3.7.3.3), morph targets (section 3.7.2.2).
 #pragma once
 
 #include "import/gltf_attributes.h"

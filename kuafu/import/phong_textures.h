@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Textures of Phong-style materials, brought to what kuafu's materials have: MTL keeps roughness, opacity and highlights in images of their
-// own, and relief in heights.
+// Converts textures of Phong-style materials to kuafu's: MTL has separate images for roughness, opacity and highlights, and relief as
+// heights.
 #pragma once
 
 #include <map>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the meshes stand: one placement per slot of the scene's instances (Scene::instance_slots), which is what a hit's instance means,
-// and who sees them. Thread rule: pure functions.
+// The placements of meshes, one per slot of the scene's instances (Scene::instance_slots), which a hit names; and the environments that see
+// them. Thread rule: pure functions.
 #pragma once
 
 #include <vector>

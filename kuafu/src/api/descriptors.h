@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The C API's plain structs into the scene's types and back. What they hold is validated by Scene, not here.
+// Converts the C API's plain structs to the scene's types and back. Scene validates their content.
 #pragma once
 
 #include "api/fields.h"

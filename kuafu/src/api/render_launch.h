@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads and checks a kuafu_render_desc: what comes out can be rendered. Errors name the field and the numbers. Thread rule: pure functions.
+// Reads and checks a kuafu_render_desc; the result can be rendered. Errors name the field and the numbers. Thread rule: pure functions.
 #pragma once
 
 #include "device/device.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scene file may cost and reach. 0 = automatic.
+// Limits of a scene file's cost and of the files that it may name. 0 = automatic.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of a file nobody would see. Exporters mix up opacity and transparency (MTL's Tr, Collada's A_ONE and RGB_ZERO), and a whole body has
-// opacity 0 then. Thread rule: pure functions.
+// Parts of a file that would be invisible. Exporters mix up opacity and transparency (MTL's Tr, Collada's A_ONE and RGB_ZERO), and a whole
+// body then has opacity 0. Thread rule: pure functions.
 #pragma once
 
 #include <string>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a helper program answers, as bytes: either a failure, or warnings and a scene. The host believes nothing of it: sizes are bounded
-// before memory is taken, and everything goes through Scene's own checks. Both ends are of one build and one machine, so numbers stand as
-// they are in memory. Thread rule: pure functions.
+// A helper program's answer as bytes: a failure, or warnings and a scene. The host trusts none of it: it bounds sizes before it allocates,
+// and Scene checks everything. Both ends are of one build and machine, so numbers have their form in memory. Thread rule: pure functions.
 #pragma once
 
 #include <cstdio>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two directions of what a helper program answers (io/wire.h): numbers, arrays, texts and lists, as they are in memory.
+// Writes and reads a helper program's answer (io/wire.h): numbers, arrays, texts and lists, in their form in memory.
 #pragma once
 
 #include <cerrno>

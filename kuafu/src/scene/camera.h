@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What makes a camera more than a pinhole at rest; fields mean what kuafu_camera_desc and kuafu_optics_desc say. Thread rule: plain data.
+// The parts of a camera beyond a resting pinhole; fields are those of kuafu_camera_desc and kuafu_optics_desc. Thread rule: plain data.
 #pragma once
 
 #include "scene/distortion.h"

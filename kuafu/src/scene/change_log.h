@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which entries of a table changed since a revision that a reader remembers, so that following a change costs what changed.
+// The entries of a table that changed since a revision that a reader remembers; the cost of following them depends on their number alone.
 // Thread rule: externally synchronised.
 #pragma once
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rigid motion at constant velocity: what a camera, a light or an instance does while the shutter is open. Thread rule: pure functions.
+// Rigid motion at constant velocity, of a camera, a light or an instance while the shutter is open. Thread rule: pure functions.
 #pragma once
 
 #include <glm/glm.hpp>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What leaves a scene: its memory is freed, its id is not given again. What something else still uses is refused by the user's name.
+// Removal from a scene: memory is freed, and the id is never given again. An object in use is refused with its user's name.
 #include <algorithm>
 
 #include "device/error.h"

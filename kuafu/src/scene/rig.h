@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scene file animates: its nodes, animations, skins and morph targets (glTF 2.0 sections 3.5, 3.7 and 3.11), and what of a scene
-// hangs on them. Thread rule: pure data and functions.
+// The animated part of a scene file: nodes, animations, skins and morph targets (glTF 2.0 sections 3.5, 3.7 and 3.11), and the scene's
+// objects that hang on them. Thread rule: pure data and functions.
 #pragma once
 
 #include <glm/glm.hpp>

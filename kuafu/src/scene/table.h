@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One kind of a scene's objects by their ids, and looking them up; what is not there, or was removed, is an error that says so,
-// with the ids that callers count from 1. Thread rule: externally synchronised.
+// One kind of a scene's objects, by id. Looking up a missing or removed one is an error with the ids, which callers count from 1. Thread
+// rule: externally synchronised.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What each part of a scene must be on its own: finite, in range, of matching sizes. References between parts are Scene's to check.
-// Every function throws ks::Error (KS_ERROR_INVALID_ARGUMENT) that names the part, the field and the numbers. Thread rule: pure functions.
+// Checks of each part of a scene on its own: finite, in range, of matching sizes. Scene checks references between parts. Every function
+// throws ks::Error (KS_ERROR_INVALID_ARGUMENT) with the part, the field and the numbers. Thread rule: pure functions.
 #pragma once
 
 #include "scene/scene.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What simsense's opaque C handles point to (device/handle.h).
+// The objects behind simsense's opaque C handles (device/handle.h).
 #pragma once
 
 #include "device/buffer.h"

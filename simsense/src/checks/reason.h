@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of the left image explains a missing measurement. Plain values.
+// Properties of the left image that explain a missing measurement. Plain values.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where an image argument's elements lie: its shape and strides, checked against what the call needs. Plain values.
+// The layout of an image argument: shape and strides, checked against the call's needs. Plain values.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The checks of simsense_parameters and their translation into what each stage takes.
+// Checks of simsense_parameters, and their conversion to each stage's parameters.
 #pragma once
 
 #include "depth/depth.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the stages take from a rig, worked out once. Thread rule: immutable.
+// The rig's data for all stages, computed once. Thread rule: immutable.
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the stages of one call do: the rules that follow from rig, parameters and imagers, worked out once for both back ends. Plain values.
+// The settings of one call's stages: rules that follow from rig, parameters and imagers, computed once for both back ends. Plain values.
 #pragma once
 
 #include <span>

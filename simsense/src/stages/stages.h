@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stages of a pair: one function each, which either back end implements with what lies in its folder of the stage's name, and the one
-// list of their order, which both run.
+// The stages of a pair, one function each; a back end implements each in the folder of its name. Their order is here once, for both back
+// ends.
 #pragma once
 
 #include <functional>

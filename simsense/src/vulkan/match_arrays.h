@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the matcher's stages on the device hand each other, and where a call's images and maps lie. Plain values, laid out by a MatchPlan.
+// The arrays that the matcher's stages on the device share, and the places of a call's images and maps. Plain values, laid out by a
+// MatchPlan.
 #pragma once
 
 #include <memory>

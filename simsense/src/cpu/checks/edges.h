@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was measured beside a step of disparity, or matched at the edges of the right image.
-// Thread rule: externally synchronised.
+// Rejects measurements beside a step of disparity and matches at the right image's edges. Thread rule: externally synchronised.
 #pragma once
 
 #include <vector>

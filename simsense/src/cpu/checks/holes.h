@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hole filling along rows. What it writes is a guess, not a measurement: off by default.
-// Thread rule: pure function; the result does not depend on the number of workers.
+// Hole filling along rows. Filled values are guesses, not measurements: off by default. Thread rule: pure function; the result does not
+// depend on the number of workers.
 #pragma once
 
 #include <cstddef>

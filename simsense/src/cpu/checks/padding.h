@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the matcher found where the rectified image shows nothing of its source.
-// Thread rule: pure function; the result does not depend on the number of workers.
+// Rejects matches in parts of the rectified image that lie outside its source. Thread rule: pure function; the result does not depend on
+// the number of workers.
 #pragma once
 
 #include "match/matcher.h"

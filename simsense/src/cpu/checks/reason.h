@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Causes behind an invalid pixel: of what the stages rejected, whatever the left image itself explains is put down to the image.
-// Thread rule: pure function; the result does not depend on the number of workers.
+// Reasons of invalid pixels. If the left image itself explains a rejection, the reason is the image's. Thread rule: pure function; the
+// result does not depend on the number of workers.
 #pragma once
 
 #include "checks/reason.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was measured where the left image shows nothing but its own noise.
-// Thread rule: externally synchronised.
+// Rejects measurements where the left image shows only its own noise. Thread rule: externally synchronised.
 #pragma once
 
 #include <vector>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the pixels of a row add to the windows of the refinement. Lanes are pixels.
+// The terms that a row's pixels add to the refinement's window sums. Lanes are pixels.
 #if defined(SIMSENSE_CPU_EVIDENCE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_EVIDENCE_INL_H_
 #undef SIMSENSE_CPU_EVIDENCE_INL_H_

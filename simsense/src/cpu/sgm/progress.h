@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a stage of the matcher is that several threads share: each asks between two pieces of its work whether to go on; the thread that
-// called the matcher tells its caller then.
+// The progress of a stage that several threads share. Each thread asks between two pieces of work whether to go on; the thread that called
+// the matcher then tells its caller.
 #pragma once
 
 #include <atomic>

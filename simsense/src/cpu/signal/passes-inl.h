@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the stages are made of: one pass over a row, with or without a random number per pixel.
+// The imager's basic step: one pass over a row, with or without a random number per pixel.
 #if defined(SIMSENSE_CPU_SIGNAL_PASSES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_PASSES_INL_H_
 #undef SIMSENSE_CPU_SIGNAL_PASSES_INL_H_

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The winners of a strip of rows: what is known of each pixel once its costs are summed, until the whole rows are there and become maps.
+// The winners of a strip of rows: each pixel's result after its costs are summed, kept until whole rows become maps.
 #if defined(SIMSENSE_CPU_WINNER_STRIP_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_WINNER_STRIP_INL_H_
 #undef SIMSENSE_CPU_WINNER_STRIP_INL_H_

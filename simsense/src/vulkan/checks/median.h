@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Left-right check and median of the matcher's disparities, and what follows from them for the other maps, in Vulkan compute.
+// Left-right check and median of the matcher's disparities, with the resulting changes of the other maps, in Vulkan compute.
 #pragma once
 
 #include "device/compute.h"
