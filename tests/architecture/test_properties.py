@@ -17,7 +17,7 @@ PURE = {
     "norm", "ravel", "reshape", "stack", "tolist", "zeros",
     "asdict", "data_ptr", "element_size", "is_distorting", "items", "replace", "stride", "values",
     "EngineFault", "Nuisances", "Remainder", "RuntimeError", "ValueError",
-    "_of", "_of_stages", "_reach", "camera_to_world", "get_global_pose", "of_parameters", "sum_of",
+    "_of_stages", "_reach", "camera_to_world", "get_global_pose", "_select", "of_parameters", "sum_of",
 }  # fmt: skip
 
 

@@ -123,9 +123,7 @@ _GRID, _RADIUS = (-0.4, -0.2, 0.0, 0.2, 0.4), 0.15
 _BEST = 3
 
 
-def _transmitted_share(
-    x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: float, radius: float
-) -> np.ndarray:
+def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: float, radius: float) -> np.ndarray:
     """Returns the share of the light that is left at tangents (x, y) of angles from the projector's axis."""
     return np.clip(1.0 - lost * np.exp(-0.5 * ((x - place_x) ** 2 + (y - place_y) ** 2) / radius**2), 0.0, None)
 
@@ -167,7 +165,7 @@ def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, p
     """The projector's light is weaker around a place of the pattern. Warmth makes it weaker still."""
     lost = depth + per_k * inputs.warming_k
     if lost != 0.0:
-        inputs.dim_pattern(lambda x, y: _transmitted_share(x, y, lost, place_x, place_y, radius))
+        inputs.dim_pattern(lambda x, y: _left(x, y, lost, place_x, place_y, radius))
 
 
 @engine_effect(
@@ -187,7 +185,8 @@ def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, p
     ],
 )
 def dot_gain_spread(inputs: EngineInputs, spread: float, dot_px: float) -> None:
-    """Each dot has its own gain (log-normal, mean 1). The gain stays with the dot in every frame and in both cameras."""
+    """Each dot has its own gain (log-normal, mean 1). The gain stays with the dot in every frame and in both cameras.
+    """
     if spread > 0.0 and inputs.pattern is not None:
         draws = inputs.rng("dot_gain_spread").standard_normal(inputs.pattern.shape)
         smooth, width = gaussian_filter(draws, dot_px, mode="wrap"), np.sqrt(np.log1p(spread**2))

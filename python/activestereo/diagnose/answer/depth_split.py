@@ -103,7 +103,7 @@ def split_of(
     distance_m, material = parts["after"].distance_m, parts["after"].material
 
     def told(here: NDArray[np.bool_]) -> dict[str, Any]:
-        return {"pixels": int(here.sum())} | {name: own.told(here) for name, own in parts.items()}
+        return {"pixels": int(here.sum())} | {name: own.as_json(here) for name, own in parts.items()}
 
     edges = np.quantile(distance_m, np.linspace(0.0, 1.0, _DISTANCES + 1))
     far = [(distance_m >= low) & (distance_m <= high) for low, high in pairwise(edges)]
@@ -193,7 +193,7 @@ class _Parts:
         kept = (joined[name] for name in ("beside_model", "metres_per_px", "distance_m", "material"))
         return cls(dict(zip(PARTS, [*of_images, *of_line], strict=True)), *kept)
 
-    def told(self, here: NDArray[np.bool_]) -> dict[str, Any]:
+    def as_json(self, here: NDArray[np.bool_]) -> dict[str, Any]:
         """Returns the RMS of the error, the RMS that the model leaves of it, and each part's share, in pixels and
         metres. here: the pixels that count."""
         out: dict[str, Any] = {"rms_px": 0.0, "rms_m": 0.0, "beside_model_px": 0.0, "beside_model_m": 0.0}

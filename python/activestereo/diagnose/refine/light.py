@@ -132,7 +132,7 @@ class AllPixels:
         self.focal_slope = observation.focal_slope.ravel()
         self.geometry_slopes = observation.geometry_slopes.reshape(-1, observation.measured.size)
 
-    def of(self, image: np.ndarray) -> np.ndarray:
+    def gather(self, image: np.ndarray) -> np.ndarray:
         return image.ravel()
 
 
@@ -179,6 +179,6 @@ def _through_sensor(
 
     def image(projector_scale: float, ambient_scale: float, black_dn: float) -> np.ndarray:
         value = projector_scale * projector + ambient_scale * ambient
-        return pixels.of(model.digital(value.reshape(shape), view, black_dn))
+        return pixels.gather(model.digital(value.reshape(shape), view, black_dn))
 
     return slopes(image, phi[:SCALES]) if with_slopes else (image(*phi[:SCALES]), None)

@@ -28,16 +28,16 @@ class Pixels:
         label = np.where(o.material >= 0, o.material, materials).ravel()[index]
         order = np.argsort(label, kind="stable")
         self.observation, self.index, label = o, index[order], label[order]
-        self.measured = self.of(o.measured).astype(np.float64)
-        self.root_weight = np.sqrt(self.of(o.weight).astype(np.float64))
-        self.material, self.tile = self.of(o.material), self.of(o.tile)
-        self.focal_slope = self.of(o.focal_slope).astype(np.float64)
+        self.measured = self.gather(o.measured).astype(np.float64)
+        self.root_weight = np.sqrt(self.gather(o.weight).astype(np.float64))
+        self.material, self.tile = self.gather(o.material), self.gather(o.tile)
+        self.focal_slope = self.gather(o.focal_slope).astype(np.float64)
         self.geometry_slopes = o.geometry_slopes.reshape(-1, o.measured.size).take(self.index, axis=1)
         self.geometry = self.geometry_slopes * self.root_weight.astype(np.float32)
         ends = np.searchsorted(label, np.arange(materials + 1))
         self.materials, self._runs = materials, [slice(first, last) for first, last in pairwise(ends)]
 
-    def of(self, image: np.ndarray) -> np.ndarray:
+    def gather(self, image: np.ndarray) -> np.ndarray:
         """Returns an image's values at these pixels."""
         return image.ravel()[self.index]
 
@@ -46,7 +46,7 @@ class Pixels:
         """Returns the index of each pixel's block of BLOCK_PX, from 0."""
         height, width = self.observation.measured.shape
         rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
-        return self.of(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
+        return self.gather(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
 
     @computed_once
     def geometry_gram(self) -> np.ndarray:

@@ -27,7 +27,7 @@ def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
     model = linear.solution.model
     here = linear.images(model)
     fields = [p.observation.view.field() for p in linear.fitter.pixels()]
-    radii = [p.of(np.asarray(u**2 + v**2)) for p, (u, v) in zip(linear.fitter.pixels(), fields, strict=True)]
+    radii = [p.gather(np.asarray(u**2 + v**2)) for p, (u, v) in zip(linear.fitter.pixels(), fields, strict=True)]
     weights = [np.concatenate(by) for by in (radii, here)]
     rows = [-linear.change(model.without_effect(e.id), here) for e in effects]
     added = [row * standard for row in rows for weight in weights if (standard := _standard(weight, row)) is not None]
@@ -47,8 +47,8 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
     imitate."""
     left = linear.fitter.residuals(fit)
     pairs = zip(linear.fitter.pixels(), left, strict=True)
-    change = linear.residual - np.concatenate([p.of(row.residual) * p.root_weight for p, row in pairs])
-    information, score, _ = scores(linear, change[None].astype(np.float32)).of(slice(0, 1))
+    change = linear.residual - np.concatenate([p.gather(row.residual) * p.root_weight for p, row in pairs])
+    information, score, _ = scores(linear, change[None].astype(np.float32)).select(slice(0, 1))
     return float(score[0] ** 2 / max(information[0, 0], 1e-9))
 
 

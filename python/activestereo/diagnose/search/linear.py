@@ -82,7 +82,7 @@ def linearised(fitter: Fitter, solution: Solution) -> Linear:
         block[own + SCALES + p.observation.geometry_places] = p.geometry
         residual[first:end] = rest * weight
     prior, pull = fitter.prior(own, space), fitter.pull(phi, own, space, theta)
-    surface = [p.of(_surface(p.observation)) for p in pixels]
+    surface = [p.gather(_surface(p.observation)) for p in pixels]
     return Linear(fitter, solution, A, prior, pull, residual, np.concatenate(surface), _blocks(pixels))
 
 

@@ -45,7 +45,7 @@ class Scores:
     total: float
     pixels: int
 
-    def of(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix, Matrix]:
+    def select(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix, Matrix]:
         """Returns (information [c][c], score [c], score by image block [c][blocks]) of columns on some surfaces; None =
         on all."""
         groups: slice | list[int] = slice(None)

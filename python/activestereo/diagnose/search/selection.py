@@ -99,7 +99,7 @@ def _candidate(hits: list[Hit]) -> Candidate:
 
 
 def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | None) -> Hit:
-    S, u, _ = scores.of(atom.columns(), surfaces)
+    S, u, _ = scores.select(atom.columns(), surfaces)
     on, gain = _within_signs(S, u, atom.signed)
     coefficients = np.zeros(len(u))
     at_point = float(2.0 * u[0] - S[0, 0])
@@ -145,7 +145,7 @@ def gain_by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float
     signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
     largest = np.zeros(_DRAWS)
     for atom in atoms:
-        S, _, by_block = scores.of(atom.columns())
+        S, _, by_block = scores.select(atom.columns())
         on = [j for j in range(len(S)) if S[j, j] > _LEAST]
         if on:
             drawn = by_block[on] @ signs

@@ -57,7 +57,7 @@ class Model:
 
     def on_light(self, random: bool = False) -> tuple[tuple[Effect, dict[str, float]], ...]:
         """Returns the pairs (Effect, {parameter: value}) that act up to the lens, in the order of the pipeline."""
-        return self._of(Stage.PROJECTOR, Stage.OPTICS, random)
+        return self._select(Stage.PROJECTOR, Stage.OPTICS, random)
 
     def outside_engines(self) -> Model:
         """Returns a model of the effects that have no engine function."""
@@ -67,7 +67,7 @@ class Model:
     def is_linear(self) -> bool:
         """Returns whether no deterministic effect acts between the lens and the digital numbers. signal() is then
         linear but for clipping."""
-        return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
+        return not self._select(Stage.CHARGE, Stage.DIGITAL, False)
 
     def signal(self, light: Light | Layers, view: View, nuisances: Nuisances, random: bool = False) -> np.ndarray:
         """Returns DN [height][width] of a light, black level included. random=False: the expected value, without random
@@ -80,10 +80,10 @@ class Model:
 
     def digital(self, value: np.ndarray, view: View, black_dn: float, random: bool = False) -> np.ndarray:
         """Returns signal() for DN above black [height][width] that an ideal sensor would count."""
-        for effect, parameters in self._of(Stage.CHARGE, Stage.READOUT, random):
+        for effect, parameters in self._select(Stage.CHARGE, Stage.READOUT, random):
             value = effect.apply(value, view, **effect.on_pixels(parameters, view.binning))
         value = value + black_dn
-        for effect, parameters in self._of(Stage.DIGITAL, Stage.DIGITAL, random):
+        for effect, parameters in self._select(Stage.DIGITAL, Stage.DIGITAL, random):
             value = effect.apply(value, view, **effect.on_pixels(parameters, view.binning))
         return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
@@ -95,12 +95,12 @@ class Model:
         """
         stream = {} if stream is None else stream
         matched = np.asarray(depth_m, dtype=np.float64)
-        if self._of(Stage.DISPARITY, Stage.DISPARITY, True):
+        if self._select(Stage.DISPARITY, Stage.DISPARITY, True):
             disparity = inverse_depth(matched, view)
-            for effect, parameters in self._of(Stage.DISPARITY, Stage.DISPARITY, True):
+            for effect, parameters in self._select(Stage.DISPARITY, Stage.DISPARITY, True):
                 disparity = _apply_in_stream(effect, parameters, disparity, view, stream)
             matched = inverse_depth(disparity, view)
-        for effect, parameters in self._of(Stage.DEPTH, Stage.DEPTH, True):
+        for effect, parameters in self._select(Stage.DEPTH, Stage.DEPTH, True):
             matched = _apply_in_stream(effect, parameters, matched, view, stream)
         return matched
 
@@ -109,7 +109,7 @@ class Model:
         """Returns whether an effect on disparity or depth depends on the frame before."""
         return any(effect.remembers for effect, _ in self.effects)
 
-    def _of(self, first: Stage, last: Stage, random: bool) -> tuple[tuple[Effect, dict[str, float]], ...]:
+    def _select(self, first: Stage, last: Stage, random: bool) -> tuple[tuple[Effect, dict[str, float]], ...]:
         chosen = [(e, p) for e, p in self.effects if first <= e.stage <= last]
         if not random:
             chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]

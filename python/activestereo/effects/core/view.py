@@ -216,17 +216,17 @@ class PickedView(View):
         return cls(**own | {"normal": whole.normal.reshape(-1, 3)[pick][None]}, whole=whole, pick=pick)
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._of(self.source.pixels())
+        return self._pick_pair(self.source.pixels())
 
     def field(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._of(self.source.field())
+        return self._pick_pair(self.source.field())
 
     @property
     def source(self) -> View:
         assert self.whole is not None
         return self.whole
 
-    def _of(self, images: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def _pick_pair(self, images: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         first, second = (image.ravel()[self.pick][None] for image in images)
         return first, second
 
