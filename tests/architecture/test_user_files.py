@@ -23,7 +23,7 @@ OTHERS = {
     ("effects/engines/loaded_scene.py", "Path('/proc/self/maps').read_text(encoding='utf-8')"): "the kernel's",
     ("effects/engines/loaded_scene.py", "Path(path).read_bytes()"): "the loaded libraries",
     ("diagnose/refine/fit_cache.py", "path.read_bytes()"): "the package's sources",
-    ("effects/core/differences.py", "_FILE.read_text(encoding='utf-8')"): "the package's",
+    ("effects/__init__.py", "file.read_text(encoding='utf-8')"): "the package's",
     ("report/page.py", "resources.files('activestereo.report').joinpath(f'web/{name}').read_text(encoding='utf-8')"):
         "the package's",
 }  # fmt: skip

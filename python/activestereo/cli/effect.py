@@ -76,9 +76,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def run_list(args: argparse.Namespace) -> None:
-    from activestereo.effects import builtin
+    from activestereo.effects import builtin, known_differences
     from activestereo.effects.core.catalogue import as_json, page, table
-    from activestereo.effects.core.differences import known_differences
 
     if args.json:
         print_json(as_json(builtin()))

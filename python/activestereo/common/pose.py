@@ -105,6 +105,16 @@ def carried_twist(a_to_b: NDArray[Any], twist: ArrayLike) -> NDArray[Any]:
     return np.concatenate([rotation @ twist[:3] + np.cross(offset, angular), angular])
 
 
+def motion_of_twist(twist: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the rigid motion exp([v, w]), 4x4, of a twist (6: metres, radians)."""
+    from scipy.linalg import expm  # which takes longer to import than most commands take
+
+    v, w = twist[:3], twist[3:]
+    return np.asarray(expm(np.array(
+        [[0, -w[2], w[1], v[0]], [w[2], 0, -w[0], v[1]], [-w[1], w[0], 0, v[2]], [0, 0, 0, 0]]
+    )))  # fmt: skip
+
+
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
     """Returns the 4x4 camera_to_world (camera axes) of a camera at `eye` that looks at `target`, with `up` upwards in
     the image. The three vectors are in the world's axes."""

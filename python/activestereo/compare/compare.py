@@ -12,18 +12,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
-from activestereo.compare.image_errors import ImageErrors, error_shape, image_errors, residuals_of
+from activestereo.compare.image_errors import ImageErrors, error_shape, image_errors
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
-from activestereo.compare.render import WARP_SCALE, LayersOfFrames, render_halves
+from activestereo.compare.render import WARP_SCALE, render_halves
 from activestereo.compare.where_channels import where_it_fails
 from activestereo.effects.core.model import Model
 
@@ -39,23 +37,13 @@ PHASES = {RENDERING: 60.0, PREDICTING: 10.0, LOOKING: 20.0}  # seconds of twelve
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """The result of compare(). scores: compare.json's contents (report/schema/compare.schema.json). measured,
-    predictions: {(frame id, side): DN [height][width]}. predictions are the expected images. depths: a DepthFrame for
-    each frame with the device's depth. layers: {frame id: {side: Layers}}, the mean of two renders with half of the
-    samples each. The images' errors exclude the renderer's own noise (render.noise_square)."""
+class Comparison(ImageErrors):
+    """The result of compare(): expected images, which exclude the renderer's own noise, and what they tell. scores:
+    compare.json's contents (report/schema/compare.schema.json). depths: a DepthFrame for each frame with the device's
+    depth."""
 
-    capture: Capture
     scores: dict[str, Any]
-    measured: dict[tuple[int, str], np.ndarray]
-    predictions: dict[tuple[int, str], np.ndarray]
     depths: list[DepthFrame]
-    layers: LayersOfFrames
-    model: Model
-
-    def residuals(self) -> dict[tuple[int, str], np.ndarray]:
-        """Returns {(frame id, side): measured minus expected DN, float32 [height][width]}."""
-        return residuals_of(self.measured, self.predictions)
 
     def _repr_html_(self) -> str:
         """Returns an HTML table of the errors of train and test frames, for a notebook."""
@@ -151,4 +139,4 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     scores |= where_it_fails(
         capture, layers, views, measured, predictions, errors.noise_variances, noise_model, depths, seed
     )
-    return Comparison(capture, scores, measured, predictions, depths, layers, model)
+    return Comparison(**vars(errors), scores=scores, depths=depths)

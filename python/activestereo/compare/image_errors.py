@@ -4,7 +4,7 @@ smooth brightness; weaker, softer or displaced dots; or another one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -111,8 +111,8 @@ class ImageErrors:
     _sums: dict[ImageKey, dict[str, Any]]
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """Returns {(frame id, side): measured minus expected DN [height][width]}."""
-        return residuals_of(self.measured, self.predictions)
+        """Returns {(frame id, side): measured minus expected, DN, float32 [height][width]}."""
+        return {key: self.measured[key].astype(np.float32) - image for key, image in self.predictions.items()}
 
     def by_split(self) -> dict[str, dict[str, Any]]:
         """Returns {"train" or "test": errors pooled over its images, and for each camera}; a split without frames is
@@ -138,13 +138,6 @@ class ImageErrors:
             pooled = _pool(list(own.values())) | {"noise_floor_from": source, "cameras": cameras}
             out.append({"id": frame.id, "split": frame.split} | pooled)
         return out
-
-
-def residuals_of(
-    measured: Mapping[ImageKey, NDArray], predictions: Mapping[ImageKey, NDArray[np.float32]]
-) -> dict[ImageKey, NDArray[np.float32]]:
-    """Returns {(frame id, side): measured minus expected DN, float32 [height][width]}."""
-    return {key: measured[key].astype(np.float32) - expected for key, expected in predictions.items()}
 
 
 def image_errors(

@@ -14,8 +14,10 @@ effects, by what they act on.
 """
 
 import importlib
+import json
 import pkgutil
 from functools import cache
+from pathlib import Path
 
 from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage, effect
 from activestereo.effects.core.laws import broken_laws
@@ -37,6 +39,13 @@ def _found() -> dict[str, Effect]:
     return {e.id: e for e in sorted(found, key=lambda e: (e.stage, e.id))}
 
 
+def known_differences() -> dict[str, float]:
+    """Returns {effect id: relative difference between its fast image and the engines' image}, as `activestereo effect
+    check --all --out` last measured it; empty if it never ran."""
+    file = Path(__file__).parent / "differences.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+
+
 __all__ = [
     "Effect",
     "Light",
@@ -48,5 +57,6 @@ __all__ = [
     "broken_laws",
     "builtin",
     "effect",
+    "known_differences",
     "load_effects",
 ]

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from activestereo.effects import builtin
-from activestereo.effects.core.differences import known_differences
+from activestereo.effects import known_differences
 from activestereo.compare.surrogate import Trial
 
 EFFECTS = builtin()

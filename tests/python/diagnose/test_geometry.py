@@ -21,7 +21,8 @@ from activestereo.diagnose.answer.geometry_json import geometry_json
 from activestereo.diagnose.answer.verdict_words import geometry_words, next_steps
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.evidence.coarse import coarse
-from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes, matrix_of
+from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes
+from activestereo.common.pose import motion_of_twist
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.diagnose.refine import Fitter
 from activestereo.diagnose.refine.geometry_fit import (
@@ -86,7 +87,7 @@ def test_slopes_are_those_of_a_wall_by_closed_form():
         for number, slope in enumerate(slopes):
             step = 1e-4 * np.eye(TWIST)[number % TWIST]
             which = "projector" if number < TWIST else "camera"
-            there, back = (getattr(seen(view, **{which: matrix_of(s)})[1], light) for s in (step, -step))
+            there, back = (getattr(seen(view, **{which: motion_of_twist(s)})[1], light) for s in (step, -step))
             truth = (there - back)[2:-2, 2:-2] / 2e-4
             assert np.std(slope[2:-2, 2:-2] - truth) <= 0.06 * np.std(truth) + 1e-6, (light, number)
 
@@ -94,11 +95,11 @@ def test_slopes_are_those_of_a_wall_by_closed_form():
 def stated_wrong(capture):
     """The capture with its first pose and its projector not where they are."""
     first, rig = capture.frames[0].camera_to_world, capture.rig
-    wrong = first @ np.linalg.inv(matrix_of(POSE))
+    wrong = first @ np.linalg.inv(motion_of_twist(POSE))
     at_first = [(f.camera_to_world == first).all() for f in capture.frames]
     poses = (wrong if is_first else f.camera_to_world for f, is_first in zip(capture.frames, at_first, strict=True))
     frames = tuple(replace(f, camera_to_world=pose) for f, pose in zip(capture.frames, poses, strict=True))
-    projector = replace(rig.projector, left_to_projector=matrix_of(PROJECTOR) @ rig.projector.left_to_projector)
+    projector = replace(rig.projector, left_to_projector=motion_of_twist(PROJECTOR) @ rig.projector.left_to_projector)
     return replace(capture, rig=replace(rig, projector=projector), frames=frames, uncertainty=ROUGH)
 
 
@@ -169,7 +170,7 @@ def test_a_test_view_is_found_after_all_else_and_moves_nothing_else(lab_world, l
     capture = read_capture(lab_world.capture_path)
     first = capture.frames[0].camera_to_world
     held = [replace(f, split="test" if (f.camera_to_world == first).all() else "train") for f in capture.frames]
-    wrong = first @ np.linalg.inv(matrix_of(POSE))
+    wrong = first @ np.linalg.inv(motion_of_twist(POSE))
     frames = tuple(replace(f, camera_to_world=wrong) if f.split == "test" else f for f in held)
     capture = replace(capture, frames=frames, uncertainty=ROUGH)
     renderer = RememberingRenderer(WorldRenderer(lab_world, grid=3))
@@ -246,15 +247,15 @@ def test_corrections_add_up_as_motions_do(lab_world):
     there = geometry.moved(focal, step)
     assert there.moved(1.0 / (1.0 + focal) - 1.0, -step).twists() == pytest.approx(0.0, abs=1e-12)
     moved = there.capture().frames[0].camera_to_world
-    assert moved == pytest.approx(geometry.stated.frames[0].camera_to_world @ matrix_of(POSE))
+    assert moved == pytest.approx(geometry.stated.frames[0].camera_to_world @ motion_of_twist(POSE))
 
 
 def test_a_model_puts_the_views_that_it_was_found_on_where_they_stand(lab_world, tmp_path):
     capture = read_capture(lab_world.capture_path)
     stated = capture.frames[0].camera_to_world
-    write_model(tmp_path / "model.json", SensorModel(poses=(MeasuredPose(stated, stated @ matrix_of(POSE)),)))
+    write_model(tmp_path / "model.json", SensorModel(poses=(MeasuredPose(stated, stated @ motion_of_twist(POSE)),)))
     there = calibrated(capture, read_model(tmp_path / "model.json"))
-    assert there.frames[0].camera_to_world == pytest.approx(stated @ matrix_of(POSE))
+    assert there.frames[0].camera_to_world == pytest.approx(stated @ motion_of_twist(POSE))
     assert (there.frames[-1].camera_to_world == capture.frames[-1].camera_to_world).all()
 
 

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, logm
+from scipy.linalg import logm
 
 from activestereo.capture.capture import SIDES, Camera, Capture, ImageKey
+from activestereo.common.pose import motion_of_twist
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.nuisances import predict
 from activestereo.effects import Light
@@ -111,12 +112,12 @@ class Geometry:
         if self.is_as_stated():
             return self.stated
         rig, projector, row = self.stated.rig, self.stated.rig.projector, _numbers_of_poses(self.stated)
-        left_to_projector = matrix_of(-self.projector) @ projector.left_to_projector
+        left_to_projector = motion_of_twist(-self.projector) @ projector.left_to_projector
         cameras = {
             side: _with_focal(rig.camera(side), 1.0 + change) for side, change in zip(SIDES, self.focal, strict=True)
         }
         rig = replace(rig, **cameras, projector=replace(projector, left_to_projector=left_to_projector))
-        motions = [matrix_of(twist) for twist in self.poses]
+        motions = [motion_of_twist(twist) for twist in self.poses]
         frames = (replace(f, camera_to_world=f.camera_to_world @ motions[row[f.id]]) for f in self.stated.frames)
         return replace(self.stated, rig=rig, frames=tuple(frames))
 
@@ -134,16 +135,9 @@ def _with_focal(camera: Camera, factor: float) -> Camera:
     return replace(camera, K=K)
 
 
-def matrix_of(twist: Twist) -> NDArray[np.float64]:
-    """Returns the 4x4 rigid motion exp([v, w])."""
-    v, w = twist[:3], twist[3:]
-    generator = np.array([[0, -w[2], w[1], v[0]], [w[2], 0, -w[0], v[1]], [-w[1], w[0], 0, v[2]], [0, 0, 0, 0]])
-    return expm(generator)
-
-
 def _composed(first: Twist, second: Twist) -> Twist:
-    """Returns the twist of the motion matrix_of(first) @ matrix_of(second)."""
-    generator = logm(matrix_of(first) @ matrix_of(second)).real
+    """Returns the twist of the motion motion_of_twist(first) @ motion_of_twist(second)."""
+    generator = logm(motion_of_twist(first) @ motion_of_twist(second)).real
     return np.array([*generator[:3, 3], generator[2, 1], generator[0, 2], generator[1, 0]])
 
 

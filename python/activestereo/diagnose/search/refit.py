@@ -11,8 +11,7 @@ from activestereo.diagnose.refine.fit_cache import fit_key
 from activestereo.diagnose.search.dictionary import Atom
 from activestereo.diagnose.search.rendered import Rendering, fitted_to_renders
 from activestereo.diagnose.search.selection import Candidate
-from activestereo.effects import Effect, Model, Stage
-from activestereo.effects.core.differences import known_differences
+from activestereo.effects import Effect, Model, Stage, known_differences
 
 # Fits take a few steps on few images from the best start, and from a second one with this part of its gain, unless the
 # first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2

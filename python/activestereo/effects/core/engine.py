@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from activestereo.capture.capture import Frame
 from activestereo.common.lens import to_tangents
+from activestereo.common.pose import motion_of_twist
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, random_stream
@@ -218,11 +218,7 @@ def moved_pose(
     angular (rad/s): its twist in its own frame."""
     if time_s == 0.0:
         return pose.copy()
-    generator = np.zeros((4, 4))
-    x, y, z = angular
-    generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-    generator[:3, 3] = linear
-    return pose @ expm(time_s * generator)
+    return pose @ motion_of_twist(time_s * np.concatenate([linear, angular]))
 
 
 def apply_engine(

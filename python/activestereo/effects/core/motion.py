@@ -7,8 +7,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import expm
 
+from activestereo.common.pose import motion_of_twist
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
@@ -56,14 +56,9 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
 def _poses(view: View, rows: np.ndarray) -> np.ndarray:
     """Returns the rig's motion as one pose per row, [height][4][4], from camera coordinates at the row's time to those
     at mid-exposure. rows: each row's time after mid-exposure, seconds, [height]."""
-    twist = view.frame.camera_velocity
-    velocity, spin = twist[:3], twist[3:]
-    generator = np.zeros((4, 4))
-    generator[:3, :3] = [[0, -spin[2], spin[1]], [spin[2], 0, -spin[0]], [-spin[1], spin[0], 0]]
-    generator[:3, 3] = velocity
-    to_left = np.linalg.inv(view.left_to_camera)
+    twist, to_left = view.frame.camera_velocity, np.linalg.inv(view.left_to_camera)
     times, index = np.unique(rows, return_inverse=True)
-    poses = np.stack([view.left_to_camera @ expm(t * generator) @ to_left for t in times])
+    poses = np.stack([view.left_to_camera @ motion_of_twist(t * twist) @ to_left for t in times])
     return poses[index]
 
 
