@@ -105,18 +105,23 @@ def _from_starts(
 ) -> Solution:
     """Fits an effect from several starts and from neutral; returns the best fit. Each start is evaluated once, and only
     the promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks.
-    base_chi2: chi2 at neutral."""
+    Each fit begins at the nuisances of its start: far from them a step may fail. base_chi2: chi2 at neutral."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for _, start in starts]
-    look = lambda: {"chi2": np.array([fitter.nuisance_fit(space, theta, phi)[1] for theta in thetas])}  # noqa: E731
-    seen = np.append(fitter.remembered(look, space, thetas, phi)["chi2"], base_chi2)
+
+    def look() -> dict[str, np.ndarray]:
+        fits = [fitter.nuisance_fit(space, theta, phi) for theta in thetas]
+        return {"phi": np.array([fitted for fitted, _ in fits]), "chi2": np.array([chi2 for _, chi2 in fits])}
+
+    looked = fitter.remembered(look, space, thetas, phi)
+    seen, phis = np.append(looked["chi2"], base_chi2), [*looked["phi"], phi]
     thetas, atoms = [*thetas, space.start], [*(atom for atom, _ in starts), None]
     best, *others = np.argsort(seen)
-    gain, fit = base_chi2 - seen, fitter.refine(space, thetas[best], phi, _STEPS)
+    gain, fit = base_chi2 - seen, fitter.refine(space, thetas[best], phis[best], _STEPS)
     left = fit.sums.total - sum(o.pixels for o in fitter.observations)
     if left < _NOTHING * (base_chi2 - fit.sums.total):
         return fit
     rivals = [k for k in others if gain[k] > _RIVAL * gain[best] and (effect.starts or atoms[k] is not atoms[best])]
-    rivals = [fitter.refine(space, thetas[k], phi, _STEPS) for k in rivals[: None if effect.starts else 1]]
+    rivals = [fitter.refine(space, thetas[k], phis[k], _STEPS) for k in rivals[: None if effect.starts else 1]]
     return min([fit, *rivals], key=lambda f: f.sums.total)
