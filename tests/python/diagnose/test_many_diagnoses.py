@@ -46,7 +46,8 @@ def test_many_diagnoses_with_many_processes_give_one_result(hazy):
 
         def rendering(model):
             renders.append(model)
-            return renderer.lights(hazy.capture, model, hazy.capture.split("train"))
+            lights = renderer.lights(hazy.capture, model, hazy.capture.split("train"))
+            return {key: np.stack((o.direct, o.indirect, o.ambient)) for key, o in lights.items()}
 
         return examine(hazy, Model(), EFFECTS, Settings(workers=workers, rendering=rendering)).result
 
