@@ -117,10 +117,12 @@ def response_of(views: Sequence[SceneView], max_dn: float) -> tuple[float, float
     told = []
     for a, b in itertools.combinations(views, 2):
         ratio = float(np.log(b.frame.exposure_gain / a.frame.exposure_gain))
+        if abs(ratio) <= _LEAST_LOG_EXPOSURE:
+            continue
         for first, second in ((a.left, b.left), (a.right, b.right)):
             x, y = blurred(first, _SAME_PLACE_PX), blurred(second, _SAME_PLACE_PX)
             linear = np.maximum(x, y) < _LINEAR_TO * max_dn
-            if abs(ratio) > _LEAST_LOG_EXPOSURE and correlation(x[linear], y[linear]) > _SAME_PICTURE:
+            if correlation(x[linear], y[linear]) > _SAME_PICTURE:
                 slope, offset = np.polyfit(x[linear], y[linear], 1)
                 told.append((np.log(max(np.log(slope) / ratio, 1e-3)), offset / (1.0 - slope)))
     return None if not told else (float(np.median([e for e, _ in told])), float(np.median([b for _, b in told])))
