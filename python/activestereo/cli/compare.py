@@ -89,8 +89,8 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(comparison.scores)
         return
-    kept = f"{LayerCache().usage_text()}"
-    print(comparison_screen(comparison.scores, next_step, args.out / "report.html", kept, args.verbose))
+    usage = LayerCache().usage_text()
+    print(comparison_screen(comparison.scores, next_step, args.out / "report.html", usage, args.verbose))
 
 
 def _model_arguments(args: argparse.Namespace, capture: "Capture", effects: "dict[str, Effect]") -> dict[str, Any]:

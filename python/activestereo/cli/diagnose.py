@@ -142,7 +142,7 @@ def run(args: argparse.Namespace) -> None:
         print_json(diagnosis.result)
         return
     taken = ", ".join(f"{phase} {seconds:.0f} s" for phase, seconds in phases.taken_s.items())
-    details = "\n".join([*written, taken, f"{LayerCache().usage_text()}"])
+    details = "\n".join([*written, taken, LayerCache().usage_text()])
     print(diagnosis_screen(diagnosis.result, steps, args.out / "report.html", details, args.verbose))
 
 
