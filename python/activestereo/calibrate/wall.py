@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from activestereo.calibrate.spots import Spots
+from activestereo.common.lens import to_tangents
 
 _LARGEST_ROW_ERROR_PX = 1.0
 _LEAST_MATCHED = 30
@@ -96,7 +97,7 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
         slope = np.array([plane[1] * K[0, 0], plane[2] * K[1, 1], plane[0] - K[0, 2] + right_K[0, 2]])
         normal, u = slope / (K[0, 0] * baseline_m), left.u.copy()
         u[both] += 0.5 * (right.u[match[both]] + column[both] @ plane - left.u[both])
-        ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
+        ray = np.column_stack([*to_tangents(u, v, K), np.ones(len(u))])
         return normal, ray / (ray @ normal)[:, None]
 
     normal, points = placed(coefficients)
@@ -115,7 +116,7 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
 def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Intersects rays through the pixels u, v of a camera at camera_m with the plane [n, d]. Returns points [n, 3] in
     the left camera's frame."""
-    ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
+    ray = np.column_stack([*to_tangents(u, v, K), np.ones(len(u))])
     return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.camera.plan import SensorPlan
-from activestereo.common.lens import distort, is_distorting, is_drawn
+from activestereo.common.lens import is_distorting, is_drawn, to_pixels, to_tangents
 
 
 def registered(
@@ -20,18 +20,17 @@ def registered(
     rgb, matcher, left_to_rgb = plan.rgb, plan.engine, plan.left_to["rgb"]
     v, u = np.nonzero(depth_m)
     z = depth_m[v, u].astype(np.float64)
-    points = np.stack([(u - k[0, 2]) / k[0, 0] * z, (v - k[1, 2]) / k[1, 1] * z, z])
+    x, y = to_tangents(u, v, k)
+    points = np.stack([x * z, y * z, z])
     rotation, offset = left_to_rgb[:3, :3] @ left_to_rectified[:3, :3].T, left_to_rgb[:3, 3:]
     x, y, z = rotation @ points + offset
     ahead = z > 0
     x, y, z = x[ahead] / z[ahead], y[ahead] / z[ahead], z[ahead]
     if is_distorting(rgb["distortion"]):
         drawn = is_drawn(x, y, rgb["distortion"])
-        x, y = distort(x[drawn], y[drawn], rgb["distortion"])
-        z = z[drawn]
-    rgb_k, width, height = rgb["k"], rgb["width"], rgb["height"]
-    column = np.rint(rgb_k[0, 0] * x + rgb_k[0, 1] * y + rgb_k[0, 2]).astype(int)
-    row = np.rint(rgb_k[1, 1] * y + rgb_k[1, 2]).astype(int)
+        x, y, z = x[drawn], y[drawn], z[drawn]
+    width, height = rgb["width"], rgb["height"]
+    column, row = (np.rint(place).astype(int) for place in to_pixels(x, y, rgb["k"], rgb["distortion"]))
     out = np.full((height, width), np.inf, np.float32)
     covered = (0, 1) if matcher["depth_dilation"] else (0,)
     for down in covered:

@@ -54,10 +54,7 @@ def pixel_rays(
     u: NDArray[np.int_], v: NDArray[np.int_], k: NDArray[np.float64], coefficients: Coefficients
 ) -> NDArray[np.float64]:
     """Computes ray directions [3, n] with z = 1 through the centres of the pixels (u, v) [n]. k: 3x3 camera matrix."""
-    rays = np.linalg.inv(k) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
-    if is_distorting(coefficients):
-        rays[:2] = undistort(rays[0], rays[1], coefficients)
-    return rays
+    return np.stack([*to_tangents(u, v, k, coefficients), np.ones(len(u))])
 
 
 def to_tangents(u: NDArray[Any], v: NDArray[Any], k: NDArray[Any], coefficients: Coefficients = ()) -> Positions:

@@ -18,6 +18,7 @@ import simsense
 from activestereo.camera.plan import SensorPlan
 from activestereo.camera.registration import registered
 from activestereo.common.input_files import checked_file
+from activestereo.common.lens import to_tangents
 from activestereo.common.nearest import did_you_mean
 
 # The file's metadata may hold OnnxInterface's fields under this name, as a JSON object.
@@ -175,7 +176,7 @@ def foreign_maps(
     is_near = (z >= plan.engine["min_depth_m"]) & (z < plan.engine["max_depth_m"])
     depth = np.where(is_near, z, 0.0).astype(np.float32)
     v, u = np.indices(depth.shape[-2:])
-    rays = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(u.shape)], axis=-1)
+    rays = np.stack([*to_tangents(u, v, k), np.ones(u.shape)], axis=-1)
     reason = np.where(is_measured, simsense.REASONS.index("valid"), simsense.REASONS.index("not_unique"))
     reason = np.where(is_measured & (depth == 0), simsense.REASONS.index("out_of_range"), reason)
     found_maps = {

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import Capture, Frame, Rig
+from activestereo.common.lens import to_tangents
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -125,7 +126,7 @@ def pixel_grid(shape: tuple[int, ...]) -> tuple[Image, Image]:
 def points_of(depth_m: Image, K: NDArray[np.float64]) -> Image:
     """Converts a depth image to points in the camera's frame, metres [height, width, 3]."""
     column, row = pixel_grid(depth_m.shape)
-    x, y = (column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1]
+    x, y = to_tangents(column, row, K)
     return np.stack([x * depth_m, y * depth_m, depth_m], axis=-1).astype(np.float32)
 
 
