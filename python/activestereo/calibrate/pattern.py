@@ -179,7 +179,8 @@ def calibrate_pattern(
 
 
 def _check_rig(rig: CaptureRig, source: str) -> None:
-    """Raises ValueError unless the rig is that of rectified images. source: the file that states it."""
+    """Raises ValueError unless the rig has no distortion and parallel cameras. source: the rig's file, for the
+    message."""
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         raise ValueError(
             f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "

@@ -60,7 +60,7 @@ class Calibration:
     bit_depth: int
 
     def model(self) -> SensorModel:
-        """Makes a SensorModel of the rig, for model.json."""
+        """Returns a SensorModel of the calibrated stereo rig, which save() writes as model.json."""
         left, right = (Camera(*self.size, self.K[side], self.distortion[side]) for side in SIDES)
         errors = "; ".join(
             f"{side} f ± {INTERVAL_90 * self.error[side][0]:.2g}, c ± {INTERVAL_90 * self.error[side][2]:.2g} px"
@@ -169,7 +169,7 @@ def _bundle(
     first = np.concatenate([*cameras, vector(first_right), *(vector(boards[view.name]) for view in views)])
 
     def unpacked(x: NDArray[np.float64]) -> tuple[Matrices, Matrices, list[NDArray[np.float64]]]:
-        """Splits the vector of unknowns into (K, lenses, left_to_right followed by the boards' poses)."""
+        """Splits the solver's vector into (K and distortion by side, [left_to_right, each board's pose], 4x4)."""
         K, lenses = dict(first_K), {side: np.zeros(5) for side in SIDES}
         for number, side in enumerate(SIDES if own else ()):
             fx, fy, cx, cy, *lens = x[number * own : (number + 1) * own]

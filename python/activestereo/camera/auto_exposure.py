@@ -51,9 +51,9 @@ class AutoExposure:
     region: tuple[int, int, int, int] | None = None
 
     def after(self, now: Setting, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float) -> Setting:
-        """Returns the setting for the next image after one taken with `now`. Mode 'converging' makes one control step;
-        otherwise the control settles from the start setting. signal: simsense's imager parameters under `now`. light:
-        radiance [height, width]. max_dn: the count at which pixels clip."""
+        """Returns the setting for the next image after one taken with `now`. Mode 'converging' takes one control step
+        from `now`; other modes run the control from `start` until it settles. signal: the imager's parameters at `now`.
+        light: radiance [height, width]. max_dn: the count at which pixels clip."""
         seen, black_dn = self._metered_counts(light[None], signal, now), signal["black_level_dn"]
         begin = np.array([(now if self.mode == "converging" else self.start).light_s])
         follow = self._step if self.mode == "converging" else self._settled

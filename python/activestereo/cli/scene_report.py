@@ -83,7 +83,8 @@ def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
 
 
 def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummary) -> None:
-    """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each."""
+    """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each. summary: the scene's
+    count of bodies and its bounds, for a hint at wrong units."""
     if not unseen:
         return
     named = "; ".join(f"'{name}' is {why}" for name, why in unseen[:_MOST_NAMED])

@@ -422,8 +422,8 @@ def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarr
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
 
     def common(change: np.ndarray, light: np.ndarray, rows: int = _LAMP_ROWS) -> np.ndarray:
-        """Returns the part of a change that neighbouring rows have in common: the light times one factor in each
-        row."""
+        """Returns the part of an image's change that is a row's factor times the light. A factor is fitted to a
+        window of `rows` rows."""
         moment, power = (uniform_filter1d((x * light).sum(axis=1), rows, mode="nearest") for x in (change, light))
         return (moment / np.maximum(power, 1e-12))[:, None] * light
 

@@ -113,8 +113,8 @@ class Diagnosis:
         return self.residuals()[frame, side]
 
     def sets(self) -> list[list[str]]:
-        """Returns, for each effect that was named, the ids of all effects that this recording cannot tell apart,
-        likeliest first."""
+        """Returns one list for each named effect: its id and the ids of effects that explain the recording as well,
+        the most probable first."""
         return [list(s["effects"]) for s in self.result["sets"]]
 
     def explain(self, effect_id: str) -> str:

@@ -90,8 +90,8 @@ def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.nda
 
 
 def _row_waves(height: int, line_time: float) -> np.ndarray:
-    """Returns exp(i angle) of rows counted from the middle, [frequencies][height]. Products of coarse and fine steps of
-    frequency make it cheap."""
+    """Returns exp(2 pi i f t) of the rows' times t from the middle row, for each of _FREQUENCIES_HZ: [frequencies]
+    [height]. line_time: seconds a row. Multiplies waves of coarse and of fine steps of f, which is cheap."""
     lag = 2j * np.pi * line_time * (np.arange(height) - (height - 1) / 2)
     coarse = np.exp(np.outer(_FREQUENCIES_HZ[::_FINE_STEPS], lag))
     fine = np.exp(np.outer(_FREQUENCIES_HZ[:_FINE_STEPS] - _FREQUENCIES_HZ[0], lag))

@@ -129,8 +129,8 @@ def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: fl
 
 
 def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
-    """Returns starting values at the places of the pattern whose dots fall short most, by the residual's regression on
-    the dots there."""
+    """Returns starting values at the places of the pattern where measured dots are dimmest beside the model's. The
+    residual's regression on the dots around a place tells how dim."""
     moment, power = np.zeros((2, len(_GRID), len(_GRID)))
     for image in images:
         x, y = (t.ravel() for t in tangents(image.view))
@@ -185,8 +185,7 @@ def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, p
     ],
 )
 def dot_gain_spread(inputs: EngineInputs, spread: float, dot_px: float) -> None:
-    """Each dot has its own gain (log-normal, mean 1). The gain stays with the dot in every frame and in both cameras.
-    """
+    """Each dot has its own gain (log-normal, mean 1), which it keeps in every frame and in both cameras."""
     if spread > 0.0 and inputs.pattern is not None:
         draws = inputs.rng("dot_gain_spread").standard_normal(inputs.pattern.shape)
         smooth, width = gaussian_filter(draws, dot_px, mode="wrap"), np.sqrt(np.log1p(spread**2))

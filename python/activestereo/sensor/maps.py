@@ -21,8 +21,8 @@ _MOST_FREE = 2  # free arrays kept for a result, as the caller holds one during 
 
 
 class _Lent:
-    """Stands for memory that a caller uses. It lives as long as an array over the memory or a view of it; then the
-    memory is free again."""
+    """Marks memory as in use by a caller. Arrays over the memory keep it alive; when the last one goes, the memory may
+    be used again."""
 
     def __init__(self, memory: NDArray[Any]) -> None:
         self.__array_interface__ = memory.__array_interface__

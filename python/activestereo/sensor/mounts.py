@@ -20,7 +20,8 @@ _MOST_NAMED = 8
 
 
 class HasPose(Protocol):
-    """A mount of one sensor: a Mount, or the result of activestereo.integrations.mujoco's mount()."""
+    """A place for one sensor: a scene and the sensor's pose in it. Mount has it, and mount() of
+    activestereo.integrations.mujoco returns it."""
 
     @property
     def scene(self) -> kuafu.Scene: ...

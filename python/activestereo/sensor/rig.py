@@ -53,7 +53,7 @@ class Rig:
         return self._numbers[0] if self._on_rig and self._on_rig[0].is_laser else None
 
     def material(self, number: int) -> kuafu.Material:
-        """Returns a new copy of a scene's material, without any model's changes."""
+        """Returns a new copy of the scene's material of this number, as it is without the effects' changes."""
         if number not in self._materials:
             return self._scene.get_material(number)
         return copy_record(self._materials[number])

@@ -70,7 +70,8 @@ class RigInputs:
         return self._inputs
 
     def enter(self) -> None:
-        """Puts the sensors' objects into the scene for the first time; adds nothing if that fails."""
+        """Puts the sensors' projectors, lights and cameras into the scene. Takes all of them out again and raises if
+        one fails."""
         try:
             self._enter_scene(self.inputs())
         except BaseException:

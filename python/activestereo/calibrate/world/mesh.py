@@ -95,8 +95,9 @@ def closed_depth(depth_m: Image) -> Image:
 def _already_seen(
     view: SceneView, pose: Pose, others: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Mask:
-    """Returns a mask of the view's pixels whose surface an earlier view already shows. A seam along the earlier views'
-    borders is not masked. others, poses: earlier views and their 4x4 camera_to_world; pose: the view's own."""
+    """Returns a mask of the view's pixels whose surface lies at the same depth in an earlier view. Near an earlier
+    view's border no pixel is masked, so meshes overlap. others, poses: earlier views and their 4x4 camera_to_world;
+    pose: the view's own."""
     points = points_of(view.depth_m, K)
     had = np.zeros(view.depth_m.shape, bool)
     for other, own in zip(others, poses, strict=True):

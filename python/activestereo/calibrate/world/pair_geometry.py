@@ -24,9 +24,9 @@ _MOST_VIEWS = 6
 
 @dataclass(frozen=True)
 class PairEstimate:
-    """The right camera's geometry. column_px, row_px: shift of its centre from the rig's. deviation: standard
-    deviations of the three values, from the scatter over views. own_depth: whether depth is the device's own, which
-    determines neither baseline nor column."""
+    """The right camera's geometry. column_px, row_px: shift of its principal point from the stated rig's. deviation:
+    standard deviations of baseline, column and row, from the scatter over views. own_depth: whether the scene's depth
+    came from this device; then baseline_m and column_px repeat the stated rig."""
 
     baseline_m: float
     column_px: float

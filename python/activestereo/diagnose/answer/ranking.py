@@ -39,8 +39,8 @@ def parameters_of(outcome: Outcome, name: Name) -> Parameters:
 def ranking_of(
     outcome: Outcome, numbers: Numbers, verdict_is_effect: bool, name_of: Callable[[int], str]
 ) -> list[Json]:
-    """Returns the ranking: named effects in the order of their naming, effects that this recording cannot tell from
-    them, then the others by their fits and scores. name_of: returns a material's name by its number."""
+    """Returns the ranking: the named effects in order, then all effects that this recording cannot tell from them, then
+    fitted effects by gain, then the rest by score, highest first. name_of: gives a material's name for its number."""
     entries: dict[str, Json] = {}
     pixels, known = _pixels(outcome), _known(outcome, numbers)
 

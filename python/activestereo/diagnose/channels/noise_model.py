@@ -135,8 +135,8 @@ def _pairs(observations: Sequence[Observation]) -> list[tuple[Observation, Obser
 
 
 def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit | str:
-    """Fits photon transfer to the repeats with and without a term, the other terms refitted. The nats are 0 if the
-    model states no noise."""
+    """Fits variance against mean of the repeated frames with and without a noise term. Other terms are fitted in both.
+    Returns the fit with its gain of likelihood in nats (0 if the model has no noise term), or why there is none."""
     capture = evidence.capture
     rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
     if not rows:

@@ -77,8 +77,8 @@ class FitCache:
 
 
 def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | None:
-    """Returns the key of a fit in a space; None if a part of the model is a user's own. observations: their
-    content_key(). values: the numbers and arrays that decide the fit besides."""
+    """Returns the cache key of a fit; None if the space holds an effect that a user wrote. observations: hash of the
+    images. values: further numbers and arrays on which the fit depends."""
     effects = [effect_content(e) for e, _ in (*space.base.effects, *space.pairs)]
     if None in effects:
         return None

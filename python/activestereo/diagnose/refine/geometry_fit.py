@@ -58,9 +58,9 @@ Render = Callable[[Capture], LayersOfFrames]
 
 @dataclass(frozen=True)
 class _Step:
-    """One correction of the geometry, with its standard errors in the same order. focal: relative changes of the focal
-    lengths; twists: as in Geometry.twists(). misfit: factor by which the likelihood counts too many pixels. left: the
-    remaining mean square, noise variances."""
+    """One correction of the geometry. focal: relative changes of the focal lengths; twists: changes of poses as in
+    Geometry.twists(); deviations: standard errors of focal, then twists. misfit: pixels that count as one independent
+    pixel. left: mean square of the remaining residual, in units of the noise's variance."""
 
     focal: np.ndarray
     twists: np.ndarray

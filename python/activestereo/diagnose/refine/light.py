@@ -105,7 +105,8 @@ class LightMemory:
         return self._before[key]
 
     def _rendered_light(self, i: int) -> tuple[Light, Light]:
-        """Returns the rendered light without and with supersampled images."""
+        """Returns observation i's rendered light twice: with images of pixels alone, and with supersampled images as
+        well."""
         layers = self._observations[i].layers
         if id(layers) not in self._rendered:
             light = Light.of(layers)

@@ -38,7 +38,7 @@ Parameters = dict[str, tuple[float, float]]
 
 
 def is_measured_room(capture: Capture) -> bool:
-    """Returns whether `calibrate world` made a capture, with two or more train views that have poses and depth."""
+    """Returns whether `calibrate world` made a capture and two or more of its train views have poses and depth."""
     posed = capture.measured.get("poses", {}).get("frames", [])
     train = [f for f in capture.frames if f.id in posed and f.split == "train" and f.depth_path is not None]
     return len(train) > 1 and has_room_light(capture.scene_path)

@@ -131,7 +131,7 @@ class Search:
         self._structure = self._structure_before = local_structure(self._rows)
 
     def run(self) -> Outcome:
-        """Names effects as missing until none passes, then returns the Outcome."""
+        """Adds the best effect to the model until no further effect passes the tests, then returns the Outcome."""
         linear = linearised(self._scored, self._solution)
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         made_by = self._settings.workers, self._settings.memory

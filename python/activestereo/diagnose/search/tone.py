@@ -23,7 +23,8 @@ _NODES, _STEPS = 10, 4
 
 @dataclass(frozen=True)
 class _Curve:
-    """A response effect with a correction curve: `added` DN at the levels `nodes`, DN above black."""
+    """A response effect followed by a curve that adds `added` DN at signals of `nodes` DN above black, linear
+    between."""
 
     effect: Effect
     nodes: NDArray[np.float64]

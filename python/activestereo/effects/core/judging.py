@@ -82,8 +82,8 @@ class RandomTerm:
 
 @dataclass(frozen=True)
 class CodeSteps:
-    """Declares that digital numbers are multiples of a step. parameter: the name of the parameter that holds the step
-    in DN."""
+    """States that an effect rounds digital numbers to multiples of a step. parameter: the effect's parameter that holds
+    the step in DN."""
 
     parameter: str
 

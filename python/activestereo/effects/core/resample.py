@@ -397,8 +397,8 @@ class _LaterSupersampled(SupersampledImages):
 
 
 class _WarpedSupersampled(_LaterSupersampled):
-    """SupersampledImages after a warp. Within a pixel a warp is hardly more than a shift, so means over its pixels are
-    means of the source."""
+    """SupersampledImages after a warp. A warp shifts one pixel almost as a whole, so the mean over a warped pixel is
+    the source's mean over the shifted pixel."""
 
     _place: tuple[np.ndarray, np.ndarray]
 

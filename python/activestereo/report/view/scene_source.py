@@ -19,7 +19,8 @@ from activestereo.scene_io.staging import overall_view, room_radiance
 
 
 class SceneSource:
-    """A scene file as a source of the page's pictures. config: the sensor; model: its known effects, or None."""
+    """Simulates the viewer's pictures of a scene file. config: the sensor; model: the sensor's effects, None for
+    none."""
 
     def __init__(
         self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None = None
