@@ -150,7 +150,8 @@ class Search:
         left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
         is_full = sum(n.seen is not None for n in self._names) >= self._numbers.most_names
         parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
-        rest = Remainder(*parts, is_full=is_full)
+        in_images = sum(n.seen is not None and n.field is None for n in self._names)
+        rest = Remainder(*parts, names=max(1, in_images), is_full=is_full)
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names), noise,
             self._unjudged, rest, tuple(self._rounds),

@@ -23,7 +23,8 @@ class Remainder:
     above the noise. structure, structure_before: of the residual with and without named effects (score/structure.py).
     strain: how far a named effect moves the rig or an albedo from its stated value, in stated deviations; if none is
     named, the second farthest albedo. test_explained, test_left: explained and left on test frames, None if they tell
-    nothing. is_full: whether the search reached its largest number of names.
+    nothing. names: how many effects of expected images are named, at least 1. is_full: whether the search reached its
+    largest number of names.
     """
 
     explained: float
@@ -34,6 +35,7 @@ class Remainder:
     drawn: float = 0.0
     test_explained: float | None = None
     test_left: float | None = None
+    names: int = 1
     is_full: bool = False
 
 
@@ -42,9 +44,10 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
 
     If none is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
     their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
-    Beside other effects the structure must be a small part of the first one, for formulas are not exact. No more error
-    may be left than is explained, neither on train nor on test frames. Test frames must confirm either case; beside a
-    named effect they count twice as much as train frames.
+    Beside other effects the structure must be a small part of what one name took of the first one, for formulas are not
+    exact; names that share out an effect of no library leave more. No more error may be left than is explained, neither
+    on train nor on test frames. Test frames must confirm either case; beside a named effect they count twice as much as
+    train frames.
     """
     if rest.is_full:
         return float("inf")
@@ -55,7 +58,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
         structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
         return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
     structure = max(rest.structure, 0.0)
-    structure *= min(1.0, structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
+    structure *= min(1.0, rest.names * structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
     train = max(structure, rest.left / max(rest.explained, numbers.structure))
     beside = train / 2.0 + unconfirmed if is_tested else train
     return max(beside, rest.strain / numbers.strain, test_left / max(test_explained, numbers.structure))
