@@ -3,28 +3,39 @@
 """Known effects in recordings of rooms, in a user's order: they are in the camera while it measures the room.
 
     python3 tests/benchmark_suite/measured_rooms.py OUT RECORDING... [--kind gain] [--strength strong] [--reference DIR]
+    python3 tests/benchmark_suite/measured_rooms.py OUT --rooms 4 --seed 7 --jobs 32
 
-Each RECORDING is a capture that 'activestereo import' made, of two views or more. All are measured as they are. Then
-the kinds of 'activestereo benchmark inject', and drops on a window, go into their images, on one recording after the
-other, before calibrate world and diagnose. OUT/results.json has a row for each: whether the plan of the measured room
-tells an effect of that size, which stands there for all rows before the first diagnosis; then the names beside the
-lens's falloff, nats, seconds.
+Each RECORDING is a capture that 'activestereo import' made, of two views or more; `--rooms` draws some, of two and
+three views in turn (tests/python/shared/room_worlds.py). All are measured as they are. Then the kinds of 'activestereo
+benchmark inject', and drops on a window, go into their images, on one recording after the other, before calibrate world
+and diagnose. OUT/results.json has a row for each: whether the plan of the measured room tells an effect of that size,
+which stands there for all rows before the first diagnosis; then the names beside the lens's falloff, nats, seconds.
 """
 
 import argparse
+import contextlib
+import io
 import json
+import multiprocessing
+import os
 import shutil
+import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "python" / "shared"))
+
 from inject.inject import plan, write_injected
 from inject.kinds import KINDS
-from activestereo.calibrate.world.cells import Room
+from room_worlds import BASELINE_M, CX, CY, F, Room
+from activestereo.calibrate.world import cells
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import SIDES, read_capture
+from activestereo.cli import main as command
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.room.names import score_room
 from activestereo.diagnose.room.plan import detectable_sizes
@@ -34,25 +45,36 @@ OWN = "vignetting"  # every lens has it: a stronger one shows as a larger expone
 EXPONENT_SD = 0.25  # standard deviation of the exponent from one pair of views
 # Drops on one camera's window: discs in which the image is blurred by this many pixels, the same in every view.
 DROPS, DISCS, RADII_PX = {"medium": 1.5, "strong": 3.0}, 6, (25, 60)
+# Drawn rooms have the first two views or all three: degrees turned, and exposure.
+TURNS, EXPOSURES = ((0, 0), (14, 3), (-13, -4)), (1.0, 0.85, 1.3)
 ACCEPTED = {name: kind.accepted for name, kind in KINDS.items()} | {"drops": ("focus_mismatch",)}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("recordings", type=Path, nargs="+")
+    parser.add_argument("recordings", type=Path, nargs="*")
+    parser.add_argument("--rooms", type=int, default=0, help="number of drawn rooms")
     parser.add_argument("--kind", action="append", choices=sorted(ACCEPTED), help="default: all")
     parser.add_argument("--strength", action="append", help="default: medium and strong")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--reference", type=Path, action="append", default=[], help="a measured room of the same unit")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    rows = [measured(args, *case) for case in cases(args)]
+    views = [2 + room % 2 for room in range(args.rooms)]
+    args.recordings += [recorded(args.out / f"room{room}_{count}_views", args.seed + room, TURNS[:count],
+                                 EXPOSURES[:count]) for room, count in enumerate(views)]  # fmt: skip
+    rows = [None] * len(list(cases(args)))
+    for number, row in in_parallel(partial(measured, args), list(enumerate(cases(args))), args.jobs):
+        rows[number] = row
     write(args.out, rows)
-    for number, row in enumerate(rows):
-        rows[number] = row if "why" in row else answered(args, row, rows[:number])
-        print(json.dumps(rows[number]), flush=True)
+    for number, row in in_parallel(partial(answered, args), list(enumerate(rows)), args.jobs):
+        rows[number] = row
+        print(json.dumps(row), flush=True)
         write(args.out, rows)
+    rows = [grown(row, rows) if row["hidden"] == OWN and "exponent" in row else row for row in rows]
+    write(args.out, rows)
     hidden = [row for row in rows if row["hidden"] is not None]
     told = [row for row in hidden if row["told"]]
     plain = [row for row in rows if row["hidden"] is None]
@@ -61,6 +83,28 @@ def main():
     named = sum(row["verdict"] == "wrong" for row in plain)
     print(f"{right} of {len(hidden)} right, {wrong} wrong; {of_told} of {len(told)} that the plan tells; "
           f"nothing hidden: {len(plain)} rooms, {named} with a name")  # fmt: skip
+
+
+def in_parallel(function, items, jobs):
+    """Yields function(item) of all items as they are done, in `jobs` processes of one thread each."""
+    if jobs == 1:
+        yield from map(function, items)
+        return
+    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")  # the children read them
+    with multiprocessing.get_context("spawn").Pool(jobs, cv2.setNumThreads, (1,)) as pool:
+        yield from pool.imap_unordered(function, items)
+
+
+def recorded(folder, seed, turns, exposures, session=0):
+    """Draws a room, writes its views and imports them as a capture into `folder`, which it returns. turns: degrees of
+    each view; exposures: relative; session: number of the visit to the same room."""
+    room = Room(turns_deg=turns, exposures=exposures, seed=seed, session=session)
+    views = room.write(folder.with_name(folder.name + "_views"))
+    stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--depth-scale", "0.0001"]
+    stated += ["--exposure", ",".join(str(0.008 * exposure) for exposure in exposures)]
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert command(["import", str(views), "--sensor", "d415", *stated, "-o", str(folder)]) == 0
+    return folder
 
 
 def write(out, rows):
@@ -99,9 +143,10 @@ def hidden(recording, out, name, strength, seed):
     return {"side": side, "sigma_px": DROPS[strength], "share": round(float(wet.mean()), 4)}
 
 
-def measured(args, name, strength, recording):
-    """Measures one recording with calibrate world and returns its result row, without a diagnosis. row["told"]: whether
-    the plan of the measured room says that an effect of this size can be told."""
+def measured(args, numbered):
+    """Measures the recording of one numbered case with calibrate world and returns (number, its result row without a
+    diagnosis). row["told"]: whether the plan of the measured room says that an effect of this size can be told."""
+    number, (name, strength, recording) = numbered
     place = args.out / "_".join([recording.name, *([name, strength] if name else ["plain"])])
     row = {"recording": recording.name, "place": place.name, "hidden": name, "strength": strength, "told": False}
     source, started = recording, time.monotonic()
@@ -116,11 +161,11 @@ def measured(args, name, strength, recording):
             calibrate_world(source, place)
         if name is not None:
             capture = read_capture(place)
-            tells = detectable_sizes(score_room(Room(capture), tuple(builtin().values())))
+            tells = detectable_sizes(score_room(cells.Room(capture), tuple(builtin().values())))
             row["told"], row["least"] = is_told(tells, name, row["truth"], capture)
     except ValueError as error:
-        return row | {"verdict": "refused", "why": str(error)}
-    return row | {"seconds": round(time.monotonic() - started, 1)}
+        return number, row | {"verdict": "refused", "why": str(error)}
+    return number, row | {"seconds": round(time.monotonic() - started, 1)}
 
 
 def is_told(tells, name, truth, capture):
@@ -149,22 +194,29 @@ def is_told(tells, name, truth, capture):
     return bool(each) and (all if name == "drops" else any)(each), dict(least)
 
 
-def answered(args, row, done):
-    """Diagnoses a measured room and returns its row with the named effects and the verdict. done: earlier rows, which
-    hold the unchanged recordings' results."""
-    started, name = time.monotonic(), row["hidden"]
+def answered(args, numbered):
+    """Diagnoses the measured room of a numbered row and returns (number, the row with the named effects and the
+    verdict)."""
+    (number, row), started = numbered, time.monotonic()
+    if "why" in row:
+        return number, row
     result = diagnose(args.out / row["place"], reference=args.reference).result
     entries = {entry["effect"]: entry for entry in result["ranking"]}
     row = row | {"named": [effect for effect in result["added"] if effect != OWN], "verdict": "silent"}
     row["nats"] = [round(entries[effect]["score_nats"], 1) for effect in row["named"]]
     row["exponent"] = round(entries[OWN]["parameters"]["exponent"]["value"], 2) if OWN in entries else None
     row["seconds"] = round(row["seconds"] + time.monotonic() - started, 1)
-    if name == OWN:  # found if the exponent grows beyond the unchanged recording's
-        grown = row["exponent"] - next(r["exponent"] for r in done if r["recording"] == row["recording"])
-        row["verdict"] = "right" if abs(grown - row["truth"]["exponent"]) < EXPONENT_SD * 3.0 else "silent"
     if row["named"]:
-        row["verdict"] = "right" if name is not None and row["named"][0] in ACCEPTED[name] else "wrong"
-    return row
+        row["verdict"] = "right" if row["hidden"] and row["named"][0] in ACCEPTED[row["hidden"]] else "wrong"
+    return number, row
+
+
+def grown(row, rows):
+    """Returns the row of a hidden falloff, which is found if its exponent grows beyond the unchanged recording's. rows:
+    those of all cases."""
+    plain = next(r["exponent"] for r in rows if r["hidden"] is None and r["recording"] == row["recording"])
+    is_found = not row["named"] and abs(row["exponent"] - plain - row["truth"]["exponent"]) < EXPONENT_SD * 3.0
+    return row | {"verdict": "right"} if is_found else row
 
 
 if __name__ == "__main__":

@@ -1,19 +1,21 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Effects in recordings of drawn rooms, named with the recordings that the plan of the first one asks for.
+"""Effects in recordings of drawn rooms, named with the recordings that a plan asks for.
 
-    python3 tests/benchmark_suite/planned_rooms.py OUT --seed 7 [--cases 12]
+    python3 tests/benchmark_suite/planned_rooms.py OUT --seed 7 [--cases 48] [--jobs 32]
 
-Every case draws a room (tests/python/shared/room_worlds.py), a kind of measured_rooms.py and a size from medium to one
-and a half times strong. Three views are imported with the effect in them, measured and planned. Where the plan tells
-the size by these views, they are diagnosed; else the first of its recordings that tells it is made, of the views of a
-room or of a good session, and diagnosed with them. What it leaves to another command is counted apart.
-OUT/results.json has a row for each case, whose plan stands there before its diagnosis.
+Every case draws a room (tests/python/shared/room_worlds.py) and plans recordings of it while the camera is good. Then
+it draws a kind of measured_rooms.py and a size from medium to one and a half times strong, until the plan promises that
+a recording of the room tells it. Three views are recorded with the effect in them, and the recording that the plan
+asks for: a further view, or the good session. OUT/results.json has a row for each case, written when it is done.
+`--jobs` processes of one thread work at once; a run that was cut short goes on from OUT's rows.
 """
 
 import argparse
 import json
+import shutil
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +24,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "python" / "shared"))
 
 from inject.inject import plan, write_injected
 from inject.kinds import KINDS
-from measured_rooms import ACCEPTED, is_told, write
-from room_worlds import BASELINE_M, CX, CY, F, Room
+from measured_rooms import ACCEPTED, in_parallel, is_told, recorded
 from activestereo.calibrate.world import cells
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
-from activestereo.cli import main as command
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.room.names import score_room
 from activestereo.diagnose.room.plan import plan_of
@@ -47,72 +47,66 @@ def main():
     parser.add_argument("out", type=Path)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--cases", type=int, default=48)
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for number in range(args.cases):
-        row = planned(args.out / f"case{number}", np.random.default_rng([args.seed, number]))
-        write(args.out, [*rows, row])  # the plan is stored before the diagnosis
-        by_room = row["by"] is not None and "activestereo calibrate" not in row["by"]
-        rows.append(answered(args.out / f"case{number}", row) if by_room else row)
-        write(args.out, rows)
-        print(json.dumps(rows[-1]), flush=True)
-    run = [row for row in rows if "verdict" in row]
-    right, wrong = (sum(row["verdict"] == verdict for row in run) for verdict in ("right", "wrong"))
-    print(f"{right} of {len(run)} right, {wrong} wrong; to other commands: {len(rows) - len(run)}")
+    results = args.out / "results.json"
+    rows = json.loads(results.read_text()) if results.exists() else []
+    left = sorted(set(range(args.cases)) - {row["case"] for row in rows})
+    for row in in_parallel(partial(case, args.out, args.seed), left, args.jobs):
+        rows = sorted([*rows, row], key=lambda row: row["case"])
+        results.write_text(json.dumps(rows, indent=1) + "\n")
+        verdicts = [row["verdict"] for row in rows]
+        score = ", ".join(f"{verdicts.count(v)} {v}" for v in ("right", "wrong", "silent", "refused"))
+        print(json.dumps(row), f"{score} of {len(rows)}", sep="\n", flush=True)
 
 
-def recorded(folder, seed, turns, exposures, session=0):
-    """Draws a room, writes its views and imports them as a capture into `folder`, which it returns. turns: degrees of
-    each view; exposures: relative; session: number of the visit to the same room."""
-    room = Room(turns_deg=turns, exposures=exposures, seed=seed, session=session)
-    views = room.write(folder.with_name(folder.name + "_views"))
-    stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--depth-scale", "0.0001"]
-    stated += ["--exposure", ",".join(str(0.008 * exposure) for exposure in exposures)]
-    assert command(["import", str(views), "--sensor", "d415", *stated, "-o", str(folder)]) == 0
-    return folder
+def case(out, seed, number):
+    """Runs one case and returns its row: what was hidden, what the plan promised, the names and the verdict."""
+    folder = out / f"{seed}_{number}"
+    row = {"case": number, **promised(folder, np.random.default_rng([seed, number]))}
+    try:
+        return answered(folder, row)
+    except ValueError as error:
+        return row | {"verdict": "refused", "why": str(error)}
 
 
-def flawed(folder, clean, row):
-    """Puts the row's effect into the recording `clean`, measures it as `folder` and returns the measured capture.
-    Stores the effect's true parameters in the row."""
-    source = folder.with_name(folder.name + "_recorded")
-    injection = plan(read_capture(clean), row["hidden"], str(row["size"]), row["seed"])
-    row["truth"] = write_injected(injection, source)["parameters"]
-    calibrate_world(source, folder)
-    return read_capture(folder)
-
-
-def planned(folder, rng):
-    """Draws a case and returns its row, without a diagnosis. row["by"]: the planned recording that can tell an effect
-    of this size, None if no recording of a room can."""
+def promised(folder, rng):
+    """Draws a room and an effect that the plan of its good session tells, and returns the case's row. row["by"]: the
+    recording that tells it; row["least"]: the sizes from which on."""
+    shutil.rmtree(folder, ignore_errors=True)  # of a run that was cut short
     folder.mkdir()
-    kind = DRAWN[rng.integers(len(DRAWN))]
-    _, medium, strong = KINDS[kind].values
-    size = float(np.exp(rng.uniform(np.log(medium), np.log(1.5 * strong))))
-    row = {"hidden": kind, "size": round(size, 5), "seed": int(rng.integers(2**31)), "by": None}
-    clean = recorded(folder / "clean", row["seed"], TURNS, EXPOSURES)
-    capture = flawed(folder / "first", clean, row)
-    for recording in plan_of(score_room(cells.Room(capture), tuple(builtin().values()))):
-        tells = {effect: told for effect, told in recording.tells.items() if told is not None}
-        if is_told(tells, kind, row["truth"], capture)[0]:
-            return row | {"by": recording.text, "least": is_told(tells, kind, row["truth"], capture)[1]}
-    return row
+    row = {"seed": int(rng.integers(2**31))}
+    recorded(folder / "clean", row["seed"], TURNS, EXPOSURES)
+    calibrate_world(folder / "clean", folder / "planned")
+    capture = read_capture(folder / "planned")
+    recordings = plan_of(score_room(cells.Room(capture), tuple(builtin().values())))
+    while True:
+        kind = DRAWN[rng.integers(len(DRAWN))]
+        _, medium, strong = KINDS[kind].values
+        size = round(float(np.exp(rng.uniform(np.log(medium), np.log(1.5 * strong)))), 5)
+        truth = plan(read_capture(folder / "clean"), kind, str(size), row["seed"]).parameters
+        for recording in recordings:
+            tells = {effect: told for effect, told in recording.tells.items() if told is not None}
+            told, least = is_told(tells, kind, truth, capture)
+            if told:
+                return row | {"hidden": kind, "size": size, "truth": truth, "by": recording.text, "least": least}
 
 
 def answered(folder, row):
-    """Makes the recording that the plan asks for, diagnoses it, and returns the row with the named effects and
-    verdict."""
-    place, reference = folder / "first", []
+    """Records the views with the effect, and what the plan asks for, diagnoses them, and returns the row with the named
+    effects and verdict."""
     view = next((view for text, view in VIEWS.items() if text in row["by"]), None)
+    clean, reference = folder / "clean", []
     if view is not None:
-        place, turn, exposure = folder / "whole", *view
-        flawed(place, recorded(folder / "more", row["seed"], (*TURNS, turn), (*EXPOSURES, exposure)), row)
+        clean = recorded(folder / "more", row["seed"], (*TURNS, view[0]), (*EXPOSURES, view[1]))
     elif GOOD in row["by"]:
         reference, rng = [folder / "good"], np.random.default_rng(row["seed"])
         turns = [tuple(np.array(turn) + rng.normal(0.0, AGAIN, 2)) for turn in TURNS]
         calibrate_world(recorded(folder / "again", row["seed"], turns, EXPOSURES, session=1), reference[0])
-    result = diagnose(place, reference=reference).result
+    write_injected(plan(read_capture(clean), row["hidden"], str(row["size"]), row["seed"]), folder / "flawed")
+    calibrate_world(folder / "flawed", folder / "measured")
+    result = diagnose(folder / "measured", reference=reference).result
     named = [effect for effect in result["added"] if effect != "vignetting"]
     verdict = "silent" if not named else "right" if named[0] in ACCEPTED[row["hidden"]] else "wrong"
     return row | {"named": named, "verdict": verdict}

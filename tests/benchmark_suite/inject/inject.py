@@ -46,6 +46,12 @@ class Injection:
     def kind(self) -> Kind:
         return KINDS[self.name]
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Returns the effect's true parameters."""
+        scale = self.capture.rig.max_dn / 255.0 if self.kind.in_dn else 1.0
+        return {self.kind.parameter: self.value * scale, **self.drawn}
+
     def changed(self, number: int, side: str) -> np.ndarray:
         """Returns one changed infrared image in whole DN. number: the frame's place in the capture."""
         frame, rig = self.capture.frames[number], self.capture.rig
@@ -55,15 +61,12 @@ class Injection:
         light = Light(measured - self.black_dn, self.noise_model.variance(measured - self.black_dn))
         view = self._view(number, side)
         try:
-            light = self.kind.apply(light, view, **{self.kind.parameter: self._scaled_value(), **self.drawn})
+            light = self.kind.apply(light, view, **self.parameters)
         except ValueError as error:
             raise ValueError(f"{self.capture.path}: frames[id={frame.id}] {error}") from error
         if not self.kind.behind_noise:
             light = with_noise(light, self.noise_model, view.temporal)
         return np.clip(np.rint(light.value + self.black_dn), 0, rig.max_dn)
-
-    def _scaled_value(self) -> float:
-        return self.value * (self.capture.rig.max_dn / 255.0 if self.kind.in_dn else 1.0)
 
     def _view(self, number: int, side: str) -> View:
         frame, rig = self.capture.frames[number], self.capture.rig
@@ -166,7 +169,7 @@ def _answer(injection: Injection, differences: Mapping[str, list[float]]) -> dic
         "accepted": list(kind.accepted),
         "strength": injection.strength,
         "cameras": list(injection.sides),
-        "parameters": {kind.parameter: injection._scaled_value(), **injection.drawn},
+        "parameters": injection.parameters,
         "seed": injection.seed,
         "black_level_dn": injection.black_dn,
         "noise": {

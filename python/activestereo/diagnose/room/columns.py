@@ -35,6 +35,7 @@ _SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
 _CYCLES = tuple(0.4 + 0.2 * k for k in range(21))
 _PERIODIC = "flicker_banding"
 _TONE = "response_gamma"
+_SATURATION = 2.0  # a quadratic law would miss half of what a soft response does to bright rooms
 # Shares of a parameter's range at which an effect's size is looked up.
 _LADDER = np.geomspace(0.02, 1.0, 9)
 
@@ -198,11 +199,12 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
 
 
 def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
-    """Returns the image change by a soft saturation x (1 - x), minus the parts that an exponent (`power`) or an
-    exposure explains. It stands for responses that differ in the dark, which would otherwise pass for a black level.
-    full_dn: the largest DN."""
+    """Returns the image change by a saturation x / (1 + 2 x), minus the parts that an exponent (`power`) or an exposure
+    explains. It stands for responses that differ in the dark, which would otherwise pass for a black level. full_dn:
+    the largest DN."""
     x = light.both[0]
-    laws = [lambda k, image: image * (1.0 - image / full_dn), power, lambda k, image: image]
+    saturated_law = lambda k, image: image / (1.0 + _SATURATION * np.maximum(image, 0.0) / full_dn)  # noqa: E731
+    laws = [saturated_law, power, lambda k, image: image]
     saturated, *others = (np.asarray(law(0, x)).ravel() for law in laws)
     share = np.linalg.lstsq(np.stack(others, axis=1), saturated, rcond=None)[0]
     scale = np.float32(np.linalg.norm(others[0]) / max(float(np.linalg.norm(saturated)), 1e-9))

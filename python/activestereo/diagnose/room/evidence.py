@@ -102,19 +102,20 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
         if not any(names[j] in spread for j in own):
             continue
         cost, few = looked.get(effect.id, 0.0), FREEDOM.get(effect.id, FEW)
-        ways = _ways(room.columns, own)
-        each = [null + (H * _prior(room.columns, way)) @ H for way in ways]
-        nats = np.logaddexp.reduce([_log_normal(s, more) for more in each]) - at_null - cost - np.log(len(ways))
         S = np.diag(_prior(room.columns, own)) + D
         M = S @ H @ np.linalg.inv(H @ S @ H + V)
         value, deviation = M @ s, np.sqrt(np.maximum(np.diag(S - M @ H @ S), 0.0))
+        ways = _ways(room.columns, own)
+        if any(value[j] < 0.0 for j in own if _is_bend(room.columns[j])):
+            ways = ways[:-1]  # no camera responds more and more to brighter light
+        each = [null + (H * _prior(room.columns, way)) @ H for way in ways]
+        nats = np.logaddexp.reduce([_log_normal(s, more) for more in each]) - at_null - cost - np.log(len(ways))
         least: dict[str, float] = {}
         for way, more in zip(ways, each, strict=True):
             lead = room.columns[way[0]]
             if lead.parameter is None or lead.parameter.name in least:
                 continue  # this way is all parameters together
-            share = {"sine": np.sqrt(0.5), "bend": 0.0}
-            unit = H[:, way] @ [next((s for end, s in share.items() if names[j].endswith(end)), 1.0) for j in way]
+            unit = H[:, way] @ [np.sqrt(0.5) if names[j].endswith("sine") else 1.0 for j in way]
             occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
             missing = gaussian(needed, few) + occam + cost + np.log(len(ways))
             units = (np.sqrt(2.0 * missing) + ONE_SIDED) / np.sqrt(max(unit @ np.linalg.solve(null, unit), 1e-12))
@@ -129,10 +130,16 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
 
 
 def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Returns the sets of columns by which an effect may show: those of each parameter alone, then all together."""
+    """Returns the sets of columns by which an effect may show: those of each parameter alone, without a bend, then all
+    together."""
     parameters = dict.fromkeys(columns[j].parameter for j in own)
-    alone = [np.array([j for j in own if columns[j].parameter == p]) for p in parameters]
-    return alone if len(alone) == 1 else [*alone, own]
+    alone = [np.array([j for j in own if columns[j].parameter == p and not _is_bend(columns[j])]) for p in parameters]
+    return alone if len(alone[0]) == len(own) else [*alone, own]
+
+
+def _is_bend(column: Column) -> bool:
+    """Returns whether a column is the saturation beside a response's exponent."""
+    return column.name.endswith(".bend")
 
 
 def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:

@@ -38,6 +38,8 @@ _OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level", "veiling_glare"), 0.
 _BLURRED_SHARE, _DOT_PX = 0.003, 1.4
 # Black levels are no glare if the views' light leaves more than this share of their squares.
 _UNLIKE_GLARE = 0.2
+# A response whose form the columns do not have leaves a rest in the dark.
+_LEFT_BY = {"response_gamma": ("black_level",)}
 # The penalty for flicker bands, which are searched at 21 periods.
 LOOKED = {"flicker_banding": float(np.log(21.0))}
 # The response that two exposures of one place tell.
@@ -105,7 +107,8 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     ranking: tuple[Found, ...] = ()
     known = session_spread(scores, spread)
     while len(named) < _MOST_NAMES:
-        before = {member for n in named for member in n.members} | {f.effect.id for f in rows}
+        before = {member for n in named for member in (*n.members, *_LEFT_BY.get(n.found.effect.id, ()))}
+        before |= {f.effect.id for f in rows}
         found = [*(f for f in judged(scores, known, LOOKED, NEEDED) if f.effect.id not in before), *rows]
         found.sort(key=lambda f: -f.nats)
         ranking = ranking or tuple(found)
