@@ -69,13 +69,10 @@ class Lab:
         from activestereo.report.write import write_report  # matplotlib takes its time to load
 
         comparison = self.comparison or self.compare()
-        if self.diagnosis is not None:
-            write_diagnosis(self.diagnosis, folder)
+        found = self.diagnosis
+        if found is not None:
+            write_diagnosis(found, folder)
         paths = write_report(comparison, folder)
-        if not self._is_as_found():  # write_diagnosis() has written the complete one
+        if found is None or found.sensor_model is None or self.model is not found.model:  # else it is written
             write_model(paths[0].parent / "model.json", self.model, scene_path=scene_of(self.capture))
         return paths
-
-    def _is_as_found(self) -> bool:
-        found = self.diagnosis
-        return found is not None and found.sensor_model is not None and self.model is found.model

@@ -331,12 +331,6 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
         return float(self.ir_intrinsic[0, 0] * baseline_m)
 
-    @property
-    def projector_in_left_m(self) -> tuple[float, float, float]:
-        """The projector's position in the left infrared camera's frame (x right, y down, z forward), metres."""
-        forward, left, up = (self.pose_rgb_irproj.p - self.trans_pose_l.p).tolist()
-        return -left, -up, forward
-
     def seen_from_left(self) -> StereoDepthSensorConfig:
         """Returns a copy whose RGB camera has the left infrared camera's pose, resolution and lens, so that depth is
         registered to the left image."""

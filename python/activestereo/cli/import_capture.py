@@ -243,5 +243,6 @@ def _nominal_projector(config: StereoDepthSensorConfig) -> tuple[Projector, NDAr
 
     pattern, K = pattern_of(config) or (np.zeros((2, 2), np.uint8), np.eye(3))
     left_to_projector = np.eye(4)
-    left_to_projector[:3, 3] = -np.array(config.projector_in_left_m)
+    forward, left, up = (config.pose_rgb_irproj.p - config.trans_pose_l.p).tolist()
+    left_to_projector[:3, 3] = left, up, -forward
     return Projector(Path("pattern.png"), K, left_to_projector), pattern

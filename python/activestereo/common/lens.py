@@ -50,13 +50,6 @@ def is_drawn(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coeff
     return x * x + y * y < simsense.fold_radius2(**lens_fields(coefficients))
 
 
-def pixel_rays(
-    u: NDArray[np.int_], v: NDArray[np.int_], k: NDArray[np.float64], coefficients: Coefficients
-) -> NDArray[np.float64]:
-    """Computes ray directions [3, n] with z = 1 through the centres of the pixels (u, v) [n]. k: 3x3 camera matrix."""
-    return np.stack([*to_tangents(u, v, k, coefficients), np.ones(len(u))])
-
-
 def to_tangents(u: NDArray[Any], v: NDArray[Any], k: NDArray[Any], coefficients: Coefficients = ()) -> Positions:
     """Maps pixels (u, v) to the directions (x, y, 1) that they see. k: 3x3 camera matrix; no coefficients: a
     pinhole."""

@@ -141,12 +141,6 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
     return Comb(steps, places[counts[places] > 0], total)
 
 
-def _step_dn(capture: Capture) -> float:
-    """Returns the step between neighbouring digital numbers of a capture; 1 if they are whole numbers."""
-    comb = comb_of((capture.ir(f, side) for f in capture.split("train") for side in SIDES), capture.rig.max_dn)
-    return comb.step_dn if comb else 1.0
-
-
 def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
     """Adds the part of the rounding variance that repeats miss to their mean variance; returns DN^2. If the noise is
     small, repeats round alike, so that their scatter does not show it (Widrow and Kollar 2008, Quantization Noise)."""
@@ -260,7 +254,9 @@ def frame_noise_variances(
     The noise model is fitted on the train repeats if there are any, else on all. no_noise: {(frame id, side): DN
     [height][width]} that are subtracted from images: known differences between repeats, or DN that are not light.
     """
-    known, step_dn = no_noise or {}, _step_dn(capture)
+    known, train_frames = no_noise or {}, capture.split("train")
+    comb = comb_of((capture.ir(f, side) for f in train_frames for side in SIDES), capture.rig.max_dn)
+    step_dn = comb.step_dn if comb else 1.0  # else the digital numbers are whole
     statistics = repeat_statistics(capture, drift=known)
     train = [entry for entry in statistics if entry[0][0].split == "train"]
     noise_model = fit_noise_model(train or statistics, black_dn, capture.rig.max_dn, step_dn)

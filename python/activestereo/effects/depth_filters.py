@@ -35,7 +35,10 @@ def hole_filling(disparity: np.ndarray, view: View, reach_px: float, neighbour: 
     """Pixels without a match take a neighbour's disparity, up to reach_px from what was measured. Shadows beside near
     things get a depth that nobody measured. Measured pixels stay."""
     if neighbour == _LEFT:
-        return _from_the_left(disparity, int(reach_px))
+        columns = np.broadcast_to(np.arange(disparity.shape[1]), disparity.shape)
+        last = np.maximum.accumulate(np.where(disparity > 0, columns, -1), axis=1)
+        filled = (disparity <= 0) & (last >= 0) & (columns - last <= int(reach_px))
+        return np.where(filled, np.take_along_axis(disparity, np.maximum(last, 0), axis=1), disparity)
     out = disparity
     for _ in range(int(reach_px)):
         if neighbour == _FARTHEST:
@@ -47,13 +50,6 @@ def hole_filling(disparity: np.ndarray, view: View, reach_px: float, neighbour: 
             break
         out = np.where(filled, around, out)
     return out
-
-
-def _from_the_left(disparity: np.ndarray, reach_px: int) -> np.ndarray:
-    columns = np.broadcast_to(np.arange(disparity.shape[1]), disparity.shape)
-    last = np.maximum.accumulate(np.where(disparity > 0, columns, -1), axis=1)
-    filled = (disparity <= 0) & (last >= 0) & (columns - last <= reach_px)
-    return np.where(filled, np.take_along_axis(disparity, np.maximum(last, 0), axis=1), disparity)
 
 
 # Neighbours this much apart in disparity belong to other surfaces and are not averaged.
@@ -112,9 +108,7 @@ def post_filter(disparity: np.ndarray, view: View, smoothing_px: float, step_px:
     remembers=True,
     image_only="what a device's firmware does after matching is no part of simsense",
 )  # fmt: skip
-def temporal_filter(
-    disparity: np.ndarray, view: View, alpha: float, delta_px: float, persists: float
-) -> np.ndarray:
+def temporal_filter(disparity: np.ndarray, view: View, alpha: float, delta_px: float, persists: float) -> np.ndarray:
     """A filter averages disparities exponentially over frames, where they change by less than delta_px. A scene at rest
     has alpha / (2 - alpha) of a frame's variance; slow motion drags. The filter needs a stream, whose first frame stays
     as it is."""

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+import kuafu
 from activestereo.common.input_files import read_bytes
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape
@@ -91,7 +92,7 @@ class Urdf:
             shapes = []
             for visual in visuals:
                 parts = [
-                    part.painted(visual.colour or _GREY)
+                    Part(part.mesh, material=kuafu.Material(base_color=visual.colour or _GREY))
                     if visual.colour or (part.material is None and part.colors is None)
                     else part
                     for part in visual.parts

@@ -31,10 +31,6 @@ class Part:
     material: kuafu.Material | None = None
     textures: Mapping[str, dict[str, Any]] = field(default_factory=dict)
 
-    def painted(self, rgba: tuple[float, float, float, float]) -> Part:
-        """Returns the mesh in one colour, linear RGBA, without textures."""
-        return Part(self.mesh, material=kuafu.Material(base_color=rgba))
-
 
 def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tuple[int, int]]:
     """Adds a file's parts to a scene, and each image once. Returns (mesh number, material number) of each part."""

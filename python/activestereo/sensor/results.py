@@ -18,7 +18,7 @@ from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import DEPTH_ENGINE, SIDES
 from activestereo.common.computed_once import computed_once
-from activestereo.common.lens import pixel_rays
+from activestereo.common.lens import to_tangents
 from activestereo.common.nearest import did_you_mean, unknown
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
 from activestereo.sensor.cuda_memory import MAPS, PICTURES, CudaArray
@@ -174,7 +174,7 @@ class SensorResults(ABC):
         """Returns [3, height, width]: ray directions through the RGB camera's pixel centres in its axes, with z = 1."""
         rgb = self.camera_info()
         v, u = np.indices((rgb.height, rgb.width))
-        return pixel_rays(u.ravel(), v.ravel(), rgb.k, rgb.distortion).reshape(3, *u.shape)
+        return np.stack([*to_tangents(u, v, rgb.k, rgb.distortion), np.ones(u.shape)])
 
     def get_depth(self) -> NDArray[np.float32]:
         """Returns float32 metres in the RGB camera, through its lens; 0 = no measurement."""

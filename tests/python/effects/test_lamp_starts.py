@@ -29,8 +29,8 @@ def test_a_lamp_in_the_room_is_sought_where_it_may_stand(monkeypatch):
     points, normal = room()
     shading = SimpleNamespace(points=points, normal=normal, reflectance=np.full(SHAPE, 0.2), hit=np.ones(SHAPE, bool))
     monkeypatch.setattr(module.Shading, "of", lambda *_: shading)
-    monkeypatch.setattr(module, "_visibility", lambda *_: np.ones(SHAPE))
-    view = SimpleNamespace(left_to_camera=np.eye(4), frame=SimpleNamespace(camera_to_world=np.eye(4)))
+    frame, unshadowed = SimpleNamespace(camera_to_world=np.eye(4)), lambda *_, choice: np.ones(SHAPE)
+    view = SimpleNamespace(left_to_camera=np.eye(4), frame=frame, latest=unshadowed)
     light = SimpleNamespace(ambient=np.full(SHAPE, 0.1))
 
     def shown(azimuth_rad, elevation_rad, nearness_per_m):

@@ -36,16 +36,14 @@ def exposure_picture(
     return _gray(_checker(images, views, poses, K))
 
 
-def albedo_picture(textures: Sequence[Textures]) -> NDArray[np.uint8]:
-    """Draws a picture with a row for each view: its albedo on the left and the room's light on the right."""
+def scene_pictures(
+    views: Sequence[SceneView], masks: Mapping[tuple[int, str], NDArray[np.bool_]], textures: Sequence[Textures]
+) -> dict[str, NDArray[np.uint8]]:
+    """Draws "albedo", with a row for each of the textures' views (its albedo on the left, the room's light on the
+    right), and "known": each view's left image, darkened where the scene is not known."""
     kinds = [np.vstack([getattr(t, name)[_SMALL] for t in textures]) for name in ("albedo", "room")]
-    return np.hstack([_gray(kind) for kind in kinds])
-
-
-def known_picture(views: Sequence[SceneView], masks: Mapping[tuple[int, str], NDArray[np.bool_]]) -> NDArray[np.uint8]:
-    """Draws each view's left image, darkened where the scene is not known."""
     rows = [np.where(masks[v.frame.id, "left"], 1.0, 0.3) * _gray(v.left) for v in views]
-    return np.vstack(rows).astype(np.uint8)[_SMALL]
+    return {"albedo": np.hstack([_gray(kind) for kind in kinds]), "known": np.vstack(rows).astype(np.uint8)[_SMALL]}
 
 
 def _checker(

@@ -34,12 +34,7 @@ from activestereo.calibrate.world.mesh import write_scene
 from activestereo.calibrate.world.overlaps import Overlap, Surface
 from activestereo.calibrate.world.pair_geometry import pair_geometry
 from activestereo.calibrate.world.pattern import PatternEstimate, recover_pattern
-from activestereo.calibrate.world.pictures import (
-    albedo_picture,
-    exposure_picture,
-    known_picture,
-    poses_picture,
-)
+from activestereo.calibrate.world.pictures import exposure_picture, poses_picture, scene_pictures
 from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
 from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
@@ -356,7 +351,7 @@ def _albedo(world: World, seed: int, folder: Path, progress: Progress) -> None:
     triangles = write_scene(scene, own, [poses[k] for k in train], textures, world.capture.rig.left)
     world.capture = replace(world.capture, scene_path=scene)
     world.masks = known_masks(views, poses, [k in train for k in range(len(views))], world.capture.rig)
-    world.pictures |= {"albedo": albedo_picture(textures), "known": known_picture(views, world.masks)}
+    world.pictures |= scene_pictures(views, world.masks, textures)
     share = float(np.mean([mask.mean() for mask in world.masks.values()]))
     spread = np.concatenate([t.deviation[np.isfinite(t.deviation)][::37] for t in textures])
     deviation = float(np.median(spread)) if spread.size else None

@@ -114,6 +114,9 @@ def _observed(
 
     def observation(s: MeasuredImage) -> Observation:
         tile = tiles.get(s.key)
+        index, seen = np.full(s.measured.shape, -1, np.int16), _materials(s, material_of)
+        for number, name in enumerate(materials):
+            index[seen == name] = number
         return Observation(
             s.frame,
             s.side,
@@ -122,7 +125,7 @@ def _observed(
             s.measured,
             weight_of(noise_model, edge_discrepancy_m, s, expected[s.key]),
             np.full(s.measured.shape, -1, np.int32) if tile is None else tile,
-            _material_index(s, materials, material_of),
+            index,
             growing[s.key],
             moving[s.key],
             len(SIDES) + len(materials) + places[s.frame.id],
@@ -190,10 +193,3 @@ def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -
     ids, counts = np.unique(np.concatenate(seen), return_counts=True)
     order = np.argsort(-counts)
     return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
-
-
-def _material_index(measured_image: MeasuredImage, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
-    index, seen = np.full(measured_image.measured.shape, -1, np.int16), _materials(measured_image, material_of)
-    for number, name in enumerate(materials):
-        index[seen == name] = number
-    return index

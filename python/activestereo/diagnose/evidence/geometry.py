@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import logm
 
-from activestereo.capture.capture import SIDES, Camera, Capture, ImageKey
+from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.common.pose import motion_of_twist
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.nuisances import predict
@@ -113,9 +113,11 @@ class Geometry:
             return self.stated
         rig, projector, row = self.stated.rig, self.stated.rig.projector, _numbers_of_poses(self.stated)
         left_to_projector = motion_of_twist(-self.projector) @ projector.left_to_projector
-        cameras = {
-            side: _with_focal(rig.camera(side), 1.0 + change) for side, change in zip(SIDES, self.focal, strict=True)
-        }
+        cameras = {}
+        for side, change in zip(SIDES, self.focal, strict=True):
+            K = rig.camera(side).K.copy()
+            K[:2, :2] *= 1.0 + change
+            cameras[side] = replace(rig.camera(side), K=K)
         rig = replace(rig, **cameras, projector=replace(projector, left_to_projector=left_to_projector))
         motions = [motion_of_twist(twist) for twist in self.poses]
         frames = (replace(f, camera_to_world=f.camera_to_world @ motions[row[f.id]]) for f in self.stated.frames)
@@ -127,12 +129,6 @@ def _numbers_of_poses(capture: Capture) -> dict[int, int]:
     keys = {f.id: f.camera_to_world.tobytes() for f in capture.frames}
     number = {key: i for i, key in enumerate(dict.fromkeys(keys.values()))}
     return {frame_id: number[key] for frame_id, key in keys.items()}
-
-
-def _with_focal(camera: Camera, factor: float) -> Camera:
-    K = camera.K.copy()
-    K[:2, :2] *= factor
-    return replace(camera, K=K)
 
 
 def _composed(first: Twist, second: Twist) -> Twist:

@@ -144,19 +144,13 @@ class Fitter:
         """Returns the normal equations at (theta, phi). Columns: theta, then phi."""
         n_theta = len(theta)
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
-        for pixels, columns, residual in self._slopes(space, theta, phi, lights, n_theta):
+        for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi)
             if self._supersampled and n_theta:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
         return sums
 
-    def pixel_slopes(self, solution: Solution) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
-        """Yields (pixels, derivatives by theta, scales, black level and focal lengths, residual [n]) at a solution."""
-        theta = solution.theta
-        lights = self.lights(solution.space, theta)
-        return self._slopes(solution.space, theta, solution.phi, lights, len(theta))
-
-    def _slopes(
+    def pixel_slopes(
         self,
         space: ParameterSpace,
         theta: np.ndarray,
@@ -254,7 +248,7 @@ class Fitter:
         """Refits phi at fixed theta by one linear step; returns (phi, chi2 of the linear model)."""
         sums, model = Sums.of_size(len(phi), self._tiles), space.model(theta)
         lights = (self.light(model, i) for i in range(len(self.observations)))
-        for pixels, columns, residual in self._slopes(space, theta, phi, lights, 0):
+        for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, 0):
             sums.add(pixels, columns, residual, 0, phi)
         step = self.solve(sums, phi, 0, space, theta, 1e-9)
         return phi + step, sums.total - 2.0 * step @ sums.moment + step @ sums.gram @ step

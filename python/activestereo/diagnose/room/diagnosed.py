@@ -251,16 +251,14 @@ def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list
     whole = room if not test else Room(capture, [*(f.id for f in room.frames), *test])
     chosen = [n for n, f in enumerate(whole.frames) if not test or f.id in test]
     black = capture.rig.black_dn[0] if capture.rig.black_dn else 0.0
-    before, after = _exponent(given), _exponent(accepted)
+    before, after = (
+        next((values["exponent"] for e, values in m.effects if e.id == _FALLOFF), 0.0) for m in (given, accepted)
+    )
     out = []
     for view in chosen:
         left = {n: unseen_rmse(whole, view, black, n) for n in {before, after}}
         out.append({"before": left[before], "after": left[after]})
     return out
-
-
-def _exponent(model: Model) -> float:
-    return next((values["exponent"] for e, values in model.effects if e.id == _FALLOFF), 0.0)
 
 
 def _mean(rows: Sequence[dict[str, float]], name: str) -> float | None:

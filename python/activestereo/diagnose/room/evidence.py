@@ -61,7 +61,10 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     inner = H[np.ix_(N, N)] + np.diag(prior[N] + _RIDGE * np.diag(H)[N])
     A = np.linalg.solve(inner, H[np.ix_(N, E)]).T
     information = H[np.ix_(E, E)] - A @ H[np.ix_(N, E)]
-    information = _semidefinite(information, np.sqrt(np.maximum(np.diag(H)[E], 1e-12)))
+    # Rounding makes negative eigenvalues if nuisances take almost all of the information.
+    scale = np.sqrt(np.maximum(np.diag(H)[E], 1e-12))
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T) / np.outer(scale, scale))
+    information = np.asarray((vectors * np.maximum(values, _RIDGE)) @ vectors.T * np.outer(scale, scale))
     score = s[E] - A @ s[N]
     chosen = tuple(columns[j] for j in E)
     if not score.any():  # the blocks are of a recording not made yet
@@ -75,13 +78,6 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     covariance = _BY_TILES * each.T @ each + (1.0 - _BY_TILES) * information
     covariance += 1e-6 * np.diag(np.diag(covariance) + 1e-12)
     return Reduced(chosen, score, information, covariance)
-
-
-def _semidefinite(information: Matrix, scale: Matrix) -> Matrix:
-    """Returns an information matrix without negative eigenvalues, which rounding makes if nuisances take almost all of
-    it."""
-    values, vectors = np.linalg.eigh(0.5 * (information + information.T) / np.outer(scale, scale))
-    return np.asarray((vectors * np.maximum(values, _RIDGE)) @ vectors.T * np.outer(scale, scale))
 
 
 def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], needed: float) -> list[Found]:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
-from activestereo.calibrate.world.views import Image
 
 _STRIPS, _MOST_DN, _ROWS = 6, 4.0, 20
 # Variance of a row less its neighbours' mean, for independent rows of variance 1.
@@ -18,16 +17,13 @@ def row_variance(room: Room) -> tuple[float, float]:
     image's rows, less the covariance of the two images of a view, which the scene makes."""
     found = []
     for left, right in zip(room.images[::2], room.images[1::2], strict=True):
-        rows = [_strips(image.whole) for image in (left, right)]
+        rows = []  # each image's rows less their neighbours' mean, averaged over strips, [strip][row]
+        for whole in (left.whole, right.whole):
+            differences = np.clip(whole[1:-1] - 0.5 * (whole[:-2] + whole[2:]), -_MOST_DN, _MOST_DN)
+            strips = np.stack([part.mean(axis=1) for part in np.array_split(differences, _STRIPS, axis=1)])
+            rows.append(strips - strips.mean(axis=1, keepdims=True))
         within = [(r.sum(axis=0) ** 2 - (r**2).sum(axis=0)) / (_STRIPS * (_STRIPS - 1)) for r in rows]
         found.append(0.5 * sum(within) - rows[0].mean(axis=0) * rows[1].mean(axis=0))
     each = np.concatenate(found) / _OF_DIFFERENCES
     blocks = each[: len(each) // _ROWS * _ROWS].reshape(-1, _ROWS).mean(axis=1)
     return float(blocks.mean()), float(blocks.std() / np.sqrt(len(blocks)))
-
-
-def _strips(image: Image) -> Image:
-    """Returns each row less its neighbours' mean, averaged over strips, [strip][row]."""
-    differences = np.clip(image[1:-1] - 0.5 * (image[:-2] + image[2:]), -_MOST_DN, _MOST_DN)
-    strips = np.stack([part.mean(axis=1) for part in np.array_split(differences, _STRIPS, axis=1)])
-    return np.asarray(strips - strips.mean(axis=1, keepdims=True))

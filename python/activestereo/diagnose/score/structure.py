@@ -37,7 +37,9 @@ def image_structure(row: ImageResidual) -> float:
     slope_v, slope_u = np.gradient(image)
     shapes = [_tiles(root * c) for c in (np.ones(image.shape), image, slope_u, slope_v, laplace(image))]
     x, target = np.stack(shapes, axis=-1), _tiles(root * residual)
-    halves = [(x[:, half], target[:, half]) for half in (_first_half(), ~_first_half())]
+    place = np.arange(TILE_PX) // _SQUARE_PX
+    first = (np.add.outer(place, place) % 2 == 0).ravel()
+    halves = [(x[:, half], target[:, half]) for half in (first, ~first)]
     grams = [columns.transpose(0, 2, 1) @ columns for columns, _ in halves]
     norm = np.sqrt(np.maximum(0.5 * np.einsum("tii->ti", grams[0] + grams[1]), 1e-30))
     a, b = (_fit(gram, columns, y, norm) for gram, (columns, y) in zip(grams, halves, strict=True))
@@ -50,11 +52,6 @@ def _tiles(values: np.ndarray) -> np.ndarray:
     rows, columns = (n // TILE_PX for n in values.shape)
     cut = values[: rows * TILE_PX, : columns * TILE_PX].reshape(rows, TILE_PX, columns, TILE_PX)
     return cut.transpose(0, 2, 1, 3).reshape(rows * columns, TILE_PX**2)
-
-
-def _first_half() -> np.ndarray:
-    place = np.arange(TILE_PX) // _SQUARE_PX
-    return ((place[:, None] + place) % 2 == 0).ravel()
 
 
 def _fit(gram: np.ndarray, x: np.ndarray, target: np.ndarray, norm: np.ndarray) -> np.ndarray:

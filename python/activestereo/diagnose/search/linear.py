@@ -72,7 +72,8 @@ def linearised(fitter: Fitter, solution: Solution) -> Linear:
     A = np.zeros((own + len(phi), ends[-1]), np.float32)
     residual = np.zeros(ends[-1], np.float32)
     albedos = own + SCALES + 2
-    for (p, columns, rest), first, end in zip(fitter.pixel_slopes(solution), ends[:-1], ends[1:], strict=True):
+    slopes = fitter.pixel_slopes(space, theta, phi, fitter.lights(space, theta), own)
+    for (p, columns, rest), first, end in zip(slopes, ends[:-1], ends[1:], strict=True):
         block, weight = A[:, first:end], p.root_weight
         for j, column in enumerate(columns):
             block[j] = column * weight

@@ -16,7 +16,7 @@ from activestereo.capture.capture import ImageKey
 from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.diagnose.refine.fitter import Fitter
-from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
+from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.effects import Effect, Light, Model, View
 
 # Rounds of rendering and fitting, and steps of each fit. A difference steps by this share of the typical value or of
@@ -88,7 +88,8 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
             there = change(np.where(np.arange(len(steps)) == j, theta[own] + step, theta[own])) if step else {}
             slopes.append({key: (image - here[key]) / step for key, image in there.items()})
         emulated = _Rendered(effect, theta[own].copy(), here, tuple(slopes)).emulated()
-        solution = fitter.refine(_replace_function(start.space, emulated), theta, phi, _STEPS)
+        pairs = tuple((emulated if e.id == emulated.id else e, p) for e, p in start.space.pairs)
+        solution = fitter.refine(replace(start.space, pairs=pairs), theta, phi, _STEPS)
         best = min(best, solution, key=lambda s: s.sums.total)
         reach = np.abs(steps)
         moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
@@ -97,11 +98,6 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
         if is_settled:
             break
     return best
-
-
-def _replace_function(space: ParameterSpace, effect: Effect) -> ParameterSpace:
-    """Returns the space with another image function of its last effect."""
-    return replace(space, pairs=tuple((effect if e.id == effect.id else e, p) for e, p in space.pairs))
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:

@@ -61,17 +61,13 @@ def radiance_under(lamp: kuafu.Light, to_camera: np.ndarray, light: Light, view:
         square = np.maximum((way**2).sum(-1), 1e-6)
         way = way / np.sqrt(square)[..., None]
     cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)
-    return lamp.ir_intensity * shading.reflectance * cosine / square * _visibility(view, to_camera, way)
-
-
-def _visibility(view: View, to_camera: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Returns the share 0..1 of a lamp's light that each pixel's surface point receives, [height][width]. to_camera:
-    the lamp's pose [4][4]; the latest pose's result is kept. way: directions from the points to the lamp. Only surfaces
-    in the depth image cast shadows."""
-    return view.latest("lamp's shadow", None, lambda: _lit(view, way), choice=to_camera.tobytes())
+    lit = view.latest("lamp's shadow", None, lambda: _lit(view, way), choice=to_camera.tobytes())
+    return lamp.ir_intensity * shading.reflectance * cosine / square * lit
 
 
 def _lit(view: View, way: np.ndarray) -> np.ndarray:
+    """Returns the share 0..1 of a lamp's light that each pixel's surface point receives, [height][width]. way:
+    directions from the points to the lamp. Only surfaces in the depth image cast shadows."""
     depth = view.depth_m[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     points = view.points()[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     way = np.broadcast_to(way, view.points().shape)[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)

@@ -21,7 +21,6 @@ from activestereo.model.model import MATERIAL_FIELDS
 SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmission")
 _CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
 _KEYS = (*_CAMERA, "has_noise", "materials", "effects")
-_FAMILY_OF_MOTION = "motion"
 # The imager's noise terms, which the page can switch off.
 _NOISE = (
     "speckle_shape", "prnu", "hot_pixel_share", "shot_noise", "dsnu_e", "row_fixed_e", "column_fixed_e", "row_noise_e",
@@ -91,10 +90,6 @@ class Settings:
             own = materials.setdefault(name, {})
             own |= {f: Quantity(v, unit=MATERIAL_FIELDS[f][0], source=BY_HAND) for f, v in values.items()}
         return replace(model, materials=materials)
-
-    def has_motion(self, model: SensorModel) -> bool:
-        """Returns whether an active effect shows motion; otherwise every camera stands still, as in the lab."""
-        return any(entry.effect.family == _FAMILY_OF_MOTION for entry in self.in_model(model).effects)
 
 
 def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
