@@ -26,14 +26,15 @@ VulkanMatcher::VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width,
       parameters_(parameters),
       plan_(make_match_plan(*device_, width, height, batch, parameters, tuning)),
       buffers_(device_, plan_, parameters_),
-      census_(device_, plan_, parameters_),
-      sgm_(device_, plan_, parameters_),
-      winner_(device_, plan_, parameters_),
-      median_(device_, plan_, parameters_),
+      step_{device_, plan_, parameters_},
+      census_(step_),
+      sgm_(step_),
+      winner_(step_),
+      median_(step_),
       own_commands_(device_) {
-  if (plan_.stored_costs) cost_.emplace(device_, plan_, parameters_);
-  if (parameters_.refines()) refinement_.emplace(device_, plan_, parameters_);
-  if (parameters_.detects()) detection_.emplace(device_, plan_, parameters_);
+  if (plan_.stored_costs) cost_.emplace(step_);
+  if (parameters_.refines()) refinement_.emplace(step_);
+  if (parameters_.detects()) detection_.emplace(step_);
 }
 
 void VulkanMatcher::begin(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs) {

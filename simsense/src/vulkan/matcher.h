@@ -11,14 +11,8 @@
 
 #include "device/compute.h"
 #include "match/matcher.h"
-#include "vulkan/census/census.h"
-#include "vulkan/checks/median.h"
-#include "vulkan/cost/block_cost.h"
-#include "vulkan/detection/detection.h"
 #include "vulkan/match_arrays.h"
-#include "vulkan/refine/refine.h"
-#include "vulkan/sgm/sgm.h"
-#include "vulkan/winner/winner.h"
+#include "vulkan/match_steps.h"
 
 namespace simsense {
 
@@ -65,6 +59,7 @@ class VulkanMatcher final : public MatchStages {
   MatchParameters parameters_;
   MatchPlan plan_;
   MatchBuffers buffers_;
+  VulkanStep step_;
   VulkanCensus census_;
   std::optional<VulkanBlockCost> cost_;
   VulkanSgm sgm_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/census/census.h"
+#include "vulkan/match_steps.h"
 
 #include "spirv/census.h"
 #include "vulkan/dispatch.h"
@@ -15,24 +15,17 @@ Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint
 
 }  // namespace
 
-VulkanCensus::VulkanCensus(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters)
-    : device_(device),
-      plan_(plan),
-      parameters_(parameters),
-      of_bytes_(device, census_spirv, sizeof(CensusPush), census_constants(plan, parameters, 1), 0,
-                {first_match_constant, match_constants(parameters)}) {}
+VulkanCensus::VulkanCensus(const VulkanStep& step)
+    : VulkanStep(step),
+      of_bytes_(device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 1), 0,
+                {first_match_constant, match_constants(parameters_)}) {}
 
-const ks::ComputePipeline& VulkanCensus::pipeline(uint32_t element_bytes) {
-  if (element_bytes == 1) return of_bytes_;
-  if (!of_words_) {
+void VulkanCensus::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) {
+  if (arrays.element_bytes != 1 && !of_words_) {
     const auto shared = match_constants(parameters_);
     of_words_.emplace(device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 2), 0,
                       ks::SharedConstants{first_match_constant, shared});
   }
-  return *of_words_;
-}
-
-void VulkanCensus::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) {
   CensusPush push{};
   push.left_image = arrays.left & ~uint64_t{3};
   push.right_image = arrays.right & ~uint64_t{3};
@@ -50,8 +43,8 @@ void VulkanCensus::record(ks::Commands& commands, const MatchBuffers& buffers, c
   push.right_origin = plan_.right_origin;
   push.right_copy_words = static_cast<uint32_t>(plan_.right_copy_words());
   push.min_disparity = parameters_.min_disparity;
-  commands.dispatch(pipeline(arrays.element_bytes), push, groups_of(plan_.right_origin, 64) + groups_of(plan_.width, 64),
-                    groups_of(plan_.height, 16), 2 * pairs);
+  commands.dispatch(arrays.element_bytes == 1 ? of_bytes_ : *of_words_, push,
+                    groups_of(plan_.right_origin, 64) + groups_of(plan_.width, 64), groups_of(plan_.height, 16), 2 * pairs);
 }
 
 }  // namespace simsense

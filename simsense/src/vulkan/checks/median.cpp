@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/checks/median.h"
+#include "vulkan/match_steps.h"
 
 #include "spirv/median.h"
 #include "vulkan/dispatch.h"
@@ -7,8 +7,8 @@
 
 namespace simsense {
 
-VulkanMedian::VulkanMedian(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan), parameters_(p), pipeline_(device, median_spirv, sizeof(MedianPush), {}, 0, {first_match_constant, match_constants(p)}) {}
+VulkanMedian::VulkanMedian(const VulkanStep& step)
+    : VulkanStep(step), pipeline_(device_, median_spirv, sizeof(MedianPush), {}, 0, {first_match_constant, match_constants(parameters_)}) {}
 
 void VulkanMedian::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   MedianPush push{};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/cost/block_cost.h"
+#include "vulkan/match_steps.h"
 
 #include "spirv/block_cost.h"
 #include "vulkan/dispatch.h"
@@ -7,12 +7,11 @@
 
 namespace simsense {
 
-VulkanBlockCost::VulkanBlockCost(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan),
-      parameters_(p),
-      pipeline_(device, block_cost_spirv, sizeof(PathPush),
-                lane_constants(plan, p, 256, plan.steps, {plan.block_group_parts, plan.block_rows_per_group}), 0,
-                {first_match_constant, match_constants(p)}) {}
+VulkanBlockCost::VulkanBlockCost(const VulkanStep& step)
+    : VulkanStep(step),
+      pipeline_(device_, block_cost_spirv, sizeof(PathPush),
+                lane_constants(plan_, parameters_, 256, plan_.steps, {plan_.block_group_parts, plan_.block_rows_per_group}), 0,
+                {first_match_constant, match_constants(parameters_)}) {}
 
 void VulkanBlockCost::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
   const uint32_t part_groups = plan_.padded_disparities() / 8 / plan_.block_group_parts;

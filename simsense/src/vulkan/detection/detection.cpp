@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/detection/detection.h"
+#include "vulkan/match_steps.h"
 
 #include "match/detection.h"
 #include "spirv/detection.h"
@@ -10,13 +10,12 @@
 
 namespace simsense {
 
-VulkanDetection::VulkanDetection(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan),
-      parameters_(p),
-      of_bytes_(device, high_pass_spirv, sizeof(HighPassPush), Constants{1u}),
-      of_words_(device, high_pass_spirv, sizeof(HighPassPush), Constants{2u}),
-      detection_(device, detection_spirv, sizeof(DetectionPush)),
-      bare_(device, detection_bare_spirv, sizeof(DetectionPush)) {}
+VulkanDetection::VulkanDetection(const VulkanStep& step)
+    : VulkanStep(step),
+      of_bytes_(device_, high_pass_spirv, sizeof(HighPassPush), Constants{1u}),
+      of_words_(device_, high_pass_spirv, sizeof(HighPassPush), Constants{2u}),
+      detection_(device_, detection_spirv, sizeof(DetectionPush)),
+      bare_(device_, detection_bare_spirv, sizeof(DetectionPush)) {}
 
 void VulkanDetection::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   const uint32_t columns = groups_of(plan_.width, DETECTION_GROUP), rows = groups_of(plan_.height, DETECTION_GROUP);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/refine/refine.h"
+#include "vulkan/match_steps.h"
 
 #include "shared/refine_push.h"
 #include "spirv/refine.h"
@@ -13,8 +13,7 @@ VulkanRefinement::Passes::Passes(const std::shared_ptr<ks::Device>& device, uint
     : cells(device, refine_cells_spirv, sizeof(RefinePush), Constants{element_bytes}),
       windows(device, refine_spirv, sizeof(RefinePush), Constants{element_bytes}) {}
 
-VulkanRefinement::VulkanRefinement(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan), parameters_(p), of_bytes_(device, 1), of_words_(device, 2) {}
+VulkanRefinement::VulkanRefinement(const VulkanStep& step) : VulkanStep(step), of_bytes_(device_, 1), of_words_(device_, 2) {}
 
 void VulkanRefinement::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   RefinePush push{};

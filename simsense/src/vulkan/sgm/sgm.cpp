@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/sgm/sgm.h"
+#include "vulkan/match_steps.h"
 
 #include <utility>
 
@@ -28,18 +28,18 @@ std::span<const uint32_t> code(const MatchPlan& plan) {
 
 }  // namespace
 
-VulkanSgm::VulkanSgm(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan),
-      parameters_(p),
-      paths_(device, code(plan), sizeof(PathPush), path_constants(plan, p, plan.rows_apart ? PATHS_ROWS : PATHS_ROWS_AND_COLUMNS),
-             plan.subgroup_lanes, {first_match_constant, match_constants(p)}) {
+VulkanSgm::VulkanSgm(const VulkanStep& step)
+    : VulkanStep(step),
+      paths_(device_, code(plan_), sizeof(PathPush),
+             path_constants(plan_, parameters_, plan_.rows_apart ? PATHS_ROWS : PATHS_ROWS_AND_COLUMNS), plan_.subgroup_lanes,
+             {first_match_constant, match_constants(parameters_)}) {
   const auto make = [&](std::optional<ks::ComputePipeline>& slot, uint32_t part) {
-    const auto shared = match_constants(p);
-    slot.emplace(device, code(plan), sizeof(PathPush), path_constants(plan, p, part), plan.subgroup_lanes,
+    const auto shared = match_constants(parameters_);
+    slot.emplace(device_, code(plan_), sizeof(PathPush), path_constants(plan_, parameters_, part), plan_.subgroup_lanes,
                  ks::SharedConstants{first_match_constant, shared});
   };
-  if (plan.rows_apart) make(columns_, PATHS_COLUMNS);
-  if (p.path_count == 8) make(diagonals_, PATHS_DIAGONALS);
+  if (plan_.rows_apart) make(columns_, PATHS_COLUMNS);
+  if (parameters_.path_count == 8) make(diagonals_, PATHS_DIAGONALS);
 }
 
 /// A dispatch that adds to another's results waits for it.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/winner/winner.h"
+#include "vulkan/match_steps.h"
 
 #include "spirv/winner_packed.h"
 #include "spirv/winner_wide.h"
@@ -15,12 +15,11 @@ std::span<const uint32_t> code(const MatchPlan& plan) {
 
 }  // namespace
 
-VulkanWinner::VulkanWinner(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan),
-      parameters_(p),
-      pipeline_(device, code(plan), sizeof(WinnerPush),
-                lane_constants(plan, p, plan.winner_group, plan.winner_steps, {plan.segments, plan.sum_volumes}), plan.subgroup_lanes,
-                {first_match_constant, match_constants(p)}) {}
+VulkanWinner::VulkanWinner(const VulkanStep& step)
+    : VulkanStep(step),
+      pipeline_(device_, code(plan_), sizeof(WinnerPush),
+                lane_constants(plan_, parameters_, plan_.winner_group, plan_.winner_steps, {plan_.segments, plan_.sum_volumes}),
+                plan_.subgroup_lanes, {first_match_constant, match_constants(parameters_)}) {}
 
 void VulkanWinner::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   WinnerPush push{};
