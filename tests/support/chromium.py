@@ -2,7 +2,6 @@
 """Drives Debian's headless chromium over a pipe by the DevTools protocol
 (chromedevtools.github.io/devtools-protocol)."""
 
-import base64
 import json
 import os
 import select
@@ -150,11 +149,6 @@ class Page:
 
     def text(self, selector: str) -> str:
         return self.value(f"document.querySelector({json.dumps(selector)}).textContent")
-
-    def screenshot(self, path: Path, is_whole: bool = False) -> None:
-        """Writes the window, or the whole page, as a PNG file."""
-        shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=is_whole)
-        Path(path).write_bytes(base64.b64decode(shot["data"]))
 
     def requests(self) -> list[str]:
         """Returns the addresses that the page requested, without data URIs."""

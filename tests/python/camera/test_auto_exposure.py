@@ -4,6 +4,7 @@
 import kuafu
 import numpy as np
 import pytest
+from sensor_scenes import wall_scene
 
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.camera.auto_exposure import AutoExposure, Setting, rgb_exposure, srgb
@@ -12,10 +13,7 @@ AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
 
 
 def wall(distance_m=1.0, room=0.25):
-    scene = kuafu.Scene(kuafu.Device())
-    corners = np.array([[distance_m, y, z] for y in (-9.0, 9.0) for z in (-9.0, 9.0)], np.float32)
-    material = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
-    scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]]), [material])
+    scene = wall_scene(distance_m)
     scene.set_environment((room, room, room))
     return scene
 

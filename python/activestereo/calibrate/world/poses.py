@@ -135,12 +135,13 @@ def _normal_equations(
     hessian, gradient, blocks, distances = np.zeros((size, size)), np.zeros(size), [], []
     K = np.array([[camera[0], 0, camera[1]], [0, camera[0], camera[2]], [0, 0, 1.0]])
     for overlap in overlaps:
-        for a, b in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
+        pair = (overlap.a, overlap.b)  # under K, which changes the normals too little to matter
+        under = {i: replace(surfaces[i], points=points_of(surfaces[i].view.depth_m, K)) for i in pair}
+        for a, b in (pair, pair[::-1]):
             first, second = poses[order[a]], poses[order[b]]
-            under = _recompute_points(surfaces[a], K), _recompute_points(surfaces[b], K)
-            c = contact(under[0], under[1], np.linalg.inv(second) @ first, K, _REACH_M)
+            c = contact(under[a], under[b], np.linalg.inv(second) @ first, K, _REACH_M)
             jacobian = np.zeros((len(c.distance), size))
-            jacobian[:, :3] = _camera_derivatives(c, under, np.linalg.inv(second) @ first, camera)
+            jacobian[:, :3] = _camera_derivatives(c, np.linalg.inv(second) @ first, camera)
             normal = c.normal @ second[:3, :3].T
             point = c.point @ second[:3, :3].T + second[:3, 3]
             turn = np.concatenate([np.cross(point, normal), normal], axis=1)
@@ -150,7 +151,7 @@ def _normal_equations(
             hessian += weighted.T @ jacobian
             each = weighted * c.distance[:, None]
             gradient += each.sum(axis=0)
-            width = under[0].known.shape[1]
+            width = under[a].known.shape[1]
             tile = c.pixel // width // _BLOCK_PX * 1000 + c.pixel % width // _BLOCK_PX
             _, place = np.unique(tile, return_inverse=True)
             own = np.zeros((place.max() + 1, size))
@@ -163,15 +164,7 @@ def _normal_equations(
     return _Sums(weight * hessian / 2, weight * gradient / 2, weight * np.concatenate(blocks) / np.sqrt(2.0), median)
 
 
-def _recompute_points(surface: Surface, K: NDArray[np.float64]) -> Surface:
-    """Returns the surface with its points recomputed for another camera matrix K; its normals change too little to
-    matter."""
-    return replace(surface, points=points_of(surface.view.depth_m, K))
-
-
-def _camera_derivatives(
-    c: Contact, under: Sequence[Surface], a_to_b: Pose, camera: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _camera_derivatives(c: Contact, a_to_b: Pose, camera: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns minus the derivatives [n, 3] of the points' distances from planes by f, cx, cy. Both the point and the
     plane that it meets move. camera: (f, cx, cy)."""
     start = (c.point - a_to_b[:3, 3]) @ a_to_b[:3, :3]
