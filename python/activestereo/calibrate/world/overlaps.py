@@ -22,7 +22,8 @@ Features = tuple[NDArray[np.float32], NDArray[np.float32]]
 _DOTS_PX, _GAP_PX = 4.0, 25
 _MOST_FEATURES = 1500
 _RATIO = 0.85
-_LEAST_MATCHES = 12
+# So many matches prove a motion. Fewer, as reflections in the lens leave, do where the moved light correlates so much.
+_SURE_MATCHES, _LEAST_MATCHES, _SAME_LIGHT = 12, 6, 0.7
 _SAMPLES = 15000
 # ICP: distances beyond which a point is another surface, from the first round to the last, and the robust scale, m.
 _REACH_M = (0.15, 0.15, 0.08, 0.08, 0.05, 0.05, 0.03, 0.03, 0.03, 0.03)
@@ -75,11 +76,20 @@ def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.
     """Estimates the motion between two views and returns their Overlap; None if they show different places. a, b: the
     views' indices; first, second: their surfaces."""
     for here, there in zip(first.features, second.features, strict=True):
-        start = _by_features(here, there, K)
+        start, matches = _by_features(here, there, K)
         overlap = None if start is None else _icp(a, b, first, second, start, K)
         if overlap is not None and overlap.seen > _LEAST_SEEN and overlap.on > _LEAST_ON:
-            return overlap
+            if matches >= _SURE_MATCHES or _correlation_of_light(first, second, overlap, K) > _SAME_LIGHT:
+                return overlap
     return None
+
+
+def _correlation_of_light(first: Surface, second: Surface, overlap: Overlap, K: NDArray[np.float64]) -> float:
+    """Returns how the light without dots correlates on the surfaces that both views show."""
+    c = contact(first, second, overlap.a_to_b, K, _REACH_M[-1])
+    column, row = (np.rint(c.there[:, i] / c.there[:, 2] * K[i, i] + K[i, 2]).astype(int) for i in (0, 1))
+    here, there = (blurred(surface.view.left, _DOTS_PX) for surface in (first, second))
+    return float(np.corrcoef(here.ravel()[c.pixel], there[row, column])[0, 1])
 
 
 def _features(image: Image, points: Image) -> Features:
@@ -97,14 +107,15 @@ def _features(image: Image, points: Image) -> Features:
     return place[place[:, 2] > 0], described[place[:, 2] > 0]
 
 
-def _by_features(first: Features, second: Features, K: NDArray[np.float64]) -> Pose | None:
+def _by_features(first: Features, second: Features, K: NDArray[np.float64]) -> tuple[Pose | None, int]:
+    """Returns (the motion by matched features, the number of matches that agree with it); None without one."""
     (here, a), (there, b) = first, second
     if min(len(a), len(b)) < _LEAST_MATCHES:
-        return None
+        return None, 0
     pairs = cv2.BFMatcher().knnMatch(a, b, k=2)
     good = [(m.queryIdx, m.trainIdx) for m, n in (p for p in pairs if len(p) == 2) if m.distance < _RATIO * n.distance]
     if len(good) < _LEAST_MATCHES:
-        return None
+        return None, 0
     here, there = here[[i for i, _ in good]].astype(float), there[[j for _, j in good]].astype(float)
     pixels = there[:, :2] / there[:, 2:] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])
     cv2.setRNGSeed(0)
@@ -112,10 +123,10 @@ def _by_features(first: Features, second: Features, K: NDArray[np.float64]) -> P
         here, pixels, K, None, iterationsCount=3000, reprojectionError=8.0, confidence=0.9999
     )
     if not is_found or inliers is None or len(inliers) < _LEAST_MATCHES:
-        return None
+        return None, 0
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], place.ravel()
-    return pose
+    return pose, len(inliers)
 
 
 @dataclass(frozen=True)
