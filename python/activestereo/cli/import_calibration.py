@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -175,15 +177,31 @@ def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses
         out.append("no depth, which poses, pattern and albedo need: record it, too, or name it by --depth WORD")
     if not has_poses:
         count = sum(frame.repeat_group is not None for frame in frames)
-        out.append(f"no poses: {count} of {len(frames)} frames lie on another one of their folder and are its repeats")
+        seen = f"{count} of {len(frames)} frames repeat a view" if count else "each frame is a view of its own"
+        out.append(f"no poses, which calibrate world measures by depth, and --poses or --robot state: {seen}")
     return out
 
 
 def unused_text(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
     """Returns a line on the folder's PNG files that belong to no frame, or an empty list."""
+    rest = _unused(folder, files)
+    return [f"{len(rest)} images are not used, such as {rest[0].relative_to(folder)}"] if rest else []
+
+
+def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
+    """Returns the words of --depth with which every frame has depth, in order of their names: of img_depth_laser.png
+    "laser"."""
+    from activestereo.capture.importers.realsense_folder import frame_files
+
+    found = []
+    names = (file.relative_to(folder).with_suffix("").as_posix() for file in _unused(folder, files))
+    for word in dict.fromkeys(word for name in names for word in re.findall(r"[A-Za-z]{2,}", name)):
+        with suppress(ValueError):
+            if all("depth" in entry.files for entry in frame_files(folder, word)):
+                found.append(word)
+    return found
+
+
+def _unused(folder: Path, files: Sequence[FrameFiles]) -> list[Path]:
     used = {file for entry in files for file in entry.files.values()}
-    rest = sorted(set(Path(folder).rglob("*.png")) - used)
-    if not rest:
-        return []
-    name = rest[0].relative_to(folder)
-    return [f"{len(rest)} images are not used, such as {name}: --depth WORD says which names are the depth's"]
+    return sorted(set(Path(folder).rglob("*.png")) - used)

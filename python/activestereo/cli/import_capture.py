@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from activestereo.cli.arguments import CommandError, Commands, add_shared, positive
 from activestereo.cli.import_calibration import (
     checked_sides,
+    depth_words,
     folder_device,
     is_rectified,
     missing_text,
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
     from activestereo.capture.capture import Capture, Projector
     from activestereo.capture.importers.color_depth import ColorDepthRecording
     from activestereo.capture.importers.realsense_folder import RobotPoses
+
+_DEPTH_SCALE_M = 0.001  # of librealsense, unless the device was set otherwise
+_MOST_WORDS = 2
 
 _TEXT = """\
 Makes a capture of a recording. RECORDING is one of
@@ -80,7 +84,7 @@ def add_parser(commands: Commands) -> None:
     text = "what the depth images' names hold, where there are several kinds (default: depth)"
     add("--depth", metavar="WORD", help=text)
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
-    add("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001")
+    add("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images (default: 0.001)")
     text = "camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line"
     add("--poses", type=Path, metavar="FILE", help=text)
     add("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw; needs --hand-eye")
@@ -104,16 +108,22 @@ def _run(args: argparse.Namespace) -> None:
     with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
         recording = _color_depth(args, Path(temporary))
         if recording is None:
-            capture, told = _infrared(args, Path(temporary))
+            capture, told, words = _infrared(args, Path(temporary))
         else:
+            words = []
             capture = _write_color_depth(args, recording)
     if recording is not None:
         told = [f"assumed: {line}" for line in recording.assumed]
         told.append("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
-    _report(args, capture, told, args.scene is not None or (recording is not None and recording.scene is not None))
+    _report(
+        args, capture, told, words, args.scene is not None or (recording is not None and recording.scene is not None)
+    )
 
 
-def _report(args: argparse.Namespace, capture: Capture, told: Sequence[str], has_scene: bool) -> None:
+def _report(
+    args: argparse.Namespace, capture: Capture, told: Sequence[str], words: Sequence[str], has_scene: bool
+) -> None:
+    """Prints the end. words: those of --depth that would give depth to every frame, where the capture has none."""
     from activestereo.report.screen import command, screen
 
     rig, frames = capture.rig, capture.frames
@@ -125,13 +135,16 @@ def _report(args: argparse.Namespace, capture: Capture, told: Sequence[str], has
     )
     empty = "" if has_scene else "; the scene is empty: compare and diagnose need one"
     notes = [*told, f"the pattern and the projector's place are nominal{empty}"]
-    steps = [command("view", args.out)]
+    with_words = [command(*args.given, "--depth", word, "-o", f"{args.out}_{word}") for word in words[:_MOST_WORDS]]
+    steps = [*with_words, command("view", args.out)]
     if has_scene and any(frame.has_infrared for frame in frames):
         steps.insert(0, command("compare", args.out, "-o", f"{args.out}_compare"))
     elif any(frame.has_infrared and frame.depth_path is not None for frame in frames):
         steps.insert(0, command("calibrate", "world", args.out, "-o", f"{args.out}_world"))
     elif with_depth:
         steps.insert(0, command("calibrate", "scene", args.out, "-o", f"{args.out}_scene.gltf"))
+    elif any(frame.repeat_group is not None for frame in frames):
+        steps.insert(0, command("calibrate", "noise", args.out, "-o", f"{args.out}_model.json"))
     print(screen(sentence, (), notes, steps, verbose=args.verbose))
 
 
@@ -165,8 +178,9 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
         return write_color_depth(recording, args.out, baseline_m, *_nominal_projector(config), args.scene, bar)
 
 
-def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str]]:
-    """Imports a recording with infrared pairs. Returns the capture, and lines on found, assumed and missing data."""
+def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str], list[str]]:
+    """Imports a recording with infrared pairs. Returns the capture, lines on found, assumed and missing data, and the
+    words of --depth that name one of several kinds of depth."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
@@ -190,16 +204,24 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     except ValueError:
         refuse_foreign(folder)  # the error names the folder's actual kind
         raise
+    assumed: list[str] = []
+    words = [] if args.depth or any("depth" in entry.files for entry in files) else depth_words(folder, files)
+    if len(words) == 1:
+        files = frame_files(folder, words.pop())
+    if depth_scale is None:
+        depth_scale = _DEPTH_SCALE_M
+        if any("depth" in entry.files for entry in files):
+            assumed.append(f"depth is in steps of {depth_scale:g} m, a D400's usual ones: --depth-scale tells others")
     if args.swap:
         files = swapped(files)
     if len(args.exposure) not in (1, len(files)):
         raise CommandError(f"--exposure: has {len(args.exposure)} times for {len(files)} frames: give one, or each")
     size = image_size(files[0].files["left"], "Infrared 1")
-    assumed: list[str] = []
     if bag:
         device = own_device(args, args.recording, size) or recorded
     else:
-        device, assumed = folder_device(args, size)
+        device, nominal_figures = folder_device(args, size)
+        assumed += nominal_figures
     if is_rectified(device, *size):
         offset_px = rectified_pair(device, *size).offset_px
         told = [sides_text(checked_sides(files, args.swap, offset_px))]
@@ -214,7 +236,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
             files, device, args.out, *nominal, depth_scale, args.scene, trajectory, args.exposure, robot, bar
         )
     missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
-    return capture, [*told, *(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]
+    told += [*(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]
+    return capture, told, words
 
 
 def _exposures(text: str) -> list[float]:

@@ -13,7 +13,7 @@ from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_text import read_device_text
 from activestereo.capture.importers.trajectory import pose_at, read_trajectory
 from camera_dumps import ENUMERATED
-from command_line import refused
+from command_line import led_on, refused, run_here
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def _refused(arguments, capsys):
 
 
 def test_a_recording_becomes_a_capture(recording):
-    assert main(_arguments(recording, "--depth-scale", "0.001", "--exposure", "0.004,0.002,0.004")) == 0
+    assert main(_arguments(recording, "--exposure", "0.004,0.002,0.004")) == 0
     capture = read_capture(recording.parent / "capture")
     assert len(capture.frames) == 3 and {frame.repeat_group for frame in capture.frames} == {0}
     assert capture.rig.baseline_m == pytest.approx(0.0499585680663586) and capture.rig.left_to_right[0, 3] < 0
@@ -54,8 +54,27 @@ def test_a_recording_becomes_a_capture(recording):
     from activestereo.capture.images import read_gray
 
     files = sorted(recording.glob("*Depth*"))
+    assert capture.frames[2].depth_scale == 0.001
     assert np.allclose(capture.depth(capture.frames[2]), read_gray(files[2]) * 0.001)
     assert np.array_equal(capture.ir(capture.frames[1], "right"), read_gray(sorted(recording.glob("*Infrared 2*"))[1]))
+
+
+@pytest.mark.parametrize("kinds", [("laser",), ("laser", "own")])
+def test_depth_of_another_name_is_taken_or_asked_about(recording, capsys, kinds):
+    for number, file in enumerate(sorted(recording.glob("*Depth*"))):
+        for kind in kinds:
+            write_gray(recording / f"view{number}_depth_{kind}.png", np.full((48, 64), 900, np.uint16))
+        file.unlink()
+    for place, word in (("Infrared 1", "left"), ("Infrared 2", "right")):
+        for number, file in enumerate(sorted(recording.glob(f"*{place}*"))):
+            file.rename(recording / f"view{number}_{word}.png")
+    end = run_here(capsys, *_arguments(recording))
+    frames = read_capture(recording.parent / "capture").frames
+    assert all((frame.depth_path is not None) == (len(kinds) == 1) for frame in frames)
+    leads = [words for words in led_on(end.stdout) if words[0] == "import"]
+    assert [words[words.index("--depth") + 1] for words in leads] == (list(kinds) if len(kinds) > 1 else [])
+    for words in leads:
+        assert "3 with depth" in run_here(capsys, *words).stdout
 
 
 @pytest.mark.parametrize(
@@ -80,11 +99,11 @@ def test_frames_are_repeats_where_their_pictures_lie_on_each_other(recording, tm
             noise = uniform_filter(rng.normal(size=(48, 64)), 2) * 3.0 + rng.normal(size=(48, 1))
             image = seen[24:72, 48:112] * (1.0 + 0.02 * k) + noise
             write_gray(folder / name / f"{k:03d}.png", np.rint(np.clip(image, 0, 255)).astype(np.uint8))
-    main(["import", str(folder), "--calibration", str(tmp_path / "d435.txt"), "-o", str(tmp_path / "capture")])
+    main(_arguments(folder, "--verbose"))
     capture = read_capture(tmp_path / "capture")
     assert tuple(frame.repeat_group for frame in capture.frames) == groups
     count = len(steps) - groups.count(None)
-    said = f"no poses: {count} of {len(steps)} frames lie on another one of their folder and are its repeats"
+    said = f"{count} of {len(steps)} frames repeat a view" if count else "each frame is a view of its own"
     assert said in " ".join(capsys.readouterr().out.split())
 
 
@@ -145,7 +164,6 @@ def test_names_without_numbers_of_their_own_are_paired_as_they_are(recording, tm
 
 def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, capsys):
     text = tmp_path / "d435.txt"
-    assert "depth scale: is not known" in _refused(_arguments(recording), capsys)
     scale = ("--depth-scale", "0.001")
     two = _refused(_arguments(recording, *scale, "--exposure", "0.01,0.02"), capsys)
     assert "has 2 times for 3 frames: give one, or each" in two

@@ -173,7 +173,7 @@ def _join_by_name(
 
 def import_realsense(
     files: list[FrameFiles], device: DeviceText, out: Path, projector: Projector, pattern: NDArray[np.uint8],
-    depth_scale: float | None = None, scene: Path | None = None,
+    depth_scale: float = 0.001, scene: Path | None = None,
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposures_s: Sequence[float] = (0.008,),
     robot: RobotPoses | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
@@ -204,11 +204,6 @@ def import_realsense(
         for side in ("left", "right"):
             images[number, side] = read_gray(entry.files[side], (width, height), _NAMES[side])
         if "depth" in entry.files:
-            if depth_scale is None:
-                raise ValueError(
-                    f"{entry.files['depth']}: depth scale: is not known: give --depth-scale, 0.001 unless the device "
-                    "was set otherwise"
-                )
             depths[number] = read_gray(entry.files["depth"], (width, height), "Depth")
             if depths[number].dtype != np.uint16:
                 raise ValueError(
