@@ -18,12 +18,13 @@ _KINDS = {
     "place": ("The measured dots lie elsewhere than the model's, by some {:.2g} px", ()),
     "other": ("The measured images differ from the model's dot by dot", ()),
 }
-# Families of effects by the error's kind and the covariate that it depends on; "" for all other covariates.
+# Families of effects by the error's kind and the covariate that it depends on; "" for all other covariates. A kind
+# without "material" does not depend on materials: they only happen to lie where the error is.
 _FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
     "brightness": {
         "radius": ("lens shading", "projector shading"), "time": ("projector power",),
         "temperature": ("projector power",), "depth": ("medium", "ambient light"),
-        "": ("surface", "ambient light", "tone"),
+        "material": ("surface", "ambient light", "tone"), "": ("surface", "ambient light", "tone"),
     },
     "dots": {
         "radius": ("projector shading", "lens shading"), "time": ("projector power",),
@@ -87,7 +88,8 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
             "The model's infrared images are at the noise floor: nothing is missing there.",
             *depth_sentences(scores),
         ]
-    places = error_places(scores["where"])
+    suspects = _FAMILIES[shape["kind"]]
+    places = [one for one in error_places(scores["where"]) if one["covariate"] != "material" or "material" in suspects]
     place = places[0] if places else None
     words, ways = _KINDS[shape["kind"]]
     amount = place["mean"] if place is not None and shape["kind"] == "brightness" else shape["amount"]
@@ -101,7 +103,6 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     if near_noise:
         said += [f"Little is missing: the infrared error is within {_percent(_NEAR_NOISE)} of noise alone."]
     said.append(f"{words.format(ways[amount > 0] if ways else abs(amount))}{where}.")
-    suspects = _FAMILIES[shape["kind"]]
     alike = [one["covariate"] for one in places if _gain(one) > _ALIKE * _gain(places[0])] or [""]
     names = [*dict.fromkeys(name for one in alike for name in suspects.get(one, suspects[""]))][:_MOST_FAMILIES]
     return [*said, *depth_sentences(scores), f"Effects that do this: {', '.join(names)}. diagnose tells which."]

@@ -108,6 +108,16 @@ def test_an_error_that_changes_its_sign_is_told_on_both_sides():
     assert said[1].startswith("Effects that do this: lens shading, projector shading.")
 
 
+def test_materials_are_told_only_of_errors_that_depend_on_them():
+    radius = _table("radius", [(0.0, 0.6, 600, 1.0), (0.6, 1.0, 400, 9.0)])
+    material = _table("material", [(None, None, 900, 0.0), (None, None, 100, 50.0)])
+    for name, row in zip(("wall", "stripes"), material["bins"], strict=True):
+        row["label"] = name
+    for kind, words in (("dots", "lies on stripes"), ("place", "lies beyond 0.6 of the way to the corners")):
+        shape = {"kind": kind, "share": 0.9, "amount": 0.3}
+        assert words in what_is_missed(_scores(shape=shape, where=[radius, material]))[0]
+
+
 @pytest.mark.parametrize("before_px, differ", [(2.919, True), (4.0, False), (None, False)])
 def test_infrared_that_improves_without_depth_is_told(before_px, differ):
     said = what_is_missed(_scores(without_effects={"ir": {"test": 5.01}, "depth": {"test": before_px}}))
