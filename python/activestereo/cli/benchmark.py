@@ -6,8 +6,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import Commands, add_shared, integer_from, make_folder, print_json
+from activestereo.cli.arguments import Commands, add_shared, carried, integer_from, make_folder, print_json
 from activestereo.common.input_files import read_json
+
+_MOST_BARS = 6
 
 _TEXT = """\
 Tells how well simulated depth ranks methods as a real camera's depth does, from their
@@ -84,8 +86,9 @@ def _capture(text: str) -> tuple[Path, Path | None]:
 
 
 def _run_realism(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.realism.board import board, verdicts, write_board
+    from activestereo.benchmarks.realism.board import DEVICE, HOLES, board, verdicts, write_board
     from activestereo.common.progress_bar import ProgressBar
+    from activestereo.report.screen import Figure, command, screen
 
     make_folder(args.out)
     with ProgressBar(f"{len(args.captures)} captures in nine ways") as bar:
@@ -94,5 +97,10 @@ def _run_realism(args: argparse.Namespace) -> None:
     if args.json:
         print_json(read_json(args.out / "realism.json"))
         return
-    print("\n".join(verdicts(found)))
-    print(f"{len(found.views)} views; written: {args.out / 'realism.json'}, realism.html")
+    holes = found.rows[HOLES]
+    closest = sorted((m for m in holes if m != DEVICE), key=lambda method: -holes[method].value)[:_MOST_BARS]
+    figures = [Figure(f"{HOLES}, {m}", f"{holes[m].value:.2f}", holes[m].value) for m in closest]
+    sentence, *notes = verdicts(found)
+    first = args.captures[0][0]
+    step = command("diagnose", first, *carried(args, "device"), "-o", args.out / first.name)
+    print(screen(f"{len(found.views)} views, {sentence}.", figures, notes, [step], args.out / "realism.html"))

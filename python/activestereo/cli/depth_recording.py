@@ -17,7 +17,7 @@ from activestereo.cli.arguments import CommandError, check_out_file, make_folder
 from activestereo.cli.engine_options import given_parameters
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
 from activestereo.common.parameter import MATCHER, RIG
-from activestereo.report.screen import screen
+from activestereo.report.screen import Figure, command, screen
 
 if TYPE_CHECKING:
     from activestereo.camera.advanced_mode import AdvancedSettings
@@ -73,17 +73,18 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     matcher = _matcher(args, settings, cameras, first)
     done = {path.stem for path in args.out.glob("*.png")}
     _same_run(args.out / _RUN, bool(done), _facts(args, settings, matcher, cameras, first))
-    number, fill, count = 0, 0.0, max(1, _count(args.left))
+    fills, count = dict[str, float](), max(1, _count(args.left))
     with ProgressBar(f"matching {args.left.name}") as bar:
         for pair in recorded_pairs(args.left, lambda name: name not in done):
             image = matcher.image(pair.left, pair.right)
             write_png(args.out / f"{pair.name}.png", image)
-            number, fill = number + 1, fill + float(np.mean(image > 0))
-            bar(min(1.0, (len(done) + number) / count))
+            fills[pair.name] = float(np.mean(image > 0))
+            bar(min(1.0, (len(done) + len(fills)) / count))
+    number, share = len(fills), sum(fills.values()) / len(fills) if fills else None
     result = {
         "pairs": number,
         "done_before": len(done),
-        "measured_share": fill / number if number else None,
+        "measured_share": share,
         "unmapped": settings.unmapped(),
         "assumed": assumed,
         "out": str(args.out),
@@ -95,9 +96,13 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     notes = [f"without effect here: {', '.join(unmapped)}"] if unmapped else []
     notes += [f"assumed: {line}" for line in assumed]
     before = f", {len(done)} were there already" if done else ""
-    measured = f"; {100 * fill / number:.1f} % of the pixels have depth" if number else ""
+    measured = "" if share is None else f"; {100 * share:.1f} % of the pixels have depth"
     sentence = f"{number} pair{'' if number == 1 else 's'} matched{before}{measured}. 16-bit depth is in {args.out}."
-    print(screen(sentence, (), notes, see=args.out / _RUN, verbose=args.verbose))
+    order = sorted(fills, key=lambda name: fills[name])
+    told = (("least", order[0]), ("most", order[-1])) if number > 1 else ()
+    figures = [Figure(f"{which}: {name}", f"{100 * fills[name]:.1f} %", fills[name]) for which, name in told]
+    steps = [command(*args.given, "--search", "noise", args.out / "quiet.json"), command("view", args.left)]
+    print(screen(sentence, figures, notes, steps, args.out / _RUN, verbose=args.verbose))
 
 
 def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
@@ -206,12 +211,17 @@ def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
         changed = {name: value for name, value in best.values.items() if settings.values.get(name) != value}
         print_json({"before": asdict(before), "after": asdict(after), "changed": changed, "assumed": assumed})
         return
-    for line in assumed:
-        print(f"assumed: {line}")
+    figures = []
     for name, found in (("before", before), ("after", after)):
         wrong = "" if args.truth is None else f", wrong or unmeasured {100 * found.wrong:.2f} %"
-        print(f"{name:7s} measured {100 * found.fill:.2f} %, noise {found.noise_px:.3f} px{wrong}")
-    print(f"written: {out}")
+        said = f"measured {100 * found.fill:.2f} %, noise {found.noise_px:.3f} px{wrong}"
+        figures.append(Figure(name, said, {"fill": found.fill, "noise": found.noise_px, "truth": found.wrong}[goal]))
+    words = list(args.given)
+    at = next(place for place, word in enumerate(words) if len(word) > 3 and "--search".startswith(word))
+    del words[at : at + 3]
+    steps = [command(*words, "--settings", out, "-o", out.with_suffix(""))]
+    sentence = f"{out}: the best settings for {goal} that {len(pairs)} pairs tell."
+    print(screen(sentence, figures, [f"assumed: {line}" for line in assumed], steps, verbose=args.verbose))
 
 
 def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:

@@ -16,6 +16,7 @@ from activestereo.cli.arguments import (
     names_of,
     size,
 )
+from activestereo.cli.parser import rare_group
 
 FORMATS = ("lerobot", "mcap")
 
@@ -52,16 +53,17 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
     add_shared(parser, unit="the file of a THING", keep_transparent=True)
     add_shared(parser, out=True, device=True, verbose="all things that no frame shows")
-    parser.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
+    rare = rare_group(parser, "many machines, formats and ranges")
+    rare.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
     parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
     parser.add_argument("--workers", type=integer_from(1), metavar="K", help=text)
     text = "makes part K of N, for N machines that share DIR; whoever makes the last frame writes the tables"
-    parser.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
+    rare.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
     text = "has the actors of a Ray cluster make the frames (auto, HOST:PORT, ray://HOST:PORT): one for each GPU"
-    parser.add_argument("--ray", metavar="ADDRESS", help=text)
+    rare.add_argument("--ray", metavar="ADDRESS", help=text)
     text = "with --ray: processors of an actor, where the cluster has no GPUs or --device is given (default: 2)"
-    parser.add_argument("--ray-cpus", type=integer_from(1), metavar="N", help=text)
+    rare.add_argument("--ray-cpus", type=integer_from(1), metavar="N", help=text)
     add_shared(parser, seed="of everything that is drawn; same seed, same files")
     add_shared(parser, sensor="as simulate's")
     text = "of the colour image and of depth (default: 640x480)"
@@ -71,10 +73,10 @@ def add_parser(commands: Commands) -> None:
     text = "samples per pixel (default: 16)"
     parser.add_argument("--spp", "--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
     text = f"also in these formats, once all frames are there: comma-separated, of {', '.join(FORMATS)}"
-    parser.add_argument("--also", type=names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
+    rare.add_argument("--also", type=names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
-    parser.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
+    rare.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
     parser.set_defaults(run=run)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NOTHING, NAMELESS = "nothing there", "no material"
+NOTHING, NAMELESS = "nothing there", "unnamed material"
 INVENTED_SHARE = 0.05  # of the true depth
 
 

@@ -160,7 +160,10 @@ def _table(result: Mapping[str, Any]) -> list[str]:
 
 
 def _values(entry: Mapping[str, Any]) -> str:
-    return ", ".join(parameter_text(name, found) for name, found in entry["parameters"].items())
+    """Returns the parameters as text. One that lies at 0, where its interval starts, does nothing and is left out."""
+    found = entry["parameters"]
+    told = {name: own for name, own in found.items() if (own.get("value"), own.get("low")) != (0.0, 0.0)}
+    return ", ".join(parameter_text(name, own) for name, own in (told or found).items())
 
 
 def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:

@@ -11,6 +11,7 @@ import pytest
 
 from activestereo.cli import main
 from activestereo.model import read_model
+from command_line import led_on
 from room_worlds import BASELINE_M, CX, CY, F, Room, Warm
 
 _FRAMES, _KELVIN = 8, 12.0
@@ -66,7 +67,9 @@ def test_what_drifts_is_named_and_what_stays_is_not(drawn, tmp_path, capsys, hid
     capture, model = drawn(hidden), tmp_path / "model.json"
     given = ["--temperatures", str(capture.parent / "temperatures.csv"), "-o", str(model)]
     assert main(["calibrate", "drift", str(capture), *given]) == 0
-    said = capsys.readouterr().out.split("moves with temperature")[0]
+    end = capsys.readouterr().out
+    assert led_on(end[end.index("effects in") :]) == [["model", "show", str(model)]]
+    said = end.split("moves with temperature")[0]
     assert all(name in said for name in truth) and ("nothing" in said) == (not truth)
     found = {f"{e.effect.id}.{name}": q for e in read_model(model).effects for name, q in e.parameters.items()}
     assert {name.split(".")[0] for name in found} == {name.split(".")[0] for name in truth}

@@ -17,7 +17,7 @@ from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
 from board_worlds import BOARD, RigWorld, matrix
-from command_line import refused
+from command_line import led_on, refused
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -136,6 +136,7 @@ def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
         == 0
     )
     text = capsys.readouterr().out
+    assert led_on(text) == [["model", "show", str(out)]]
     assert "6 boards" in text and "camera on gripper" in text and "corners reach" in text
     rig = read_model(out).rig
     assert rig.left.K[0, 0] == pytest.approx(world.K["left"][0, 0], rel=5e-3)
@@ -156,9 +157,7 @@ def test_bad_boards_are_refused_in_one_line(frames, tmp_path, capsys):
         ["calibrate", "rig", few, "--board", "9x6:0.03", "-o", out], capsys
     )
     assert "0 of 2 frame pairs" in refused(["calibrate", "rig", few, "--board", "8x5:0.03", "-o", out], capsys)
-    assert "no PNG file is in both" in refused(
-        ["calibrate", "rig", tmp_path, "--board", "9x6:0.03", "-o", out], capsys
-    )
+    assert "no PNG file is in both" in refused(["calibrate", "rig", tmp_path, "--board", "9x6:0.03", "-o", out], capsys)
     for wrong in ("9x6", "9x6:0.03:0.1", "charuco:9x6:0.02:0.03", "9:0.03", "1x6:0.03"):
         assert wrong in refused(["calibrate", "rig", few, "--board", wrong, "-o", out], capsys)
     assert not out.exists()

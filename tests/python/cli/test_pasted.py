@@ -62,7 +62,9 @@ def quick(monkeypatch):
 def _kind(words):
     """A command without its paths: its name, and the options that are given."""
     name = words[:2] if words[0] in ("calibrate", "model") else words[:1]
-    return " ".join([*name, *sorted(word for word in words if word in ("--model", "--effects"))])
+    return " ".join(
+        [*name, *sorted(word for word in words if word in ("--model", "--effects", "--search", "--settings"))]
+    )
 
 
 def _follow(capsys, *seed):
@@ -137,6 +139,18 @@ def test_from_a_recording_to_a_simulation_of_what_it_shows(capsys, folder):
     write_gray(recording / "depth/0.png", rng.integers(4000, 4100, (24, 32)).astype(np.uint16))
     kinds = _follow(capsys, "import", recording, "--k", "30,31,15.5,11.5", "-o", folder / "rec")
     assert kinds == ["import", "calibrate scene", "simulate"]
+
+
+def test_from_a_recording_to_depth_under_the_settings_that_were_found(capsys, folder):
+    recording, rng = folder / "pairs", np.random.default_rng(0)
+    for number in range(2):
+        wall = rng.integers(20, 200, (48, 76), np.uint8)
+        for side, own in (("left", wall[:, :64]), ("right", wall[:, 12:])):
+            (recording / side).mkdir(parents=True, exist_ok=True)
+            write_gray(recording / side / f"{number}.png", own)
+    stated = ("--k", "100,100,31.5,23.5", "--baseline", "0.06", "--max-disparity", "16")
+    kinds = _follow(capsys, "depth", recording, *stated, "-o", folder / "matched")
+    assert kinds == ["depth", "depth --search", "depth --settings"]
 
 
 def test_from_a_calibration_to_what_a_model_says(capsys, folder):

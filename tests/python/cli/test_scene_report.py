@@ -125,4 +125,4 @@ def test_a_model_states_infrared_albedos_by_the_names_of_materials(run, tmp_path
         told.append(" ".join(f"{result.stdout} {result.stderr}".split()))
     assert means[1] > 1.2 * means[0]
     assert "no such material" not in told[0] and "cloth: the scene has no such material (there are: m)" in told[2]
-    assert "(there are: none)" in told[3] and "no material" in told[3]
+    assert "(there are: none)" in told[3] and "unnamed material" in told[3]
