@@ -412,7 +412,8 @@ class kuafu_gbuffer_desc(c.Structure):
         ("header", ks_header), ("left_view", c.c_void_p), ("right_view", c.c_void_p), ("left", c.c_void_p),
         ("right", c.c_void_p), ("projector_depth", c.c_void_p), ("laser_power", c.c_void_p),
         ("ambient_radiance", c.c_void_p), ("outputs", c.c_void_p), ("output_count", c.c_uint32),
-        ("environment_count", c.c_uint32), ("depth_kind", c.c_uint32), ("pixel_blur_px", c.c_float)
+        ("environment_count", c.c_uint32), ("depth_kind", c.c_uint32), ("pixel_blur_px", c.c_float),
+        ("supersampling", c.c_uint32), ("reserved", c.c_uint32)
     ]
 
 

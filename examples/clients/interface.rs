@@ -379,6 +379,8 @@ pub struct kuafu_gbuffer_desc {
     pub environment_count: u32,
     pub depth_kind: u32,
     pub pixel_blur_px: f32,
+    pub supersampling: u32,
+    pub reserved: u32,
 }
 
 #[repr(C)]

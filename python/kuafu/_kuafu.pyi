@@ -847,12 +847,13 @@ class Renderer:
         optics: Optics | Mapping[str, Any] | Sequence[Optics | Mapping[str, Any]] | None = None,
         environment_count: int = 1,
         pixel_blur_px: float = 0.0,
+        supersampling: int = 1,
     ) -> dict[str, NDArray[Any]]:
         """Infrared pairs of surfaces that another renderer saw, {name: array [2 * environment_count, height, width, 1]},
         all left views first; ValueError names environment, pixel and value of what cannot be. kuafu/gbuffer.h has the rest.
         cameras: the left and the right one. outputs: as render's; radiance, projector_direct, depth, projector_visibility.
         left, right: {name: Buffer} of depth, normal, albedo and material (1 + id). laser_power, ambient_radiance:
-          [environment_count].
+          [environment_count]. supersampling: how many rows and columns of the given images make one of the cameras'.
         """
     def cancel(self) -> None:
         """Ends what is under way, submitted or in another thread's call: CancelledError there. From any thread."""

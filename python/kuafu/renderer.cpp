@@ -128,7 +128,7 @@ class Renderer {
   /// left, right: {name: Buffer} of depth, normal, albedo and material. numbers: by environment, or None.
   py::dict light_gbuffers(Scene& scene, const Call& call, const py::dict& left, const py::object& right, const py::object& projector_depth,
                           const std::string& depth_kind, const py::object& laser_power, const py::object& ambient_radiance,
-                          uint32_t environment_count, float pixel_blur_px) {
+                          uint32_t environment_count, float pixel_blur_px, uint32_t supersampling) {
     if (depth_kind != "planar" && depth_kind != "ray")
       raise_argument<Kuafu>("unknown depth_kind '" + depth_kind + "' (known: planar, ray)");
     std::vector<kuafu_view_desc> views = read_views(call.cameras, "infrared", std::nullopt);
@@ -153,6 +153,7 @@ class Renderer {
     desc.output_count = static_cast<uint32_t>(outputs.size());
     desc.environment_count = environment_count;
     desc.pixel_blur_px = pixel_blur_px;
+    desc.supersampling = supersampling;
     desc.depth_kind = depth_kind == "ray" ? KUAFU_GBUFFER_DEPTH_RAY : KUAFU_GBUFFER_DEPTH_PLANAR;
     check_unlocked<Kuafu>([&] { return kuafu_renderer_light_gbuffers(get(), scene.get(), &desc); });
     return arrays;
@@ -380,15 +381,16 @@ void bind_renderer(py::module_& module) {
       "light_gbuffers",
       [](Renderer& r, Scene& scene, const py::object& cameras, const py::object& outputs, const py::dict& left, const py::object& right,
          const py::object& projector_depth, const std::string& depth_kind, const py::object& laser_power,
-         const py::object& ambient_radiance, const py::object& optics, uint32_t environment_count, float pixel_blur_px) {
+         const py::object& ambient_radiance, const py::object& optics, uint32_t environment_count, float pixel_blur_px,
+         uint32_t supersampling) {
         const Call call{cameras, outputs, "infrared", std::nullopt, optics, py::none(), {}, py::none()};
         return r.light_gbuffers(scene, call, left, right, projector_depth, depth_kind, laser_power, ambient_radiance, environment_count,
-                                pixel_blur_px);
+                                pixel_blur_px, supersampling);
       },
       py::arg("scene"), py::arg("cameras"), py::arg("outputs"), py::kw_only(), py::arg("left"), py::arg("right") = py::none(),
       py::arg("projector_depth") = py::none(), py::arg("depth_kind") = "planar", py::arg("laser_power") = py::none(),
       py::arg("ambient_radiance") = py::none(), py::arg("optics") = py::none(), py::arg("environment_count") = 1,
-      py::arg("pixel_blur_px") = 0.0f, doc("Renderer.light_gbuffers"));
+      py::arg("pixel_blur_px") = 0.0f, py::arg("supersampling") = 1, doc("Renderer.light_gbuffers"));
   renderer.def("cancel", &Renderer::cancel, doc("Renderer.cancel"));
 }
 

@@ -10,7 +10,8 @@ from their squares. Each is divided by what noise alone parts two results of the
 of the true light is at 1; of these ratios the median over all worlds is printed, with the tenth and the ninetieth
 percentile. holes: intersection over union; truth: the error to the true disparity, over the reference's own.
 systematic: px on matt things, the imagers' noise switched off. seen: 'left' has the left camera's images alone, 'all'
-also the right camera's and the projector's; 'samples' are the two pictures themselves, with their samples' share.
+also the right camera's and the projector's; 'x2' of G-buffers with twice the rows and columns; 'samples' are the two
+pictures themselves, with their samples' share.
 Afterwards both take --environments pictures of 128x128 in turns, the tracer with 4 samples; the least of the rounds
 counts for each. 'on the device' has images there and leaves depth there.
 """
@@ -58,8 +59,7 @@ def compared(seed: int, scale: float, samples: int, device: str | int) -> dict[s
                 for n, light in enumerate((mean, mean, *pictures))
             )
             quiet = _without_noise(sensor, mean[:2], mean[2:])
-            left, right = (world.gbuffers(sensor, side) for side in ("left", "right"))
-            projector = _seen_by_projector(world, sensor)
+            left = world.gbuffers(sensor)
     kind, pixels = world.kind_of(left), left["depth"] > 0
     truth = np.divide(config.focal_baseline_px_m, left["depth"], where=pixels, out=np.zeros_like(left["depth"]))
     silent = StereoDepthSensorConfig("D435").scaled(scale)
@@ -67,9 +67,11 @@ def compared(seed: int, scale: float, samples: int, device: str | int) -> dict[s
     found = {
         "samples": {name: _apart(*apart, kind == n) / _apart(again, traced, kind == n) for n, name in enumerate(KINDS)}
     }
-    for seen, more in (("left", {}), ("all", {"right": right, "projector": projector})):
-        own = {"ambient": config.ir_ambient_radiance + world.room_w_per_sr_m2, **left, **more}
-        sensors = (GBufferStereo(c, materials=world.materials(), device=device) for c in (config, silent))
+    for seen, n in (("left", 1), ("all", 1), ("left x2", 2), ("all x2", 2)):
+        own = {"ambient": config.ir_ambient_radiance + world.room_w_per_sr_m2, **_seen(world, config, n, "all" in seen)}
+        sensors = (
+            GBufferStereo(c, materials=world.materials(), device=device, supersampling=n) for c in (config, silent)
+        )
         taken, still = (sensor(**own, outputs=("disparity",))["disparity"][0] for sensor in sensors)
         found[seen] = _ratios(taken, traced, again, apart, truth, kind)
         both = (still > 0) & (quiet > 0) & (kind == 0)
@@ -84,12 +86,15 @@ def _without_noise(sensor: StereoDepthSensor, light: list[Image], lasers: list[I
     return engine.compute(*light, ("disparity",), left_laser=lasers[0], right_laser=lasers[1])["disparity"]
 
 
-def _seen_by_projector(world: World, sensor: StereoDepthSensor) -> Image:
-    """Depth of a camera like the left one in the projector's place."""
-    config = sensor.get_config()
+def _seen(world: World, config: StereoDepthSensorConfig, n: int, are_all: bool) -> dict[str, Any]:
+    """G-buffers with n times the rows and columns: of the left camera, or of all views."""
+    config = config.scaled(n)
+    with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
+        left, right = (world.gbuffers(sensor, side) for side in ("left", "right"))
     config.trans_pose_l = config.pose_rgb_irproj
-    with StereoDepthSensor(config, world.scene, pose=world.pose) as beside:
-        return beside.get_picture("depth", "left")[..., 0]
+    with StereoDepthSensor(config, world.scene, pose=world.pose) as beside:  # a camera in the projector's place
+        projector = beside.get_picture("depth", "left")[..., 0]
+    return left | ({"right": right, "projector": projector} if are_all else {})
 
 
 def _ratios(

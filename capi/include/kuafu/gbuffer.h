@@ -76,11 +76,18 @@ typedef struct kuafu_gbuffer_desc {
   uint32_t depth_kind;
   /* Blurs the projector's pattern as kuafu_render_desc's does; edges of things stay sharp. [0..1 px] */
   float pixel_blur_px;
+  /* G-buffers have so many pixels along each side of a view's pixel: H and W of the given images are so many times the
+   * views'. Each is lit, and a view's pixel gets their mean before the optics; its depth is that of one in its middle.
+   * A traced pixel shows several surfaces, too. [1..4; 1 by default] */
+  uint32_t supersampling;
+  /* Must be 0. */
+  uint32_t reserved;
 } kuafu_gbuffer_desc;
 static inline kuafu_gbuffer_desc kuafu_gbuffer_desc_init(void) {
   kuafu_gbuffer_desc s;
   memset(&s, 0, sizeof s);
   s.header = ks_header_make(KUAFU_TYPE_GBUFFER_DESC, KS_CAST(uint32_t, sizeof s));
+  s.supersampling = 1u;
   return s;
 }
 

@@ -11,17 +11,18 @@ namespace kuafu {
 #endif
 
 // The steps, in their order.
-KUAFU_CONST gbuffer_read = 0u;     // per pixel that was given: checked, its depth inverted
-KUAFU_CONST gbuffer_between = 1u;  // per pixel of the right camera's view and the projector's, which were not given: what lands between
-KUAFU_CONST gbuffer_middles = 2u;  // the same: what lands on a pixel's middle
-KUAFU_CONST gbuffer_warp = 3u;     // the same: what is seen
-KUAFU_CONST gbuffer_light = 4u;    // per pixel of both cameras
-KUAFU_CONST gbuffer_cells = 5u;    // per cell of the left camera
-KUAFU_CONST gbuffer_sky = 6u;      // the same
-KUAFU_CONST gbuffer_smooth = 7u;   // the same
-KUAFU_CONST gbuffer_mirror = 8u;   // the same, for each camera
-KUAFU_CONST gbuffer_bounce = 9u;   // per pixel of both cameras
-KUAFU_CONST gbuffer_blend = 10u;   // the same
+KUAFU_CONST gbuffer_read = 0u;      // per pixel that was given: checked, its depth inverted
+KUAFU_CONST gbuffer_between = 1u;   // per pixel of the right camera's view and the projector's, which were not given: what lands between
+KUAFU_CONST gbuffer_middles = 2u;   // the same: what lands on a pixel's middle
+KUAFU_CONST gbuffer_warp = 3u;      // the same: what is seen
+KUAFU_CONST gbuffer_light = 4u;     // per pixel of both cameras
+KUAFU_CONST gbuffer_cells = 5u;     // per cell of the left camera
+KUAFU_CONST gbuffer_sky = 6u;       // the same
+KUAFU_CONST gbuffer_smooth = 7u;    // the same
+KUAFU_CONST gbuffer_mirror = 8u;    // the same, for each camera
+KUAFU_CONST gbuffer_bounce = 9u;    // per pixel of both cameras
+KUAFU_CONST gbuffer_blend = 10u;    // the same
+KUAFU_CONST gbuffer_average = 11u;  // per pixel of both imagers, under supersampling
 
 // GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
@@ -83,7 +84,7 @@ struct GbufferRecord {
   FloatArray matt, lobes, laser;  // [camera][environment][row][column]: shares of light from all sides that are reflected; radiance
   FloatArray room;                // the same, of the room's light; in the place of `matt`
   GbufferCells cells;             // of the left camera, [environment][row][column]
-  OutputArray outputs;
+  OutputArray outputs, averaged;  // by pixel of G-buffers and, under supersampling, by pixel of the imagers
   SceneReference scene;
   PatternMeans pattern;
   uint width, height, environments, materials;  // of material_places
@@ -91,6 +92,7 @@ struct GbufferRecord {
   uint along_rays;  // nonzero: depths are distances from the camera's centre
   uint projector_depth_given;
   uint has_projector;   // nonzero: some light is one
+  uint supersampling;   // pixels of G-buffers along each side of an imager's pixel
   uint laser_as_one;    // nonzero: what the projector sends straight and by other surfaces is one image
   float baseline_px_m;  // focal length times baseline
   float focal_px;
@@ -104,7 +106,7 @@ struct GbufferPush {
 
 #ifdef __cplusplus
 static_assert(sizeof(GbufferCamera) == 176);
-static_assert(sizeof(GbufferRecord) == 552);
+static_assert(sizeof(GbufferRecord) == 568);
 static_assert(sizeof(GbufferPush) == 16);
 }  // namespace kuafu
 #endif

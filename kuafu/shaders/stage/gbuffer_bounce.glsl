@@ -146,9 +146,9 @@ void look_around(uint i) {
   uint first_cell = i / cells_per_view() * cells_per_view();
   Horizon sum = Horizon(0.0f, 0.0f, 0.0f);
   uint cell_column = p.column / gbuffer_cell_px, cell_row = p.row / gbuffer_cell_px;
-  // Neighbours, which are mixed (smooth_cell), look other ways and at other distances.
+  // Neighbours, which are mixed (smooth_cell), look other ways and at other distances, which are of the imagers' pixels.
   float all = 0.0f, turn = 0.25f * float((cell_column & 1u) + 2u * ((cell_row + cell_column) & 1u)) + 0.125f;
-  float reach = pow(horizon_growth, turn - 0.5f);
+  float reach = pow(horizon_growth, turn - 0.5f) * float(push.record.at[0].supersampling);
   for (int slice = 0; slice < horizon_slices; ++slice) {
     vec2 side = unit_circle((float(slice) + turn) * (0.5f / float(horizon_slices)));
     vec3 across = vec3(side.x / camera.focal.x, side.y / camera.focal.y, 0.0f);
@@ -361,6 +361,25 @@ void blend_pixel(uint i, IN(GbufferPlace) p) {
   write_output(output_radiance, p, room + push.record.at[0].laser.at[i]);
 }
 
+/// A pixel of an imager gets the mean of its samples; its depth is that of one in the middle.
+void average_pixel(uint i) {
+  uint n = push.record.at[0].supersampling, columns = push.record.at[0].width / n, rows = push.record.at[0].height / n;
+  Pixel p = Pixel(i / columns / rows, i / columns % rows, i % columns);
+  for (uint kind = 0u; kind < output_kind_count; ++kind) {
+    IN(OutputRecord) samples = push.record.at[0].outputs.at[kind];
+    IN(OutputRecord) pixels = push.record.at[0].averaged.at[kind];
+    if (samples.enabled == 0u) continue;
+    bool is_depth = kind == output_depth;
+    uint first = is_depth ? n / 2u : 0u, side = is_depth ? 1u : n;
+    float sum = 0.0f;
+    for (uint k = 0u; k < side * side; ++k) {
+      Pixel sample_pixel = Pixel(p.view, p.row * n + first + k / side, p.column * n + first + k % side);
+      sum += uintBitsToFloat(samples.words.at[output_element(samples, sample_pixel, 1u)]);
+    }
+    pixels.words.at[output_element(pixels, p, 1u)] = floatBitsToUint(sum / float(side * side));
+  }
+}
+
 void gbuffer_step(uint i) {
   if (step == gbuffer_read) read_pixel(i);
   else if (step == gbuffer_between) mark_between(i);
@@ -372,5 +391,6 @@ void gbuffer_step(uint i) {
   else if (step == gbuffer_smooth) smooth_cell(i);
   else if (step == gbuffer_mirror) mirror_in_cell(i);
   else if (step == gbuffer_bounce) bounce_pixel(i, gbuffer_place(i));
-  else blend_pixel(i, gbuffer_place(i));
+  else if (step == gbuffer_blend) blend_pixel(i, gbuffer_place(i));
+  else average_pixel(i);
 }

@@ -26,7 +26,8 @@ std::shared_ptr<ks::Buffer> read_image(kuafu_buffer handle, const char* name, ui
   if (buffer->device().get() != &device)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its buffer belongs to another device than the renderer", name);
   if (buffer->size_bytes() < words * 4)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has %llu bytes, the images of all environments need %llu", name,
+    ks::fail(KS_ERROR_INVALID_ARGUMENT,
+             "%s has %llu bytes, the images of all environments need %llu (supersampling multiplies rows and columns)", name,
              static_cast<unsigned long long>(buffer->size_bytes()), static_cast<unsigned long long>(words * 4));
   return buffer;
 }
@@ -79,7 +80,8 @@ void join_projector_parts(GbufferLaunch& gbuffers) {
 }  // namespace
 
 GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, const std::shared_ptr<ks::Device>& device) {
-  const kuafu_gbuffer_desc d = ks::read_struct(desc, KUAFU_TYPE_GBUFFER_DESC, "gbuffer desc");
+  kuafu_gbuffer_desc d = ks::read_struct(desc, KUAFU_TYPE_GBUFFER_DESC, "gbuffer desc");
+  d.supersampling = std::max(d.supersampling, 1u);  // 0 in an older caller's shorter struct
   check_fields(d, "");
   if (d.environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "environment_count is 0: there is nothing to light");
   const kuafu_view_desc pair[2] = {ks::read_struct(d.left_view, KUAFU_TYPE_VIEW_DESC, "left_view"),
@@ -102,9 +104,12 @@ GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, 
     if (launch.outputs[kind].buffer && (possible_outputs >> kind & 1) == 0)
       ks::fail(KS_ERROR_INVALID_ARGUMENT,
                "outputs has one that G-buffers have not: radiance, projector (direct, indirect, both), depth and projector visibility");
-  const uint64_t pixels = launch.pixel_count() / 2;
-  if (pixels / d.environment_count >> (32 - gbuffer_error_bits) != 0)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "views of %u x %u pixels are too large: at most 2^28 pixels", launch.width, launch.height);
+  out.supersampling = d.supersampling;
+  const uint64_t pixels = uint64_t(launch.pixel_count()) / 2 * d.supersampling * d.supersampling;
+  if (pixels / d.environment_count >> (32 - gbuffer_error_bits) != 0 || pixels >> 30 != 0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT,
+             "%u pairs of %u x %u pixels under supersampling %u are too large: at most 2^28 pixels a view, 2^31 in all",
+             d.environment_count, launch.width, launch.height, d.supersampling);
   out.given[0] = read_images(d.left, "left", pixels, *device);
   if (d.right != nullptr) out.given[1] = read_images(d.right, "right", pixels, *device);
   out.projector_depth = read_image(d.projector_depth, "projector_depth", pixels, *device);

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "device/error.h"
 #include "spirv/gbuffer.h"
@@ -52,15 +54,35 @@ std::string complaint(const GbufferImages& images, uint32_t what, uint64_t pixel
   return text;
 }
 
+/// The pair's cameras with the given images' pixels, and all light and depth in the frame.
+GbufferLaunch supersampled(const GbufferLaunch& pair) {
+  GbufferLaunch fine = pair;
+  Launch& launch = fine.launch;
+  const uint32_t n = pair.supersampling;
+  launch.width *= n;
+  launch.height *= n;
+  launch.pixel_blur_px *= float(n);
+  const double centre = 0.5 * (n - 1);  // of the samples of pixel 0
+  for (View& view : launch.views) view.k = glm::dmat3(n, 0, 0, 0, n, 0, centre, centre, 1) * view.k;
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind)
+    if (std::exchange(launch.outputs[kind], {}).buffer && !is_made(kind)) launch.held |= 1u << kind;
+  return fine;
+}
+
 }  // namespace
 
-GbufferLight::GbufferLight(Memory memory) : memory_(memory), tables_(memory), step_(memory, gbuffer_spirv, host::gbuffer) {}
+GbufferLight::GbufferLight(Memory memory)
+    : memory_(memory), tables_(memory), step_(memory, gbuffer_spirv, host::gbuffer), samples_(memory) {}
 
-void GbufferLight::run(ks::Commands& commands, const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame) {
+void GbufferLight::run(ks::Commands& commands, const Scene& scene, const GbufferLaunch& pair, const Frame& frame) {
+  const std::optional<GbufferLaunch> fine = pair.supersampling > 1 ? std::optional(supersampled(pair)) : std::nullopt;
+  const GbufferLaunch& gbuffers = fine ? *fine : pair;
+  if (fine) samples_.fit(fine->launch);
   tables_.update(scene, gbuffers.launch.band, 1, {});
   fit(gbuffers);
   prepare_pattern(scene, gbuffers);
-  const GbufferRecord record = record_of(scene, gbuffers, frame);
+  GbufferRecord record = record_of(scene, gbuffers, fine ? samples_ : frame);
+  record.averaged = frame.outputs();
   record_.resize(memory_, 1)[0] = record;
   const Launch& launch = gbuffers.launch;
   const uint32_t pixels = launch.pixel_count(), camera_pixels = pixels / 2;
@@ -77,6 +99,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   step("bounce", gbuffer_mirror, 2 * cells);
   step("bounce", gbuffer_bounce, pixels);
   step("blend", gbuffer_blend, pixels);
+  if (fine) step("average", gbuffer_average, pair.launch.pixel_count());
 }
 
 void GbufferLight::fit(const GbufferLaunch& gbuffers) {
@@ -183,6 +206,7 @@ GbufferRecord GbufferLight::record_of(const Scene& scene, const GbufferLaunch& g
   r.cell_rows = (launch.height + gbuffer_cell_px - 1) / gbuffer_cell_px;
   r.along_rays = gbuffers.along_rays ? 1 : 0;
   r.projector_depth_given = gbuffers.projector_depth ? 1 : 0;
+  r.supersampling = gbuffers.supersampling;
   r.laser_as_one = gbuffers.laser_as_one ? 1 : 0;
   r.has_projector = projector_ == nullptr ? 0 : 1;
   r.focal_px = float(left.k[0][0]);
@@ -197,17 +221,17 @@ void GbufferLight::check(const GbufferLaunch& gbuffers) const {
   for (uint32_t environment = 0; environment < errors.size(); ++environment)
     if (errors[environment] != gbuffer_no_error) bad.push_back(environment);
   if (bad.empty()) return;
-  const Launch& launch = gbuffers.launch;
+  const uint32_t width = gbuffers.launch.width * gbuffers.supersampling, height = gbuffers.launch.height * gbuffers.supersampling;
   const uint32_t word = errors[bad[0]], pixel = word >> gbuffer_error_bits, image = word >> 2 & 3u;
-  const uint64_t at = uint64_t(bad[0]) * launch.width * launch.height + pixel;
+  const uint64_t at = uint64_t(bad[0]) * width * height + pixel;
   GbufferImages images = image == 2 ? GbufferImages{.depth = gbuffers.projector_depth} : gbuffers.given[image];
   constexpr const char* whose[] = {"", "right ", "projector's "};
   std::string others;
   for (size_t i = 1; i < std::min(bad.size(), most_named + 1); ++i)
     others += (i == 1 ? " (and in environments " : ", ") + std::to_string(bad[i]);
   if (!others.empty()) others += bad.size() > most_named + 1 ? ", ...)" : ")";
-  ks::fail(KS_ERROR_INVALID_ARGUMENT, "environment %u, pixel (%u, %u): %s%s%s", bad[0], pixel % launch.width, pixel / launch.width,
-           whose[image], complaint(images, word & 3u, at, materials_).c_str(), others.c_str());
+  ks::fail(KS_ERROR_INVALID_ARGUMENT, "environment %u, pixel (%u, %u): %s%s%s", bad[0], pixel % width, pixel / width, whose[image],
+           complaint(images, word & 3u, at, materials_).c_str(), others.c_str());
 }
 
 }  // namespace kuafu

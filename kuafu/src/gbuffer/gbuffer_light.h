@@ -22,6 +22,7 @@ struct GbufferImages {
 /// A pair of rectified cameras in many environments. launch.views: all left ones, then all right ones.
 struct GbufferLaunch {
   Launch launch;
+  uint32_t supersampling = 1;  // given pixels along each side of a pixel of the launch
   std::array<GbufferImages, 2> given;
   std::shared_ptr<ks::Buffer> projector_depth;
   bool along_rays = false, laser_as_one = false;  // as in gbuffer_record.h
@@ -58,6 +59,7 @@ class GbufferLight {
   Memory memory_;
   SceneTables tables_;
   ImageStep<GbufferPush> step_;
+  Frame samples_;  // under supersampling
   MappedTable<GbufferRecord> record_;
   MappedTable<float> power_, ambient_;
   MappedTable<uint32_t> places_, measured_;  // of materials

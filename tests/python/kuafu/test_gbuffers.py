@@ -21,10 +21,11 @@ def pose(x_m):
 
 def lit(
     given, looks=MATT, baseline_m=BASELINE_M, ambient=0.0, tracer="auto", outputs=None, falloff=0.0, removed=0,
-    right=None, **more,
+    right=None, finer=1, **more,
 ):  # fmt: skip
     """Outputs [2, E, height, width] of one material's surfaces under a projector whose pattern is 1 everywhere, 3 W/sr;
-    given, right: images [E, height, width] of the cameras; removed: how many materials were there before."""
+    given, right: images [E, height, width] of the cameras; removed: how many materials were there before; finer: how
+    many of the images' pixels are as wide as one of FOCAL_PX."""
     device = kuafu.Device("cpu")
     scene = kuafu.Scene(device)
     for _ in range(removed):
@@ -37,8 +38,9 @@ def lit(
             kind="projector", texture=pattern, k=k, ir_intensity=3.0, falloff=falloff, light_to_world=pose(PROJECTOR_M)
         )
     )
-    count, height, width = given["depth"].shape
-    k = [[FOCAL_PX, 0, (width - 1) / 2], [0, FOCAL_PX, (height - 1) / 2], [0, 0, 1]]
+    n = more.get("supersampling", 1)
+    count, height, width = given["depth"].shape[0], *(side // n for side in given["depth"].shape[1:])
+    k = [[finer * FOCAL_PX, 0, (width - 1) / 2], [0, finer * FOCAL_PX, (height - 1) / 2], [0, 0, 1]]
     cameras = [kuafu.Camera(width, height, k, camera_to_world=pose(x)) for x in (0.0, baseline_m)]
     found = kuafu.Renderer(device, tracer=tracer).light_gbuffers(
         scene, cameras, outputs or ["radiance", "projector_direct", "depth", "projector_visibility"],
@@ -177,21 +179,42 @@ def away_from_edges(depth):
     return np.ptp(around, axis=(2, 3)) == 0.0
 
 
-def test_a_pixel_at_an_edge_gets_the_light_of_both_surfaces_by_their_areas():
+@pytest.mark.parametrize(("supersampling", "most"), [(1, 0.6), (2, 0.35), (4, 0.2)])
+def test_a_pixel_at_an_edge_gets_the_light_of_both_surfaces_by_their_areas(supersampling, most):
     """Straight edges at all angles between a near half of albedo 0.9 and a far one of 0.1, against the areas in each
-    pixel's square; one surface a pixel would be off by twice as much."""
+    pixel's square; one surface a pixel would be off by `sharp`."""
     angles, size, fine = np.linspace(0.0, 2 * np.pi, 24, endpoint=False), 32, 16
     place = (np.arange(size * fine) + 0.5) / fine - size / 2
     along = np.cos(angles)[:, None, None] * place + np.sin(angles)[:, None, None] * place[:, None]
     near = along < np.linspace(-0.5, 0.5, len(angles))[:, None, None]
     share = near.reshape(-1, size, fine, size, fine).mean(axis=(2, 4))
-    is_near = near[:, fine // 2 :: fine, fine // 2 :: fine]
+    step = fine // supersampling
+    is_near = near[:, step // 2 :: step, step // 2 :: step]
     given = {"depth": np.where(is_near, 0.5, 1.0), "albedo": np.where(is_near, 0.9, 0.1)}
-    room = lit(given, {"specular": 0.0, "roughness": 1.0}, ambient=1.0, laser_power=[0.0] * len(angles))
-    off, sharp = room["radiance"][0] - (0.1 + 0.8 * share), given["albedo"] - (0.1 + 0.8 * share)
+    looks, dark = {"specular": 0.0, "roughness": 1.0}, [0.0] * len(angles)
+    room = lit(given, looks, ambient=1.0, laser_power=dark, supersampling=supersampling)
+    exact, middle = 0.1 + 0.8 * share, np.where(near[:, fine // 2 :: fine, fine // 2 :: fine], 0.9, 0.1)
+    off, sharp = room["radiance"][0] - exact, middle - exact
     mixed = ((share > 0.0) & (share < 1.0))[:, 2:-2, 2:-2]
     off, sharp = (np.sqrt((error[:, 2:-2, 2:-2][mixed] ** 2).mean()) for error in (off, sharp))
-    assert off < 0.6 * sharp and sharp > 0.15
+    assert off < most * sharp and sharp > 0.15
+
+
+@pytest.mark.parametrize("tracer", ["auto", "compute"])
+@pytest.mark.parametrize("n", [2, 3])
+def test_supersampled_light_is_the_mean_of_finer_cameras(n, tracer):
+    """A tilted plane behind a block, seen from both cameras; depth is that of the sample in a pixel's middle."""
+    depth = np.broadcast_to(1.0 / (1.0 + 0.5 * np.arange(40 * n) / (40 * n)), (1, 16 * n, 40 * n)).copy()
+    depth[:, 5 * n : 11 * n, 13 * n - 1 : 21 * n] = 0.5
+    names = ["projector_direct", "depth", "projector_visibility"]  # horizons reach as far in imagers' pixels
+    own, fine = (
+        lit({"depth": depth}, tracer=tracer, outputs=names, **how) for how in ({"supersampling": n}, {"finer": n})
+    )
+    for name, image in fine.items():
+        cells = image.reshape(2, 1, 16, n, 40, n)
+        expected = cells[..., n // 2, :, n // 2] if name == "depth" else cells.mean(axis=(3, 5))
+        np.testing.assert_allclose(own[name], expected, rtol=1e-4, atol=1e-6, err_msg=name)
+    assert 0.0 < np.mean((own["projector_visibility"] > 0.0) & (own["projector_visibility"] < 1.0)) < 0.2
 
 
 @pytest.mark.parametrize("is_right_given", [False, True])

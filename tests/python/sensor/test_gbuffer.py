@@ -251,6 +251,22 @@ def test_a_bad_value_is_named_with_its_environment(config, change, words):
         GBufferStereo(config, environments=2)(**given)
 
 
+def test_supersampled_images_are_of_input_shape_with_k(config):
+    sensor = GBufferStereo(config, supersampling=2)
+    assert (sensor.shape, sensor.input_shape) == ((1, 120, 160), (1, 240, 320))
+    fine = GBufferStereo(config.scaled(2))
+    np.testing.assert_allclose(sensor.k, fine.k)
+    out = sensor(**wall(config.scaled(2), 0.6))
+    assert all(image.shape == sensor.shape for image in out.values())
+    assert np.median(out["depth"][out["valid"]]) == pytest.approx(0.6, rel=0.01)
+    with pytest.raises(
+        ValueError, match=r"depth is \[1, 120, 160\], expected \[1, 240, 320\]: input_shape of the sensor"
+    ):
+        sensor(**wall(config, 0.6))
+    with pytest.raises(ValueError, match="supersampling is 5, expected .*1 to 4"):
+        GBufferStereo(config, supersampling=5)
+
+
 def test_what_does_not_go_together_is_told(config):
     sensor, given = GBufferStereo(config, environments=2), wall(config, [0.5, 0.5], 2)
     with pytest.raises(ValueError, match=r"depth is \[2, 120\], expected \[2, 120, 160\]"):

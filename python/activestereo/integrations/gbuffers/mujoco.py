@@ -21,7 +21,7 @@ def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
 
 def set_camera(model: mujoco.MjModel, camera: int, sensor: GBufferStereo) -> None:
     """Gives the model's camera number `camera` the sensor's resolution and matrix K."""
-    k, (_, height, width) = sensor.k, sensor.shape
+    k, (_, height, width) = sensor.k, sensor.input_shape
     model.cam_resolution[camera] = model.cam_sensorsize[camera] = width, height
     model.cam_intrinsic[camera] = k[0, 0], k[1, 1], 0.5 * (width - 1) - k[0, 2], 0.5 * (height - 1) - k[1, 2]
 
@@ -31,7 +31,7 @@ class MujocoGBuffers:
     made with geom_materials(). camera: number of the model's camera that set_camera() has prepared."""
 
     def __init__(self, model: mujoco.MjModel, sensor: GBufferStereo, camera: int = 0) -> None:
-        self._camera, (_, height, width) = camera, sensor.shape
+        self._camera, (_, height, width) = camera, sensor.input_shape
         self._renderer = mujoco.Renderer(model, height, width)
 
     def __call__(self, data: mujoco.MjData) -> dict[str, Any]:

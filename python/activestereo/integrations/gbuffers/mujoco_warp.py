@@ -18,9 +18,9 @@ class MujocoWarpGBuffers:
     set_camera() has prepared. camera: its number there."""
 
     def __init__(self, context: Any, sensor: GBufferStereo, camera: int = 0) -> None:
-        self._context, self._camera, self._shape = context, camera, sensor.shape
+        self._context, self._camera, self._shape = context, camera, sensor.input_shape
         self._first = int(context.depth_adr.numpy()[camera])
-        self._geoms = wp.zeros(sensor.shape, wp.vec2i, device=context.depth_data.device)
+        self._geoms = wp.zeros(sensor.input_shape, wp.vec2i, device=context.depth_data.device)
 
     def __call__(self, model: Any, data: Any) -> dict[str, Any]:
         """Renders the state of mujoco_warp's model and data, after a step or forward(), and returns depth and

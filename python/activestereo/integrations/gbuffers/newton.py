@@ -26,7 +26,7 @@ class NewtonGBuffers:
     environments."""
 
     def __init__(self, model: newton.Model, sensor: GBufferStereo) -> None:
-        (count, height, width), k = sensor.shape, sensor.k
+        (count, height, width), k = sensor.input_shape, sensor.k
         f, c = k.diagonal()[:2], k[:2, 2] + 0.5  # Newton's pixel centres are at halves
         self._rays = SensorCamera.compute_camera_rays_pinhole_opencv(width, height, *f, *c, device=model.device)
         linear = SensorCamera.RenderConfig(enable_textures=True, output_color_space=newton.utils.ColorSpace.LINEAR)

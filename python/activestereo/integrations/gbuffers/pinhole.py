@@ -28,7 +28,7 @@ def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
 def vertical_fov_deg(sensor: GBufferStereo) -> float:
     """Returns the sensor's vertical field of view, degrees. Raises ValueError if the principal point is not in the
     middle or pixels are not square."""
-    k, (_, height, width) = sensor.k, sensor.shape
+    k, (_, height, width) = sensor.k, sensor.input_shape
     off_px = k[:2, 2] - (np.array([width, height]) - 1.0) / 2.0
     if np.abs(off_px).max() > _CENTRED_PX or abs(k[0, 0] / k[1, 1] - 1.0) > 1e-3:
         text = f"the principal point is {np.round(off_px, 2).tolist()} px beside the middle, focal lengths are"

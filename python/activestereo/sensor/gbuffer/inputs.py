@@ -110,7 +110,7 @@ def _checked_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
     if shape[0] == 1 and tuple(image.shape) == shape[1:]:
         image = image[None]
     if tuple(image.shape) != shape:
-        raise ValueError(f"{name} is {list(image.shape)}, expected {list(shape)}")
+        raise ValueError(f"{name} is {list(image.shape)}, expected {list(shape)}: input_shape of the sensor")
     return image
 
 

@@ -34,6 +34,7 @@ from activestereo.sensor.ir_link import IrLink, checked_radiance
 from activestereo.sensor.rig_inputs import RigInputs
 
 _ENVIRONMENTS = Limits(1, 1_000_000, whole=True)
+_SUPERSAMPLING = Limits(1, 4, whole=True)
 _SEED = Limits(0, 2**64 - 1, whole=True)
 _RADIANCE = Limits(0.0, float(np.finfo(np.float32).max), "W/(sr m^2)")
 KINDS = ("planar", "ray")
@@ -61,7 +62,9 @@ class GBufferStereo:
     config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure becomes 'settled'.
     device: where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a
     SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine act. Light bounces only
-    between surfaces that the images show; 'cause' names mirroring metal and glass. on_cuda: the depth engine's results
+    between surfaces that the images show; 'cause' names mirroring metal and glass. supersampling: the given images have
+    so many times the imagers' rows and columns, 1 to 4; each of their pixels is lit, and an imager's pixel gets the
+    mean, so that it shows several surfaces at an edge as a traced one does. on_cuda: the depth engine's results
     stay on the GPU, in arrays that torch and CuPy take without a copy. The next call overwrites them. The first call
     raises CudaError without CUDA. With a fixed exposure all other images stay there, too. Raises ValueError for a
     configuration or a model with lens distortion, unaligned rows, or effects on images.
@@ -70,7 +73,7 @@ class GBufferStereo:
     def __init__(
         self, config: StereoDepthSensorConfig | str = "D435", environments: int = 1,
         device: str | int | kuafu.Device = "auto", materials: Any = None,
-        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False,
+        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, supersampling: int = 1,
     ) -> None:  # fmt: skip
         config = own_config(config)
         if config.ir_exposure_mode == "converging":
@@ -82,28 +85,36 @@ class GBufferStereo:
         require_row(config.trans_pose_l, config.trans_pose_r, "the right infrared camera")
         require_row(config.trans_pose_l, config.pose_rgb_irproj, "the projector")
         self._count = int(_ENVIRONMENTS.check("environments", environments))
+        self._supersampling = int(_SUPERSAMPLING.check("supersampling", supersampling))
         device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._scene = kuafu.Scene(device)
         self._materials = MaterialNumbers(self._scene, materials)
         self._rig = RigInputs(plan, self._scene, [None], model, None, takes_image_effects=False)
         self._renderer = kuafu.Renderer(device)
-        self._views = [InputImages(device, self.shape, self._materials) for _ in range(2)]
-        self._shadows = InputImages(device, self.shape, self._materials)
+        self._views = [InputImages(device, self.input_shape, self._materials) for _ in range(2)]
+        self._shadows = InputImages(device, self.input_shape, self._materials)
         self._engine = self._rig.make_matcher(self._count)
         width, height = config.ir_resolution
         self._link = IrLink(device, self._engine.device, width, height, count=self._count)
         self._exposure, self._frame = plan.exposure, -1
         self._seeds: list[int] | None = None
         self._on_cuda = CudaMaps(self._engine.device) if on_cuda else None
-        # The 3x3 matrix of the left infrared camera, which the depth, normals and albedo must have.
-        self.k: NDArray[np.float64] = plan.left["k"].copy()
+        # The 3x3 matrix of the left infrared camera for images of input_shape, which the given images must have.
+        n = self._supersampling
+        self.k: NDArray[np.float64] = np.array([[n, 0, (n - 1) / 2], [0, n, (n - 1) / 2], [0, 0, 1]]) @ plan.left["k"]
         self._rig.enter()
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Returns (environments, height, width) of all images."""
+        """Returns (environments, height, width) of all outputs."""
         width, height = self._config.ir_resolution
         return self._count, height, width
+
+    @property
+    def input_shape(self) -> tuple[int, int, int]:
+        """Returns (environments, rows, columns) of the images to give: shape's, times supersampling."""
+        count, height, width = self.shape
+        return count, height * self._supersampling, width * self._supersampling
 
     def get_config(self) -> StereoDepthSensorConfig:
         """Returns a copy of the configuration."""
@@ -129,8 +140,8 @@ class GBufferStereo:
         right: Mapping[str, Any] | None = None, projector: Any = None, ambient: ArrayLike | None = None,
         laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[Output] | None = None,
     ) -> StereoImages:  # fmt: skip
-        """Simulates one frame and returns its outputs. Images are [E, height, width] of the left infrared camera, from
-        NumPy, torch or DLPack.
+        """Simulates one frame and returns its outputs. Images are of input_shape, of the left infrared camera with
+        matrix k, from NumPy, torch or DLPack.
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
         unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: infrared, 0..1 or
@@ -189,7 +200,7 @@ class GBufferStereo:
             return self._renderer.light_gbuffers(
                 self._scene, self._rig.ir_cameras(np.eye(4)[None]), targets, left=own, right=other,
                 projector_depth=hiding, depth_kind=depth_kind, optics=optics, environment_count=self._count,
-                pixel_blur_px=self._config.pixel_blur_px,
+                pixel_blur_px=self._config.pixel_blur_px, supersampling=self._supersampling,
                 **{name: light * values for name, values in numbers.items()},
             )  # fmt: skip
 
@@ -223,7 +234,9 @@ class GBufferStereo:
             )
             near, is_lit, is_odd = inverse_depth(depths), lit_shares[: self._count] > 0.5, np.zeros(self.shape, bool)
             if material is not None:
-                is_odd = self._materials.are_odd(host_image("material", material, self.shape))
+                is_odd = self._materials.are_odd(host_image("material", material, self.input_shape))
+                n = self._supersampling
+                is_odd = is_odd[:, n // 2 :: n, n // 2 :: n]  # as depth: of the sample in a pixel's middle
             is_hidden = hidden_from_right(self._config, near[: self._count], near[self._count :])
             black_dn, counts = float(inputs.left.signal["black_level_dn"]), found["ir_left"]
             found["cause"] = causes(
@@ -260,7 +273,7 @@ class GBufferStereo:
         if given.get("depth") is None:
             raise ValueError(f"{whose}depth is missing")
         if not getattr(given["depth"], "is_cuda", False):
-            require_metres(f"{whose}depth", host_image(f"{whose}depth", given["depth"], self.shape))
+            require_metres(f"{whose}depth", host_image(f"{whose}depth", given["depth"], self.input_shape))
         material = given.get("material")
         if not self._materials.is_given:
             if material is not None:
@@ -270,7 +283,7 @@ class GBufferStereo:
         elif material is None:
             raise ValueError(f"{whose}material is missing: this sensor was made with materials=")
         elif not getattr(material, "is_cuda", False):
-            numbers, depth = (host_image(whose + name, given[name], self.shape) for name in ("material", "depth"))
+            numbers, depth = (host_image(whose + name, given[name], self.input_shape) for name in ("material", "depth"))
             self._materials.require_known(numbers, depth)
 
     def _batched(self, found: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
