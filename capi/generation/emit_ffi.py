@@ -20,6 +20,7 @@ RUST_WORDS = ("type", "match", "ref", "in")
 PYTHON_HEAD = '''"""kuafu.h and simsense.h for ctypes: a caller of their functions, and their constants \
 and structs. Copy this file."""
 
+# fmt: off
 import ctypes as c
 import math
 from collections.abc import Sequence
