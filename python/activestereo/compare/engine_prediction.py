@@ -15,9 +15,9 @@ from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
-from activestereo.effects import Light, Model, View
+from activestereo.effects import Light, Model, View, engines
 from activestereo.effects.core.layers import Layers
-from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, loaded_scene
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, loaded_scene
 from activestereo.effects.engines.layers import scene_digest
 from activestereo.effects.engines.smooth import HALVES, half_samples
 
@@ -65,8 +65,8 @@ def kept_lights(
 ) -> dict[ImageKey, NDArray[np.float32]]:  # fmt: skip
     """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): images
     [3][height][width] of direct, indirect and ambient light}. The cache's key covers all that decides the light,
-    including the renderer's code. half: 0 or 1 renders one half of the samples; None: all samples."""
-    code = [inspect.getsource(module) for module in (capture_renderer, loaded_scene)]
+    including the engines' code. half: 0 or 1 renders one half of the samples; None: all samples."""
+    code = [inspect.getsource(module) for _, module in inspect.getmembers(engines, inspect.ismodule)]
     own = renderer.lights_key(capture, model, frames, scene_measurement, half), code
     of_world = scene_digest(capture.scene_path), loaded_scene.engine_version(renderer.device)
     key = hashlib.sha256(repr((own, of_world)).encode()).hexdigest()

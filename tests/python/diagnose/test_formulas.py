@@ -14,6 +14,7 @@ from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.refine import Fitter, ParameterSpace
+from activestereo.diagnose.search.dictionary import atoms_of, columns_of
 from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
 from activestereo.diagnose.search.linear import linearised
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
@@ -115,8 +116,23 @@ def test_what_may_stand_for_a_shape_of_a_name_is_told(clean):
     fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
     space = ParameterSpace.of(Model(), builtin()["dark_signal"])
     linear = linearised(fitter, fitter.refine(space, np.array([300.0, 6.0]), fitter.phi0(evidence.nuisances), 8))
-    others = [builtin()[name] for name in ("black_level", "gain_mismatch", "lens_psf")]
-    assert stand_ins(linear, builtin()["dark_signal"], others, 1e-3, NUMBERS) == ["black_level"]
+    assert of_others(linear, "dark_signal", ("black_level", "gain_mismatch", "lens_psf"), 1e-3) == ["black_level"]
+
+
+def of_others(linear, name, others, floor):
+    atoms = atoms_of(linear, [builtin()[other] for other in others], NUMBERS.prior_reach)
+    return stand_ins(linear, builtin()[name], atoms, columns_of(linear, atoms, 1), floor, NUMBERS)
+
+
+def test_what_may_stand_for_a_part_of_a_name_is_told(clean):
+    frames = {0: {"temperature_c": 45.0}, 2: {"temperature_c": 35.0}}
+    taken = [replace(o.frame, **frames.get(o.frame.id, {})) for o in clean.train]
+    train = (replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(clean.train, taken, strict=True))
+    evidence = replace(clean, train=tuple(train))
+    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
+    space = ParameterSpace.of(Model(), builtin()["chromatic_drift"])
+    linear = linearised(fitter, fitter.refine(space, np.array([-0.02, 0.02]), fitter.phi0(evidence.nuisances), 0))
+    assert of_others(linear, "chromatic_drift", ("laser_power_drift", "gain_error"), 1e-3) == ["laser_power_drift"]
 
 
 def test_a_shape_is_looked_at_within_its_range(clean):
@@ -125,6 +141,4 @@ def test_a_shape_is_looked_at_within_its_range(clean):
     space = ParameterSpace.of(Model(), subsurface)
     theta = np.array([{"fraction": 0.3, "core": 0.5}.get(p.name, p.neutral) for p in subsurface.parameters])
     linear = linearised(fitter, fitter.refine(space, theta, fitter.phi0(clean.nuisances), 0))
-    assert (
-        stand_ins(linear, subsurface, [builtin()["lens_psf"]], 1e12, NUMBERS) == []
-    )  # a typical core is as wide as its range
+    assert of_others(linear, "subsurface", ["lens_psf"], 1e12) == []  # a typical core is as wide as its range

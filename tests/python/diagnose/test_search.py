@@ -98,6 +98,7 @@ def fitted(name, chi2):
         (Remainder(0.0, 0.02, 0.01, 0.01, test_left=0.2), False, True, NONE),
         (Remainder(0.0, 0.02, 0.01, 0.01, test_left=0.6), False, True, UNKNOWN),
         (Remainder(0.2, 0.4, 0.0, 0.1), True, True, UNKNOWN),
+        (Remainder(0.34, 0.3, 0.0, 0.1, drawn=0.07), True, True, UNKNOWN),
         (Remainder(0.1, 0.08, 0.04, 0.07), True, True, UNKNOWN),
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.1), True, True, EFFECT),
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.3), True, True, UNKNOWN),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine import Solution
-from activestereo.diagnose.search.dictionary import atoms_of, columns_of
+from activestereo.diagnose.search.dictionary import Atom
 from activestereo.diagnose.search.linear import Columns, Linear
 from activestereo.diagnose.search.scores import scores
 from activestereo.diagnose.search.selection import candidates
@@ -22,13 +22,13 @@ from activestereo.effects import Effect
 
 def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
     """Returns the linear model with extra nuisances that absorb the error of each named effect's formula. They are the
-    effect's image change times squared distance from the image centre, times brightness, and averaged over tiles.
-    share: prior variance of each coefficient."""
+    effect's image change times place, times squared distance from the image centre, times brightness, and averaged
+    over tiles. share: prior variance of each coefficient."""
     model = linear.solution.model
     here = linear.images(model)
-    fields = [p.observation.view.field() for p in linear.fitter.pixels()]
-    radii = [p.gather(np.asarray(u**2 + v**2)) for p, (u, v) in zip(linear.fitter.pixels(), fields, strict=True)]
-    weights = [np.concatenate(by) for by in (radii, here)]
+    fields = [(p, *p.observation.view.field()) for p in linear.fitter.pixels()]
+    places = ([p.gather(np.asarray(by)) for by in (u, v, u**2 + v**2)] for p, u, v in fields)
+    weights = [np.concatenate(by) for by in (*zip(*places, strict=True), here)]
     rows = [-linear.change(model.without_effect(e.id), here) for e in effects]
     added = [row * standard for row in rows for weight in weights if (standard := _standard(weight, row)) is not None]
     added += [_smooth(linear, row) for row in rows]
@@ -52,29 +52,27 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
     return float(score[0] ** 2 / max(information[0, 0], 1e-9))
 
 
-def stand_ins(linear: Linear, effect: Effect, others: Sequence[Effect], floor: float, numbers: Numbers) -> list[str]:
-    """Returns the ids of other effects that can imitate a change of a shape parameter of a named effect by its typical
-    value. A black level that moves with temperature can imitate a dark signal's doubling temperature. floor: changes
-    with a smaller chi2 per pixel are ignored."""
+def stand_ins(
+    linear: Linear, effect: Effect, atoms: Sequence[Atom], columns: Columns, floor: float, numbers: Numbers
+) -> list[str]:
+    """Returns the ids of other effects that can imitate one parameter's part of a named effect: what an amplitude adds,
+    or a change of a shape by its typical value. A black level that moves with temperature can imitate a dark signal's
+    doubling temperature. atoms, columns: the others' trial shapes and image changes. floor: changes with a smaller chi2
+    per pixel are ignored."""
     space, model = linear.solution.space, linear.solution.model
     own, values = next((e, values) for e, values in model.effects if e.id == effect.id)
-    shapes = [i for i, (e, p) in enumerate(space.pairs) if e.id == effect.id and p.neutral != 0.0 and not p.choice]
-    if not shapes or not others:
-        return []
-    atoms = atoms_of(linear, others, numbers.prior_reach)
-    columns, here = columns_of(linear, atoms, 1), linear.images(model)
-    out: list[str] = []
-    for i in shapes:
+    here, out = linear.images(model), dict[str, None]()
+    for i in (i for i, (e, p) in enumerate(space.pairs) if atoms and e.id == effect.id and not p.choice):
         p = space.pairs[i][1]
-        usual = values[p.name] + p.typical
+        usual = values[p.name] + p.typical if p.neutral else 0.0
         usual = usual if usual <= p.high else max(values[p.name] - p.typical, p.low)
         change = linear.change(model.with_effect(own, **values | {p.name: usual}), here)
         rest = {name: np.delete(getattr(linear, name), i, axis=0) for name in ("nuisances", "precision")}
         alone = replace(linear, **rest, pull=np.zeros(len(rest["precision"])), residual=change)
         seen = scores(alone, columns)
         found = candidates(atoms, seen, seen.pixels) if seen.total > floor * seen.pixels else {}
-        out += [name for name, c in found.items() if c.gain > (1.0 - numbers.formula_error) * seen.total]
-    return out
+        out |= dict.fromkeys(name for name, c in found.items() if c.gain > (1.0 - numbers.formula_error) * seen.total)
+    return list(out)
 
 
 def _smooth(linear: Linear, row: Columns) -> Columns:

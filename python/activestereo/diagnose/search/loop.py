@@ -142,19 +142,18 @@ class Search:
             self._drop_needless()
             linear = linearised(self._scored, self._solution)
             columns = carried(columns, before, self._scored)
-            self._widen_last_set(linear)
+            self._widen_last_set(linear, atoms, columns)
             self._structure = local_structure(self._rows)
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
         drawn = sum(n.gain for n in self._names if n.field is not None)
-        noise = self._noise
         left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
         is_full = sum(n.seen is not None for n in self._names) >= self._numbers.most_names
         parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
         in_images = sum(n.seen is not None and n.field is None for n in self._names)
         rest = Remainder(*parts, names=max(1, in_images), is_full=is_full)
         return Outcome(
-            self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names), noise,
-            self._unjudged, rest, tuple(self._rounds),
+            self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names),
+            self._noise, self._unjudged, rest, tuple(self._rounds),
         )  # fmt: skip
 
     @property
@@ -253,15 +252,19 @@ class Search:
             self._swap_last()
         return True
 
-    def _widen_last_set(self, linear: Linear) -> None:
+    def _widen_last_set(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> None:
         """Adds effects to the last named one's set that can imitate a part of its image change (stand_ins()). Together
         they get the probability 1 - Numbers.credible."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
-        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE and e.family == name.effect.family]
-        others = [e for e in images if self._is_open(e) and e.id not in name.members]
-        if more := stand_ins(linear, name.effect, others, self._floor() / self._pixels, self._numbers):
+        kin = [a for a in atoms if a.effect.family == name.effect.family and a.effect.id not in name.members]
+        others, rows = [], [columns[:0]]
+        for atom in (a for a in kin if self._is_open(a.effect)):
+            others.append(replace(atom, first=sum(map(len, rows))))
+            rows.append(columns[atom.columns()])
+        floor = self._floor() / self._pixels
+        if more := stand_ins(linear, name.effect, others, np.concatenate(rows), floor, self._numbers):
             left_out = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
             kept = {member: p * self._numbers.credible for member, p in name.members.items()}
             self._names[-1] = replace(name, members=kept | left_out)
@@ -435,8 +438,9 @@ class Search:
         for name in sorted(self._names, key=lambda n: n.gain):
             if name.field is not None or name.seen is None:
                 continue
-            space = ParameterSpace.of(self._solution.model.without_effect(name.id))
-            without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED)
+            space, without = ParameterSpace.of(self._solution.model.without_effect(name.id)), self._first
+            if len(space.pairs) > len(without.space.pairs):
+                without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED)
             if without.sums.total - self._chi2 < self._numbers.least_excess * self._pixels:
                 self._names.remove(name)
                 self._needless.add(name.id)

@@ -15,7 +15,7 @@ from activestereo.effects import Effect, Model, Stage, known_differences
 
 # Fits take a few steps on few images from the best start, and from a second one with this part of its gain, unless the
 # first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2
-# hardly falls, the others a single one.
+# hardly falls; the others are only measured there.
 _STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
@@ -62,7 +62,7 @@ def refits(
         name = _name(space)
         is_close = gains[name] >= _CLOSE * max(gains.values())
         s = first[name].solution
-        return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 1, _TOLERANCE)
+        return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 0, _TOLERANCE)
 
     found = _side_by_side(fitter, settled, spaces, workers)
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)

@@ -10,7 +10,7 @@ EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined
 # too: of generations 50525 and 81119, when test frames counted once, and 82612, by missing() as it is. A set of
 # black_level and dark_signal counts as right where the truth is one of the two.
 # (upper end of missing(), first names that were right, all first names)
-_COUNTED = ((0.5, 264, 264), (1.0, 30, 32), (2.0, 5, 15), (float("inf"), 3, 22))
+_COUNTED = ((0.5, 264, 264), (1.0, 30, 31), (2.0, 5, 16), (float("inf"), 3, 22))
 # The same for searches without a name: they are right if a case hides nothing, or less than counts as detectable.
 _NONE_COUNTED = ((1.0, 239, 245), (float("inf"), 0, 7))
 
@@ -45,21 +45,22 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     If none is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
     their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
     Beside other effects the structure must be a small part of what one name took of the first one, for formulas are not
-    exact; names that share out an effect of no library leave more. No more error may be left than is explained, neither
-    on train nor on test frames. Test frames must confirm either case; beside a named effect they count twice as much as
-    train frames.
+    exact; names that share out an effect of no library leave more. No more error may be left than is explained in
+    expected images, neither on train nor on test frames. Test frames must confirm either case; beside a named effect
+    they count twice as much as train frames.
     """
     if rest.is_full:
         return float("inf")
     is_tested, test_left = rest.test_left is not None, max(rest.test_left or 0.0, 0.0)
     test_explained = rest.test_explained or 0.0
     unconfirmed = test_left / max(test_explained, numbers.scene_error)
-    if not is_named or rest.explained - rest.drawn < numbers.least_excess:
+    in_images = rest.explained - rest.drawn
+    if not is_named or in_images < numbers.least_excess:
         structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
         return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, rest.names * structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
-    train = max(structure, rest.left / max(rest.explained, numbers.structure))
+    train = max(structure, rest.left / max(in_images, numbers.structure))
     beside = train / 2.0 + unconfirmed if is_tested else train
     return max(beside, rest.strain / numbers.strain, test_left / max(test_explained, numbers.structure))
 
