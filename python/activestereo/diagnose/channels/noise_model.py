@@ -7,6 +7,7 @@ the model states its noise, that is if it has a term of that kind already.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -106,7 +107,8 @@ def _rows(observations: Sequence[Observation], parameter: str, largest_correlati
     """Fits an offset that each row of a frame shares, by the marginal likelihood of differences of repeats. Returns a
     reason instead of a fit if neighbouring rows vary together."""
     weight, moment, beside, both = [], [], 0.0, 0.0
-    for first, second in _pairs(observations):
+    groups = by_repeats((o.frame, o.side, o) for o in observations)
+    for first, second in (pair for group in groups for pair in pairwise(group)):
         w = 0.5 * (first.weight + second.weight)
         difference = (first.measured.astype(np.float64) - second.measured) / np.sqrt(2.0)
         weight.append(w.sum(axis=1))
@@ -127,11 +129,6 @@ def _rows(observations: Sequence[Observation], parameter: str, largest_correlati
         return "neighbouring rows vary together, as bands of light that flickers do"
     inside = _ROW_SIGMAS_DN[nats > nats[best] - _LIKELIHOOD_DROP]
     return _NoiseFit(float(nats[best]), sigma**2, {parameter: (sigma, float(inside[0]), float(inside[-1]))})
-
-
-def _pairs(observations: Sequence[Observation]) -> list[tuple[Observation, Observation]]:
-    groups = by_repeats((o.frame, o.side, o) for o in observations)
-    return [(a, b) for group in groups for a, b in zip(group, group[1:], strict=False)]
 
 
 def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit | str:

@@ -210,7 +210,10 @@ class Search:
             self._say_first_words(found)
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
-        fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
+        fields: Fields = {}
+        if by_line < _CLEAR * floor or self._names:
+            unnamed = filter(self._is_open, self._effects)
+            fields = fields_of(unnamed, self._rows, float(self._solution.phi[SCALES - 1]), numbers)
         # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
         # images of one camera share.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
@@ -298,10 +301,6 @@ class Search:
     def _missed(self, shares: Sequence[float]) -> float:
         """Returns the fall of chi2 that the named effects' formulas may have missed. shares: of each effect's gain."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
-
-    def _fields(self) -> Fields:
-        effects = [e for e in self._effects if self._is_open(e)]
-        return fields_of(effects, self._rows, float(self._solution.phi[SCALES - 1]), self._numbers)
 
     def _effect(self, name: str) -> Effect:
         return next(e for e in self._effects if e.id == name)
