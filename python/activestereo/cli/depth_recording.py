@@ -101,7 +101,9 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     order = sorted(fills, key=lambda name: fills[name])
     told = (("least", order[0]), ("most", order[-1])) if number > 1 else ()
     figures = [Figure(f"{which}: {name}", f"{100 * fills[name]:.1f} %", fills[name]) for which, name in told]
-    steps = [command(*args.given, "--search", "noise", args.out / "quiet.json"), command("view", args.left)]
+    steps = [command("view", args.left)]
+    if args.settings is None:
+        steps.insert(0, command(*args.given, "--search", "noise", args.out / "quiet.json"))
     print(screen(sentence, figures, notes, steps, args.out / _RUN, verbose=args.verbose))
 
 

@@ -17,7 +17,7 @@ from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
 from board_worlds import BOARD, RigWorld, matrix
-from command_line import led_on, refused
+from command_line import refused
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -136,7 +136,6 @@ def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
         == 0
     )
     text = capsys.readouterr().out
-    assert led_on(text) == [["model", "show", str(out)]]
     assert "6 boards" in text and "camera on gripper" in text and "corners reach" in text
     rig = read_model(out).rig
     assert rig.left.K[0, 0] == pytest.approx(world.K["left"][0, 0], rel=5e-3)
