@@ -10,8 +10,8 @@ from their squares. Each is divided by what noise alone parts two results of the
 of the true light is at 1; of these ratios the median over all worlds is printed, with the tenth and the ninetieth
 percentile. holes: intersection over union; truth: the error to the true disparity, over the reference's own.
 systematic: px on matt things, the imagers' noise switched off. seen: 'left' has the left camera's images alone, 'all'
-also the right camera's and the projector's; 'x2' of G-buffers with twice the rows and columns; 'samples' are the two
-pictures themselves, with their samples' share.
+also the right camera's and the projector's; 'x2' with twice the rows and columns; 'samples' are the two pictures
+themselves, with their samples' share.
 Afterwards both take --environments pictures of 128x128 in turns, the tracer with 4 samples; the least of the rounds
 counts for each. 'on the device' has images there and leaves depth there.
 """
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,8 +40,10 @@ _NO_NOISE = {"shot_noise": 0.0, "adc_noise_dn": 0.0, "prnu": 0.0, "speckle_shape
 _LEAST_PX = 50  # of a kind, for a median
 
 
-def compared(seed: int, scale: float, samples: int, device: str | int) -> dict[str, dict[str, float]]:
-    """{seen: {measure: ratio}} of one world."""
+def compared(
+    seed: int, scale: float, samples: int, finer: Sequence[int], device: str | int
+) -> dict[str, dict[str, float]]:
+    """{seen: {measure: ratio}} of one world. finer: supersamplings."""
     config = StereoDepthSensorConfig("D435").scaled(scale)
     config.samples_per_pixel = samples
     world, pictures = World.draw(seed, device), []
@@ -67,7 +69,7 @@ def compared(seed: int, scale: float, samples: int, device: str | int) -> dict[s
     found = {
         "samples": {name: _apart(*apart, kind == n) / _apart(again, traced, kind == n) for n, name in enumerate(KINDS)}
     }
-    for seen, n in (("left", 1), ("all", 1), ("left x2", 2), ("all x2", 2)):
+    for seen, n in (("left", 1), *((f"all x{n}", n) for n in finer)):
         own = {"ambient": config.ir_ambient_radiance + world.room_w_per_sr_m2, **_seen(world, config, n, "all" in seen)}
         sensors = (
             GBufferStereo(c, materials=world.materials(), device=device, supersampling=n) for c in (config, silent)
@@ -168,7 +170,7 @@ def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[
     def work() -> dict[str, float]:
         sensor._renderer.light_gbuffers(
             sensor._scene, cameras, targets, left=given, optics=optics, environment_count=count,
-            ambient_radiance=np.full(count, 0.1),
+            ambient_radiance=np.full(count, 0.1), supersampling=sensor._supersampling,
         )  # fmt: skip
         engine.compute(link.left, link.right, {"depth": depth}, **link.lasers(True))
         return {**sensor._renderer.stage_times, **engine.stage_times}
@@ -176,17 +178,18 @@ def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[
     return work
 
 
-def print_stages(environments: int, size_px: int, rounds: int, seed: int, device: str | int) -> None:
+def print_stages(environments: int, size_px: int, n: int, rounds: int, seed: int, device: str | int) -> None:
     """Pairs/s on the device, beside a traced z-buffer's frames/s, and microseconds per pair by stage, of the fastest
-    round."""
+    round. n: supersampling."""
     config = StereoDepthSensorConfig("D435").resized(size_px, size_px)
     world = World.draw(seed, device)
     with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
-        given = world.gbuffers(sensor)
         frames = environments / _z_buffer_s(sensor, world, environments, rounds)
+    with StereoDepthSensor(config.resized(n * size_px, n * size_px), world.scene, pose=world.pose) as sensor:
+        given = world.gbuffers(sensor)
     many = {name: np.ascontiguousarray(np.broadcast_to(i, (environments, *i.shape))) for name, i in given.items()}
     config.ir_exposure_mode = "fixed"
-    ours = GBufferStereo(config, environments, device=device, materials=world.materials())
+    ours = GBufferStereo(config, environments, device=device, materials=world.materials(), supersampling=n)
     work, least, stages = _on_the_device(ours, many), float("inf"), {}
     for _ in range(rounds + 1):
         start = time.perf_counter()
@@ -195,7 +198,8 @@ def print_stages(environments: int, size_px: int, rounds: int, seed: int, device
         if seconds < least:
             least, stages = seconds, times
     per_pair = 1e6 / environments
-    print(f"{environments} of {size_px}x{size_px}: {environments / least:.0f} pairs/s, z-buffer {frames:.0f} frames/s")
+    print(f"{environments} of {size_px}x{size_px}, x{n}", end=": ")
+    print(f"{environments / least:.0f} pairs/s, z-buffer {frames:.0f} frames/s")
     print(f"us per pair: {per_pair * least:.2f}", end=", ")
     print("; ".join(f"{name} {per_pair * 1e-3 * ms:.2f}" for name, ms in stages.items() if ms > 0), flush=True)
 
@@ -218,19 +222,21 @@ def main() -> None:
     parser.add_argument("--seeds", default="1:6", help="FIRST:END, the end not among them (default 1:6)")
     parser.add_argument("--scale", type=float, default=0.4, help="of a D435's images (default 0.4)")
     parser.add_argument("--samples", type=int, default=64, help="of the traced pictures (default 64)")
+    parser.add_argument("--supersampling", type=int, nargs="+", default=[1, 2], help="of G-buffers (default 1 2)")
     parser.add_argument("--environments", type=int, default=32, help="of the timed batch (default 32)")
     parser.add_argument("--rounds", type=int, default=5, help="of the timing, 0 = none (default 5)")
-    parser.add_argument("--stages", nargs="+", metavar="N:PX", help="only times by stage, of N environments of PX x PX")
+    stages = "only times by stage, of N environments of PX x PX, supersampling X (default 1)"
+    parser.add_argument("--stages", nargs="+", metavar="N:PX[:X]", help=stages)
     parser.add_argument("--device", default="cpu", help="as kuafu.Device has it (default cpu)")
     args = parser.parse_args()
     device = int(args.device) if args.device.isdigit() else args.device
     for batch in args.stages or ():
-        environments, size_px = (int(number) for number in batch.split(":"))
-        print_stages(environments, size_px, args.rounds, int(args.seeds.split(":")[0]), device)
+        environments, size_px, *n = (int(number) for number in batch.split(":"))
+        print_stages(environments, size_px, *(n or [1]), args.rounds, int(args.seeds.split(":")[0]), device)
     if args.stages:
         return
     first, end = (int(number) for number in args.seeds.split(":"))
-    worlds = [compared(seed, args.scale, args.samples, device) for seed in range(first, end)]
+    worlds = [compared(seed, args.scale, args.samples, args.supersampling, device) for seed in range(first, end)]
     for seen in worlds[0]:
         names = dict.fromkeys(name for world in worlds for name in world[seen])
         print(f"seen: {seen}, {len(worlds)} worlds")

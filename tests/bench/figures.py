@@ -18,7 +18,7 @@ Each value is taken from its file of results, where machine and date stand. Page
 """  # noqa: E501
 # (measured, value). In braces: file.run:row:column of a benchmark; suite:measure or suite-NN:strength:measure of the
 # suite's newest or NNth generation, in percent, with its 95 % interval, or with :alone and :share without it;
-# mitsuba:measure; next:frames; rooms:named.
+# mitsuba:measure; since:measure; next:frames; rooms:named.
 FIGURES = (
     (
         "depth of a real D435 pair, against the depth that the device computed, after one affine fit",
@@ -70,11 +70,11 @@ FIGURES = (
     ("the same with a verdict `effect`", "{suite:named and right}"),
     (
         "two effects at once: both found; one of them first",
-        "{suite:pairs: both found}; {suite:pairs: one of two first}",
+        "{since:pairs: both found}; {since:pairs: one of two first}",
     ),
     (
         "an effect that no library has: `unknown`; a wrong name",
-        "{suite:outside the library: said so}; {suite:outside the library: wrong name}",
+        "{since:outside the library: said so}; {since:outside the library: wrong name}",
     ),
     ("nothing hidden: `none`", "{suite:no effect: said so}"),
     ("a fault of the depth engine named first", "{suite:depth engine's fault first:share}"),
@@ -127,7 +127,8 @@ def _file(kind):
         return f"{SUITE}/{newest.name}"
     if kind.startswith("suite-"):
         return f"{SUITE}/generation-{kind.removeprefix('suite-')}.json"
-    return f"{SUITE}/{kind}.json" if kind in ("mitsuba", "next") else f"tests/bench/results/{kind.split('.')[0]}.json"
+    folder = SUITE if kind in ("mitsuba", "next", "since") else "tests/bench/results"
+    return f"{folder}/{kind.split('.')[0]}.json"
 
 
 def _value(place):

@@ -128,8 +128,8 @@ def _rows(records, keys):
 
 def _since(run):
     return [
-        f"Since then test frames deny more names. Of {run['of']} test cases of generation {run['generation']}, drawn "
-        f"after that and opened once, the {run['n']} quickest ({run['date']}, {run['machine']}; {run['note']}):",
+        f"Since then sets hold more. {run['n']} test cases of generation {run['generation']}, drawn after that and "
+        f"opened once ({run['date']}, {run['machine']}):",
         "",
         *(f"- {name}: {_value(measure, True)}" for name, measure in run["measures"].items()),
     ]
