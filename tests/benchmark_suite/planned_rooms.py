@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "python" / "shared"))
 
 from inject.inject import plan, write_injected
 from inject.kinds import KINDS
-from measured_rooms import ACCEPTED, in_parallel, is_told, recorded
+from measured_rooms import ACCEPTED, EXPOSURES, TURNS, in_parallel, is_told, recorded
 from activestereo.calibrate.world import cells
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
@@ -33,7 +33,6 @@ from activestereo.diagnose.room.names import score_room
 from activestereo.diagnose.room.plan import plan_of
 from activestereo.effects import builtin
 
-TURNS, EXPOSURES = ((0, 0), (14, 3), (-13, -4)), (1.0, 0.85, 1.3)
 # Every lens has vignetting: more of it changes a size and yields no name.
 DRAWN = sorted(set(KINDS) - {"vignetting"})
 # The recordings that the plan's texts ask for: a further view (turn, exposure), or the good unit in the same places.

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from activestereo.capture.importers.color_depth import ColorDepthRecording
     from activestereo.capture.importers.realsense_folder import RobotPoses
 
-_DEPTH_SCALE_M = 0.001  # of librealsense, unless the device was set otherwise
 _MOST_WORDS = 2
 
 _TEXT = """\
@@ -184,7 +183,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
-    from activestereo.capture.importers.realsense_folder import frame_files, import_realsense, swapped
+    from activestereo.capture.importers.realsense_folder import DEPTH_SCALE_M, frame_files, import_realsense, swapped
     from activestereo.capture.importers.trajectory import read_trajectory, refuse_foreign
     from activestereo.common.progress_bar import ProgressBar
 
@@ -209,7 +208,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     if len(words) == 1:
         files = frame_files(folder, words.pop())
     if depth_scale is None:
-        depth_scale = _DEPTH_SCALE_M
+        depth_scale = DEPTH_SCALE_M
         if any("depth" in entry.files for entry in files):
             assumed.append(f"depth is in steps of {depth_scale:g} m, a D400's usual ones: --depth-scale tells others")
     if args.swap:

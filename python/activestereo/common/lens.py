@@ -63,3 +63,11 @@ def to_pixels(x: NDArray[Any], y: NDArray[Any], k: NDArray[Any], coefficients: C
     if is_distorting(coefficients):
         x, y = distort(x, y, coefficients)
     return k[0, 0] * x + k[0, 1] * y + k[0, 2], k[1, 1] * y + k[1, 2]
+
+
+def with_finer_pixels(k: NDArray[np.float64], n: float) -> NDArray[np.float64]:
+    """Returns the 3x3 camera matrix of the same view with n times as many pixels along each side."""
+    k = k.copy()
+    k[:2] *= n
+    k[:2, 2] += 0.5 * (n - 1.0)  # pixel centres are whole numbers
+    return k

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, points_of
+from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, correlation, normals_of, points_of
+from activestereo.common.lens import to_pixels
 
 Pose = NDArray[np.float64]
 Features = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -87,9 +88,10 @@ def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.
 def _correlation_of_light(first: Surface, second: Surface, overlap: Overlap, K: NDArray[np.float64]) -> float:
     """Returns how the light without dots correlates on the surfaces that both views show."""
     c = contact(first, second, overlap.a_to_b, K, _REACH_M[-1])
-    column, row = (np.rint(c.there[:, i] / c.there[:, 2] * K[i, i] + K[i, 2]).astype(int) for i in (0, 1))
+    x, y, z = c.there.T
+    column, row = (np.rint(place).astype(int) for place in to_pixels(x / z, y / z, K))
     here, there = (blurred(surface.view.left, _DOTS_PX) for surface in (first, second))
-    return float(np.corrcoef(here.ravel()[c.pixel], there[row, column])[0, 1])
+    return correlation(here.ravel()[c.pixel], there[row, column])
 
 
 def _features(image: Image, points: Image) -> Features:

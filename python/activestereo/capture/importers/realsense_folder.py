@@ -34,6 +34,7 @@ _BETWEEN_WORDS = re.compile(r"[ _-]+")
 _LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
 # Streams of one frame differ by less than this, milliseconds.
 SAME_FRAME_MS = 8.0
+DEPTH_SCALE_M = 0.001  # of librealsense, unless the device was set otherwise
 # Numbers in names above this are times, milliseconds; those below count frames.
 LEAST_TIME_MS = 1e6
 
@@ -173,7 +174,7 @@ def _join_by_name(
 
 def import_realsense(
     files: list[FrameFiles], device: DeviceText, out: Path, projector: Projector, pattern: NDArray[np.uint8],
-    depth_scale: float = 0.001, scene: Path | None = None,
+    depth_scale: float = DEPTH_SCALE_M, scene: Path | None = None,
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposures_s: Sequence[float] = (0.008,),
     robot: RobotPoses | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip

@@ -48,7 +48,7 @@ def _named(result: Mapping[str, Any], effect_id: str) -> str:
     """Returns an effect's id with its finding in words, if it has one."""
     entries = [*result["ranking"], *(result.get("depth") or {}).get("ranking", [])]
     meaning = next((entry.get("finding") for entry in entries if entry["effect"] == effect_id), None)
-    return effect_id + (f" ({meaning[0].lower()}{meaning[1:]})" if meaning else "")
+    return effect_id + (f" ({_lowered(meaning)})" if meaning else "")
 
 
 def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
@@ -109,6 +109,10 @@ def geometry_words(result: Mapping[str, Any]) -> list[str]:
     return [f"{words[0].upper()}{words[1:]}." for words in said]
 
 
+def _lowered(words: str) -> str:
+    return words[0].lower() + words[1:]
+
+
 def _percent(share: float, decimals: int = 0) -> str:
     return f"{100 * share:.{decimals}f} %"
 
@@ -130,7 +134,7 @@ def next_steps(result: Mapping[str, Any]) -> list[str]:
         families = {entry["effect"]: entry["family"] for entry in result["ranking"]}
         mend = [_REMEDIES.get(families.get(name, ""), "Mend the sensor and record again") for name in result["added"]]
         first, *others = dict.fromkeys(mend)
-        remedies = "; ".join([first, *(words[0].lower() + words[1:] for words in others if words)])
+        remedies = "; ".join([first, *(_lowered(words) for words in others if words)])
         steps.append(f"{remedies}, or simulate with model.json, which has it.")
     elif result["verdict"] == "unknown":
         steps.insert(0, "Edit effect_stub.py, which holds a formula of what is left, and diagnose with it.")

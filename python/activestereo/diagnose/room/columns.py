@@ -203,7 +203,10 @@ def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
     explains. It stands for responses that differ in the dark, which would otherwise pass for a black level. full_dn:
     the largest DN."""
     x = light.both[0]
-    saturated_law = lambda k, image: image / (1.0 + _SATURATION * np.maximum(image, 0.0) / full_dn)  # noqa: E731
+
+    def saturated_law(k: int, image: Image) -> Image:
+        return image / (1.0 + _SATURATION * np.maximum(image, 0.0) / full_dn)
+
     laws = [saturated_law, power, lambda k, image: image]
     saturated, *others = (np.asarray(law(0, x)).ravel() for law in laws)
     share = np.linalg.lstsq(np.stack(others, axis=1), saturated, rcond=None)[0]

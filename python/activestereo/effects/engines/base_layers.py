@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.common.lens import with_finer_pixels
 from activestereo.effects.core.layers import Layers
 from activestereo.effects.engines import matt_world
 from activestereo.effects.engines.layers import RenderRequest, ViewCamera, request_key
@@ -122,11 +123,8 @@ def _camera(camera: ViewCamera) -> kuafu.Camera:
 
 def _resized(camera: ViewCamera, size: float) -> ViewCamera:
     """Returns the camera with `size` times as many pixels along each side."""
-    K = camera.K.copy()
-    K[:2] *= size
-    K[:2, 2] += 0.5 * (size - 1.0)  # pixel centres are whole numbers
     width, height = (int(np.ceil(size * side)) for side in (camera.width, camera.height))
-    return replace(camera, width=width, height=height, K=K)
+    return replace(camera, width=width, height=height, K=with_finer_pixels(camera.K, size))
 
 
 def _share(request: RenderRequest, share: float) -> int:

@@ -20,7 +20,7 @@ import kuafu
 from activestereo.camera.config_limits import FRAME
 from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
-from activestereo.common.lens import is_distorting
+from activestereo.common.lens import is_distorting, with_finer_pixels
 from activestereo.common.limits import POWER, Limits
 from activestereo.common.nearest import unknown
 from activestereo.common.shown import shown
@@ -100,8 +100,7 @@ class GBufferStereo:
         self._seeds: list[int] | None = None
         self._on_cuda = CudaMaps(self._engine.device) if on_cuda else None
         # The 3x3 matrix of the left infrared camera for images of input_shape, which the given images must have.
-        n = self._supersampling
-        self.k: NDArray[np.float64] = np.array([[n, 0, (n - 1) / 2], [0, n, (n - 1) / 2], [0, 0, 1]]) @ plan.left["k"]
+        self.k: NDArray[np.float64] = with_finer_pixels(plan.left["k"], self._supersampling)
         self._rig.enter()
 
     @property
