@@ -54,15 +54,16 @@ def failing(rows: Sequence[Accuracy]) -> list[Figure]:
     ]  # fmt: skip
 
 
-def light_lines(share: LightShare | None, added: float | None) -> list[str]:
-    """Returns lines on the projector's share of infrared light at the dots, and on light added to a dark scene. added:
-    its radiance, or None."""
+def light_lines(share: LightShare | None, added: float | None, chosen: str) -> list[str]:
+    """Returns lines on the view and the light. added: radiance of the light added to a dark scene, or None. chosen:
+    words on the view that was chosen, empty where the scene or the user states one."""
+    view = [f"view: the scene has no camera: {chosen} (--camera-to-world)"] if chosen else []
     room = [f"light added: a room of {ROOM_LUX:g} lux, for the scene has no light (--ambient)"] if added else []
     if share is None:
-        return [*room, "light: no infrared light comes from the picture's middle"]
-    other = f"; the brightest other is {share.brightest}, {_percent(share.brightest_share)}" if share.brightest else ""
-    place = f"of the infrared light at the dots, {share.distance_m:.2f} m away in the middle"
-    return [*room, f"light: {_percent(share.projector)} {place}, is the projector's{other}"]
+        return [*view, *room, "light: no infrared light comes from the picture's middle"]
+    other = f", {share.brightest} {_percent(share.brightest_share)}" if share.brightest else ""
+    dots = f"infrared at the dots ({share.distance_m:.2f} m): projector {_percent(share.projector)}"
+    return [f"{dots}{other}", *view, *room]
 
 
 def warn_of_light(share: LightShare | None) -> None:

@@ -54,8 +54,8 @@ the RGB camera.
 
 SCENE is .gltf .glb .obj .dae .stl or .ply, in metres, or .usd .usda .usdc .usdz
 (needs: pip install usd-core), or a capture's folder. The sensor stands at the file's
-first camera, at a capture's first view, at --camera-to-world, or where all of the scene
-is seen. Lamps have the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
+first camera, at a capture's first view, at --camera-to-world, or before the scene, in a
+closed room inside. Lamps have the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
 
 Writes into DIR:
   rgb.png                   RGB picture
@@ -158,7 +158,8 @@ def run(args: argparse.Namespace) -> None:
     scene, added = _load_scene(args, config, _is_lit(args, model, view))
     if model is not None:
         warn_of_materials(model, scene)
-    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene, config, view), model=model)
+    pose, chosen = _sensor_pose(args, scene, config, view)
+    sensor = StereoDepthSensor(config, scene, pose=pose, model=model)
     if args.velocity is not None:
         sensor.set_velocity(args.velocity[:3], args.velocity[3:])
     make_folder(args.out)
@@ -168,7 +169,7 @@ def run(args: argparse.Namespace) -> None:
     depth, truth, ids = sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids()
     rows = accuracy_by_material(depth, truth, ids, sensor.scene.material_name, config.max_depth_m)
     _write(args, sensor, rows)
-    _report(args, sensor, rows, added)
+    _report(args, sensor, rows, added, chosen)
 
 
 def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | None = None) -> SensorModel | None:
@@ -281,14 +282,18 @@ def _light_scene(
 ) -> float | None:
     """Sets the scene's uniform light or environment map. Returns the radiance in W/(sr m^2) that was added to an unlit
     scene, else None. dome: radiance of a USD dome light, or None."""
+    from activestereo.scene_io.defaults import light_closed_room
     from activestereo.scene_io.environment_map import set_environment_map
     from activestereo.scene_io.staging import ALL_SIDES, has_lamps, part_light, room_radiance
 
     part_light(scene)
+    is_lit = has_lamps(scene) or dome is not None or args.ambient is not None
     if args.environment is not None:
         set_environment_map(scene, args.environment, 1.0 if args.ambient is None else args.ambient)
         return None
     ambient, infrared = args.ambient, None
+    if not is_lit:
+        light_closed_room(scene)
     if dome is not None and ambient is None:
         radiance = dome
         if args.lamp is not None:
@@ -299,7 +304,7 @@ def _light_scene(
         if ambient == 0.0 and args.ir_ambient_radiance is None:
             infrared = 0.0
     scene.set_environment(radiance, infrared, light_group=ALL_SIDES)
-    return radiance[0] if dome is None and ambient is None and not has_lamps(scene) else None
+    return None if is_lit else radiance[0]
 
 
 def _view_of_capture(args: argparse.Namespace) -> Frame:
@@ -315,20 +320,22 @@ def _view_of_capture(args: argparse.Namespace) -> Frame:
 
 def _sensor_pose(
     args: argparse.Namespace, scene: kuafu.Scene, config: StereoDepthSensorConfig, view: Frame | None
-) -> Pose:
+) -> tuple[Pose, str]:
+    """Returns the pose that was asked for or the scene has and an empty text, else a chosen one and words on it."""
     from activestereo.common.pose import Pose, body_pose, camera_to_camera
-    from activestereo.scene_io.staging import overall_view
+    from activestereo.scene_io.defaults import overall_view
 
     if args.camera_to_world is not None:
-        return body_pose(args.camera_to_world)
+        return body_pose(args.camera_to_world), ""
     if view is not None and args.camera is None:
-        return body_pose(view.camera_to_world @ camera_to_camera(Pose(), config.trans_pose_l))
+        return body_pose(view.camera_to_world @ camera_to_camera(Pose(), config.trans_pose_l)), ""
     count = scene.summary.camera_count
     if args.camera is not None and args.camera >= count:
         raise CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
     if count:
-        return body_pose(scene.camera(args.camera or 0).camera_to_world)
-    return body_pose(overall_view(scene.summary, config.min_depth_m))
+        return body_pose(scene.camera(args.camera or 0).camera_to_world), ""
+    place, chosen = overall_view(scene, config.min_depth_m)
+    return body_pose(place), chosen
 
 
 def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
@@ -358,7 +365,9 @@ def _camera(sensor: StereoDepthSensor) -> dict[str, Any]:
     return cameras_json(sensor.get_config(), camera_to_world(sensor.get_pose()))
 
 
-def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None) -> None:
+def _report(
+    args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None, chosen: str
+) -> None:
     from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
     from activestereo.common.accuracy import accuracy_table
     from activestereo.report.screen import command, screen
@@ -386,7 +395,7 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     device = f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}"
     details = "\n".join([device, matching_line(sensor.engine), stage_table(groups), accuracy_table(rows)])
     sentence = depth_sentence(f"{sensor.get_config().model} in {args.scene.name} ({size_m:.2g} m large)", rows)
-    notes, page = light_lines(share, added), args.out / "overview.png"
+    notes, page = light_lines(share, added, chosen), args.out / "overview.png"
     leads, unit = [command("view", args.out, *carried(args, "device"))], likely_unit(size_m)
     if not rows[-1].pixels and args.unit == 1.0 != unit:
         leads = [command(*args.given, "--unit", f"{unit:g}")]

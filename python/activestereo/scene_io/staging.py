@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Converts lamps of scene files to radiometric units and infrared light. Gives a scene file without light or camera
-default ones.
+"""Converts lamps of scene files to radiometric units and infrared light.
 
 Scene files state photometric units: candela and lux (KHR_lights_punctual), nits (UsdLux). Divided by LUMENS_PER_WATT
 they are visible light in W/sr, W/m^2 and W/(sr m^2). A camera's `ir_ambient_scale` is the share of a white LED's
@@ -9,14 +8,11 @@ eye."""
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from activestereo.common.nearest import unknown
-from activestereo.common.pose import look_at
 
 if TYPE_CHECKING:
     import kuafu
@@ -68,8 +64,6 @@ ROOM_RADIANCE = 0.1
 # kuafu's light groups, which separate a picture's light: lamps, emissive surfaces, light from all sides.
 LAMPS, SURFACES, ALL_SIDES = 0, 1, 2
 
-_HALF_VIEW = 0.9 * np.tan(np.deg2rad((69.0, 42.0)) / 2.0)  # nine tenths of half a D400 colour camera's view
-
 
 def part_light(scene: kuafu.Scene) -> None:
     """Puts the light of emissive surfaces into the group SURFACES, so that renders can tell it from other lights. The
@@ -93,14 +87,3 @@ def has_lamps(scene: kuafu.Scene) -> bool:
     return summary.light_count > 0 or any(
         any(scene.get_material(number).emission) for number in range(summary.material_count)
     )
-
-
-def overall_view(summary: kuafu.SceneSummary, least_m: float = 0.0) -> NDArray[np.float64]:
-    """Returns camera_to_world [4, 4] of a camera in front of and above the scene (y up, as in glTF). It stands as near
-    as it can and still see the whole bounding box. least_m: the shortest distance that the camera measures."""
-    low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
-    centre, direction = 0.5 * (low + high), np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
-    axes = look_at(direction, np.zeros(3), (0.0, 1.0, 0.0))[:3, :3]
-    corners = np.array(list(itertools.product(*zip(low - centre, high - centre, strict=True)))) @ axes
-    nearest = np.maximum(np.max(np.abs(corners[:, :2]) / _HALF_VIEW, axis=1), 1.5 * least_m) - corners[:, 2]
-    return look_at(centre + max(float(nearest.max()), 0.13) * direction, centre, (0.0, 1.0, 0.0))

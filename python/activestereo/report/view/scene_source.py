@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
@@ -14,8 +15,9 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.pose import CAMERA_TO_BODY, as_matrix
 from activestereo.model import SensorModel
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, drawn_from_left
+from activestereo.scene_io.defaults import light_closed_room, overall_view
 from activestereo.scene_io.scene_files import load_scene_file
-from activestereo.scene_io.staging import overall_view, room_radiance
+from activestereo.scene_io.staging import room_radiance
 
 
 class SceneSource:
@@ -30,9 +32,9 @@ class SceneSource:
         self._left_config = drawn_from_left(config)
 
     def frames(self) -> list[dict[str, object]]:
-        """Returns [{id, label}] of the scene's cameras, or of one view of the whole scene if it has none."""
+        """Returns [{id, label}] of the scene's cameras, or of one chosen view if it has none."""
         count = self._scene().summary.camera_count
-        return [{"id": n, "label": f"camera {n}" if count else "all of it"} for n in range(max(count, 1))]
+        return [{"id": n, "label": f"camera {n}" if count else "chosen view"} for n in range(max(count, 1))]
 
     def facts(self) -> dict[str, object]:
         """Returns the left camera's figures (size, max_dn, K, focal_baseline_px_m), with which the page computes
@@ -58,9 +60,13 @@ class SceneSource:
         known = [frame["id"] for frame in self.frames()]
         if frame_id not in known:
             raise ValueError(f"{self.title} has no camera {frame_id!r}, only {known[0]} to {known[-1]}")
-        colour = scene.camera(frame_id).camera_to_world if scene.summary.camera_count else overall_view(scene.summary)
+        colour = scene.camera(frame_id).camera_to_world if scene.summary.camera_count else self._chosen()
         colour_to_left = CAMERA_TO_BODY.T @ as_matrix(self._config.trans_pose_l) @ CAMERA_TO_BODY
         return Exposure(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
+
+    @computed_once
+    def _chosen(self) -> NDArray[np.float64]:
+        return overall_view(self._scene())[0]
 
     @computed_once
     def _scene(self) -> kuafu.Scene:
@@ -68,6 +74,8 @@ class SceneSource:
         dome = load_scene_file(scene, self._path)
         if not scene.summary.triangle_count:
             raise ValueError(f"{self._path}: there is nothing to see in it: no triangles")
+        if dome is None:
+            light_closed_room(scene)
         room = room_radiance(scene)
         scene.set_environment(dome or (room, room, room))
         return scene
