@@ -52,7 +52,6 @@ from activestereo.diagnose.numbers import NUMBERS, Numbers
 from activestereo.diagnose.refine import Fitter, Solution
 from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing, with_test_frames
-from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_room
 from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.diagnose.search.loop import Outcome, Search, restore_functions
 from activestereo.diagnose.search.rendered import Rendering
@@ -170,11 +169,14 @@ def diagnose(
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
-    if is_measured_room(whole):
-        known = _effects_of(model, whole.scene_path)
-        sessions = [read_capture(path) for path in reference]
-        room, found, complete = diagnosed_room(whole, known, list(effects.values()), sessions)
-        return Diagnosis(room, found, sensor_model=complete)
+    if has_room_light(whole.scene_path):
+        from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_room  # half of all imports' time
+
+        if is_measured_room(whole):
+            known = _effects_of(model, whole.scene_path)
+            sessions = [read_capture(path) for path in reference]
+            room, found, complete = diagnosed_room(whole, known, list(effects.values()), sessions)
+            return Diagnosis(room, found, sensor_model=complete)
     if reference:
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
     capture = binned(whole, usual_binning(whole) if binning is None else binning)

@@ -105,10 +105,9 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
     projector."""
     key = request_key(replace(request, seed=0), "first surfaces")
     if key not in kept:
-        images, fewer = world.images, _share(request, matt_world.FINER**2 * matt_world.FIRST_SHARE)
         finer = [_camera(_resized(camera, matt_world.FINER)) for camera in request.cameras]
-        seen = images(list(map(_camera, request.cameras)), matt_world.SURFACE, fewer, 0)
-        first = images(finer, matt_world.FIRST, fewer, 0)
+        seen = world.images(list(map(_camera, request.cameras)), matt_world.SURFACE, 1, 0)
+        first = world.images(finer, matt_world.FIRST, 1, 0)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             light = pool.map(lambda i: matt_world.first_light(first, i, request.pattern), range(len(finer)))
             kept[key] = FirstSurfaces(list(light), first["albedo"].copy(), seen)

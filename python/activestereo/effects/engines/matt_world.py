@@ -3,9 +3,9 @@
 measured.
 
 Light off the first surface follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at
-the centres of FINER x FINER squares of each pixel. It has no noise. Bounced light shows no dots, so it is rendered with
-few samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is painted on them, and
-interpolated to the finer pixels of the same surface.
+the centres of FINER x FINER squares of each pixel. One sample shows it, without noise. Bounced light shows no dots, so
+it is rendered with few samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is
+painted on them, and interpolated to the finer pixels of the same surface.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 FINER = 2
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
-# Shares of samples: bounced light's of a view's samples; direct sky light's of these (effects use it separately); and
-# the share for the first surface's geometry.
-BOUNCED_SHARE, SKY_SHARE, FIRST_SHARE = 0.25, 0.25, 1.0 / 16.0
+# Shares of samples: bounced light's of a view's samples; direct sky light's of these (effects use it separately).
+BOUNCED_SHARE, SKY_SHARE = 0.25, 0.25
 # Smaller images than this get as many samples in all as this many pixels would, up to MOST_TIMES their own.
 SHARED_PIXELS, MOST_TIMES = 424 * 240, 4.0
 # Least weight of a neighbour, so that a pixel without a neighbour on its own surface takes all of them.
