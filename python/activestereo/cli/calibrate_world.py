@@ -5,6 +5,7 @@ lab."""
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, add_shared, carried, integer_from, print_json
@@ -84,7 +85,7 @@ def _print_plan(args: argparse.Namespace) -> None:
         raise CommandError(f"{args.recording}: is no measured room: make one with calibrate world")
     plan = plan_of(score_room(Room(capture), tuple(builtin().values())))
     if args.json:
-        print_json([{"text": r.text, "minutes": r.minutes, "tells": dict(r.tells)} for r in plan])
+        print_json([asdict(r) for r in plan])
     else:
         print(plan_text(plan))
 

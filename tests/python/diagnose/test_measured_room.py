@@ -5,6 +5,7 @@ import json
 import shutil
 from dataclasses import replace
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 
 import cv2
@@ -225,8 +226,10 @@ def test_the_plan_is_of_the_recording_at_hand_and_leaves_no_effect_out(capture_w
     assert main(["calibrate", "world", str(capture), "--plan", "--json"]) == 0
     this, *plan = json.loads(capsys.readouterr().out)
     views = [r for r in plan if all(r["tells"].values())]
-    worth = [len(r["tells"]) / r["minutes"] for r in views]
-    assert worth == sorted(worth, reverse=True) and sum(r["minutes"] for r in plan) <= 40.0
+    first = [r for r in plan if r["ends"] is not None]
+    assert first == plan[: len(first)] and [r["ends"] for r in first] == list(accumulate(r["minutes"] for r in first))
+    assert 5.0 < first[-1]["ends"] <= 10.0 and all(first[-1]["ends"] + r["minutes"] > 10.0 for r in plan[len(first) :])
+    assert {"read_noise", "stereo_pitch"} < {name for r in first for name in r["tells"]}
     assert {name for r in (this, *plan) for name in r["tells"]} == {*builtin(), "drops on a window"}
     for recording in (this, *views):
         for name, sizes in recording["tells"].items():
@@ -240,7 +243,8 @@ def test_the_plan_is_of_the_recording_at_hand_and_leaves_no_effect_out(capture_w
             assert recording is this or is_much_less or all(sizes[p.name] <= p.typical for p in parameters), name
     assert {*this["tells"]["gain_mismatch"]} == {"gain", "offset_dn"}
     assert main(["calibrate", "world", str(capture), "--plan"]) == 0
-    assert capsys.readouterr().out.count("min): ") == 1 + len(plan)
+    said = capsys.readouterr().out
+    assert (said.count(" in all): "), said.count("would take longer: ")) == (1 + len(first), len(plan) - len(first))
     assert main(["calibrate", "world", str(capture.parent / "rec"), "--plan"]) == 2
     assert "is no measured room" in capsys.readouterr().err
 

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plans recordings for the effects that a room leaves open: further views of this room, judged by the evidence that
-they would bring, and commands for effects that no view of a room shows."""
+"""Plans ten minutes of recordings for the effects that a room leaves open: further views of this room, judged by the
+evidence that they would bring, and commands for effects that no view of a room shows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import erfc, sqrt
 
 import numpy as np
 
@@ -28,11 +29,16 @@ Sizes = Mapping[str, float]
 @dataclass(frozen=True)
 class Recording:
     """A recording: the instruction, its minutes, and {effect: {parameter: the least size that it detects}}; None if
-    that is not computed."""
+    that is not computed. ends: the minutes until it is done, after those before it; None if they would be too many."""
 
     text: str
     minutes: float
     tells: Mapping[str, Sizes | None]
+    ends: float | None = None
+
+
+# A plan's minutes; the least number of effects that a recording must be expected to tell beyond those before it.
+MOST_MINUTES, _LEAST_GAIN = 10.0, 0.05
 
 
 _THIS = "this recording"
@@ -55,15 +61,15 @@ _COMMANDS: tuple[tuple[str, float, tuple[str, ...]], ...] = (
      ("dot_gain_spread", "dim_dots", "projector_vignetting")),
     ("fifteen pairs of a board, projector off: activestereo calibrate rig", 3.0,
      ("principal_point_offset", "radial_distortion", "tangential_distortion", "stereo_pitch", "stereo_roll")),
-    ("a scene of known shape, twenty frames of each view: activestereo diagnose renders it", 10.0, ()),
+    ("a scene whose shape you measure, twenty frames of each view: activestereo diagnose renders it", 20.0, ()),
 )  # fmt: skip
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """Plans recordings. The first one is this recording with the sizes that it detects; then come views of this room,
-    most effects per minute first, then commands. A view is listed for effects that this recording misses at typical
-    size, or that it detects at a much smaller size. Commands are for effects that no view detects at typical size.
-    Every effect asked about appears once or more."""
+    """Plans recordings. The first one is this recording with the sizes that it detects. Then come those that are done
+    within MOST_MINUTES, most information per minute first, then all that would take longer. A view of this room is
+    listed for effects that this recording misses at typical size, or that it detects at a much smaller size. Commands
+    are for effects that no view detects at typical size. Every effect asked about appears once or more."""
     this = detectable_sizes(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, session_spread(r, OF_A_UNIT))) for text, take in _VIEWS
@@ -72,21 +78,45 @@ def plan_of(seen: Seen) -> list[Recording]:
     offers.append((_REFERENCE, 2.0, _tells(seen, good, session_spread(good, SAME_PLACE))))
     if "response_gamma" in {e.id for e in seen.asked}:
         offers.append((_EXPOSED, 1.0, LEAST_RESPONSE))
-    plan, enough = [], set(now)
+    left, enough = [], set(now)
     for text, minutes, tells in offers:
         usual = {e for e, told in tells.items() if _is_usual(seen, e, told)}
         more = {e for e, told in tells.items() if e in this for name, size in told.items()
                 if size < _MUCH_LESS * this[e].get(name, np.inf)}  # fmt: skip
-        plan.append(Recording(text, minutes, {e: tells[e] for e in tells if e in more | (usual - now)}))
+        left.append(Recording(text, minutes, {e: tells[e] for e in tells if e in more | (usual - now)}))
         enough |= usual
-    plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
-    left = {e.id for e in seen.asked} - enough
-    commands: list[Recording] = []
+    untold = {e.id for e in seen.asked} - enough
     for text, minutes, measured in _COMMANDS:
-        if own := sorted(left.intersection(measured) if measured else left):
-            commands.append(Recording(text, minutes, dict.fromkeys(own)))
-            left.difference_update(own)
-    return [Recording(_THIS, 0.0, this), *plan, *commands]
+        own = sorted(untold.intersection(measured) if measured else untold)
+        left.append(Recording(text, minutes, dict.fromkeys(own)))
+        untold.difference_update(own)
+    known, plan, minutes = _chances(seen, this), [Recording(_THIS, 0.0, this, 0.0)], 0.0
+    while left := [r for r in left if _gain(_chances(seen, r.tells), known) > _LEAST_GAIN]:
+        best = max(left, key=lambda r: _gain(_chances(seen, r.tells), known) / r.minutes)
+        left.remove(best)
+        if minutes + best.minutes <= MOST_MINUTES:
+            minutes += best.minutes
+            known |= {e: max(c, known.get(e, 0.0)) for e, c in _chances(seen, best.tells).items()}
+            best = replace(best, ends=minutes)
+        plan.append(best)
+    return sorted(plan, key=lambda r: r.ends is None)
+
+
+def _chances(seen: Seen, tells: Mapping[str, Sizes | None]) -> dict[str, float]:
+    """Returns {effect: probability that it is told, if it is there}. Sizes are normal, with the typical one as
+    deviation; a command tells every size."""
+    typical = {(e.id, p.name): p.typical for e in seen.asked for p in e.parameters}
+    return {
+        effect: max(erfc(size / (sqrt(2.0) * typical.get((effect, name), size))) for name, size in sizes.items())
+        if sizes
+        else 1.0
+        for effect, sizes in tells.items()
+    }
+
+
+def _gain(chances: Mapping[str, float], known: Mapping[str, float]) -> float:
+    """Returns the expected number of effects that a recording tells beyond those that are `known`."""
+    return sum(max(chance - known.get(effect, 0.0), 0.0) for effect, chance in chances.items())
 
 
 def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
@@ -119,8 +149,12 @@ def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
 
 
 def plan_text(plan: Sequence[Recording]) -> str:
-    """Returns a plan as text, one line for each recording."""
-    return "\n".join(f"{n}. {r.text} ({r.minutes:g} min): {sizes(r) or 'no effect'}" for n, r in enumerate(plan))
+    """Returns a plan as text, one line for each recording, with its minutes and those until it is done."""
+    return "\n".join(
+        (f"would take longer: {r.text} ({r.minutes:g} min)" if r.ends is None else
+         f"{n}. {r.text} ({r.minutes:g} min, {r.ends:g} in all)") + f": {sizes(r) or 'no effect'}"
+        for n, r in enumerate(plan)
+    )  # fmt: skip
 
 
 def sizes(recording: Recording) -> str:
