@@ -86,8 +86,8 @@ def add_parser(commands: Commands) -> None:
     text = "a room of calibrate world of the same unit when it was good, best of the same views; repeatable"
     parser.add_argument("--reference", type=Path, metavar="CAPTURE", action="append", default=[], help=text)
     add_shared(parser, effects=", ranked beside the built-in ones")
-    text = "fit what surfaces, air and lights do to kuafu's own images (default; --no-refine saves their renders)"
-    parser.add_argument("--refine", action=argparse.BooleanOptionalAction, default=True, help=text)
+    text = "do not fit what surfaces, air and lights do to kuafu's own images, which saves their renders"
+    parser.add_argument("--no-refine", dest="refine", action="store_false", help=text)
     parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
     text = "least share of the squared error above the noise (of depth: of the disparity's error) that a name removes"
     parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)

@@ -129,11 +129,10 @@ def _add_light(group: argparse._ArgumentGroup) -> None:
         "measured reflectances of the scene's materials, from 400 to 850 nm: columns wavelength_nm and materials' names"
     )
     group.add_argument("--reflectances", type=Path, metavar="CSV", help=text)
-    text = "radiant intensity of the brightest dot at the sensor's laser power, W/sr (default: the sensor's; 0 = off)"
-    group.add_argument("--projector-intensity", type=positive, metavar="I", help=text)
-    group.add_argument("--laser-power", type=positive, metavar="MW", help="the laser's setting (default: the sensor's)")
+    text = "the laser's setting (default: the sensor's; 0 = off)"
+    group.add_argument("--laser-power", type=positive, metavar="MW", help=text)
     text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
-    group.add_argument("--ir-camera-exposure", "--ir-exposure", type=positive, metavar="S", help=text)
+    group.add_argument("--ir-exposure", type=positive, metavar="S", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
 
 
@@ -219,13 +218,11 @@ def make_config(
     config = sensor_config(args, model, view if _is_lit(args, model, view) else None)
     config.render_seed = config.noise_seed = args.seed
     set_cameras(config, args)
-    if args.projector_intensity is not None:
-        config.projector_intensity = args.projector_intensity
     if args.laser_power is not None:
         config.laser_power_mw = args.laser_power
-    if args.ir_camera_exposure is not None:
+    if args.ir_exposure is not None:
         config.ir_exposure_mode, config.ir_camera_gain = "fixed", 1.0
-        config.ir_camera_exposure = args.ir_camera_exposure
+        config.ir_camera_exposure = args.ir_exposure
     options = given_parameters(args, MATCHER, RIG, RENDERER, RENDER)
     for name, value in options.items():
         setattr(config, name, value)

@@ -109,4 +109,8 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
             return SceneSource(path, device, sensor_config(args, model), model)
         return CaptureSource(pictures_capture(path, StereoDepthSensorConfig(args.sensor)), device)
 
-    return ViewServer(Routes(Library(path, make), effects, args.out).calls(), args.port)
+    calls = Routes(Library(path, make), effects, args.out).calls()
+    try:
+        return ViewServer(calls, args.port)
+    except OSError as error:
+        raise CommandError(f"--port {args.port}: {error.strerror}: leave it out for a free port") from None

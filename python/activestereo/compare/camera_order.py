@@ -17,6 +17,8 @@ _PATCH_PX, _ROWS_PX = 25, 6
 _DISPARITY_SHARE = 0.25  # share of the image's width, as for a D435 at 0.2 m
 _MOST_PATCHES, _LEAST_PATCHES = 240, 30
 _LEAST_CORRELATION = 0.7
+# A patch of an edge is found all along the edge, on any row. So elsewhere in its rows a patch must fit worse by this.
+_CLEARLY, _BESIDE_PX = 0.03, 8
 # A pair is swapped if more than this share of patches lies further right in the second image; noise alone gives half.
 _SWAPPED = 0.8
 
@@ -63,7 +65,9 @@ def camera_order(
                 if patch.std() > 1.0:
                     score = cv2.matchTemplate(b[v - margin : v + margin + 1, start:end], patch, cv2.TM_CCOEFF_NORMED)
                     _, best, _, (x, y) = cv2.minMaxLoc(score)
-                    if best > _LEAST_CORRELATION and 0 < y < 2 * _ROWS_PX:
+                    rest = np.delete(score, np.s_[max(0, x - _BESIDE_PX) : x + _BESIDE_PX + 1], axis=1)
+                    is_clear = best > max(_LEAST_CORRELATION, rest.max(initial=-1.0) + _CLEARLY)
+                    if is_clear and 0 < y < 2 * _ROWS_PX:
                         shifts.append((start + x + half - u, y - _ROWS_PX + vertex(*score[y - 1 : y + 2, x].tolist())))
     if not shifts:
         return CameraOrder(0, 0.0, 0.0, 0.0)

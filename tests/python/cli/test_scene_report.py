@@ -107,6 +107,15 @@ def test_a_scene_without_light_is_a_room(run, tmp_path: Path) -> None:
     assert dark["light"]["projector"] == pytest.approx(1.0) and dark["light"]["brightest"] is None
 
 
+def test_noise_and_the_laser_are_switched_off(run, tmp_path: Path) -> None:
+    still = (_room(tmp_path / "a.glb", None), *_QUICK, "--ir-exposure", "0.005", "-o", tmp_path / "out")
+    pictures = []
+    for more in ((), ("--no-noise",), ("--no-noise", "--ambient", "0", "--laser-power", "0")):
+        assert run("simulate", *still, *more).returncode == 0
+        pictures.append(np.asarray(Image.open(tmp_path / "out/ir_left.png")).astype(float))
+    assert np.std(pictures[0] - pictures[1]) > 0.3 and pictures[1].std() > 1.0 and pictures[2].std() == 0.0
+
+
 def test_a_model_states_infrared_albedos_by_the_names_of_materials(run, tmp_path: Path) -> None:
     """As examples/guide/infrared_materials.md says; a name that the scene lacks is told, and so are files without."""
     wedge = _tetrahedron(tmp_path / "a.obj", 0.2)

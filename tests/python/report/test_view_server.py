@@ -18,6 +18,8 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
 from activestereo.capture.images import write_gray
 from activestereo.common.own_files import outside_allowed, own_file
+from activestereo.cli import make_parser
+from activestereo.cli.view import make_server
 from activestereo.effects import builtin
 from activestereo.report.view.library import Library, pictures_capture
 from activestereo.report.view.routes import Routes, free_name, packed
@@ -25,6 +27,7 @@ from activestereo.report.view.server import ViewServer
 from activestereo.report.view.settings import settings_of
 from activestereo.report.view.simulation import Pictures, Superseded
 from activestereo.sensor.results import cameras_json
+from command_line import refused
 
 
 def unpacked(answer):
@@ -359,3 +362,15 @@ def test_simulated_pairs_are_shown_with_the_cameras_that_took_them(tmp_path):
         assert tuple(capture.rig.right.distortion) == config.ir_distortion
         assert capture.rig.baseline_m == pytest.approx(config.focal_baseline_px_m / config.ir_intrinsic[0, 0])
         assert capture.depth_engine["max_disparity"] == 48 and "nominal" not in capture.name
+
+
+def test_the_port_that_is_asked_for_is_taken_or_refused(server, tmp_path, capsys):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    args = make_parser().parse_args(["view", "--device", "cpu", "--port", str(port), str(tmp_path)])
+    write_gray(tmp_path / "left.png", np.zeros((8, 8), np.uint8))
+    with make_server(args, args.path) as own:
+        assert f":{port}/" in own.address
+    told = refused(("view", tmp_path, "--device", "cpu", "--port", server.guard.port), capsys)
+    assert f"--port {server.guard.port}" in told
