@@ -68,6 +68,7 @@ from activestereo.model import SensorModel
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from activestereo.diagnose.room.unseen import Unseen
     from activestereo.effects.engines import CaptureRenderer
 
 _BASE_SHARE = 0.4  # of the last phase
@@ -80,7 +81,8 @@ class Diagnosis:
     model: the given model with the effects that were found. stub: Python text of an effect, or None. sensor_model: the
     contents of model.json; None if the capture's images could not be judged. before, after: the images that the given
     model and model.json expect, with their errors; None if those were not asked for. made: the renderer and settings of
-    these images. kept_as: the cache key of the diagnosis; None if a part of it is a user's own.
+    these images. kept_as: the cache key of the diagnosis; None if a part of it is a user's own. unseen: of a measured
+    room, one view as the others predict it under the given model and under the one found.
     """
 
     result: dict[str, Any]
@@ -91,6 +93,7 @@ class Diagnosis:
     after: ImageErrors | None = None
     made: RenderedWith | None = None
     kept_as: str | None = None
+    unseen: tuple[Unseen, Unseen] | None = None
 
     def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
         """Returns {(frame id, side): DN [height][width]} as model.json expects them; empty if no images were judged."""
@@ -175,8 +178,8 @@ def diagnose(
         if is_measured_room(whole):
             known = _effects_of(model, whole.scene_path)
             sessions = [read_capture(path) for path in reference]
-            room, found, complete = diagnosed_room(whole, known, list(effects.values()), sessions)
-            return Diagnosis(room, found, sensor_model=complete)
+            room, found, complete, unseen = diagnosed_room(whole, known, list(effects.values()), sessions)
+            return Diagnosis(room, found, sensor_model=complete, unseen=unseen)
     if reference:
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
     capture = binned(whole, usual_binning(whole) if binning is None else binning)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 from activestereo.compare.where import COVARIATES
@@ -22,6 +23,7 @@ _SPLIT_COLOR = {"train": BLUE, "test": ORANGE}
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
 _COLUMNS = 4
 _LEGEND_IN = 0.32
+_RINGS = 12
 
 
 def _axes(
@@ -138,6 +140,21 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
     axes.fill_between(x, mean_low, mean_high, color=ORANGE, alpha=0.25, lw=0)
     axes.plot(x, mean, color=ORANGE, lw=1.3, label="mean residual")
     axes.plot(x, floor, color=INK, lw=1.3, ls=(0, (4, 2)), label="noise floor")
+
+
+def falloff_chart(models: Mapping[str, tuple[NDArray, NDArray]]) -> Figure:
+    """Plots the mean residual in bins of the angle to the optical axis. models: {name: (tangent of each pixel's angle,
+    residual in DN, NaN where unknown)}; bins hold equally many pixels."""
+    figure = Figure(figsize=(4.9, 2.5), layout="constrained")
+    axes = _axes(figure, x="angle to the optical axis, degrees", y="DN", title="Mean of measured − model")
+    axes.axhline(0.0, color=INK, lw=0.9)
+    for (name, (off_axis, residual)), color in zip(models.items(), (ORANGE, BLUE), strict=False):
+        known = np.isfinite(residual)
+        order = np.argsort(off_axis[known])
+        bins = [np.array_split(values[known][order], _RINGS) for values in (np.degrees(np.arctan(off_axis)), residual)]
+        axes.plot(*([float(part.mean()) for part in own] for own in bins), "o-", color=color, lw=2, ms=4, label=name)
+    _legend(axes, loc="best")
+    return figure
 
 
 def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Figure:

@@ -8,11 +8,21 @@ from collections.abc import Iterable
 from typing import Any
 
 from activestereo.common.html_table import table, text
+from activestereo.common.shown import listed
 from activestereo.diagnose.answer.verdict_words import alike
-from activestereo.report.diagnosis_text import EXPLAINS_WORDS, FLOOR_WORDS, NATS_WORDS, parameter_text, split_sentences
+from activestereo.report.diagnosis_text import (
+    EXPLAINS_WORDS,
+    FLOOR_WORDS,
+    NATS_WORDS,
+    parameter_text,
+    says_nothing,
+    split_sentences,
+)
 from activestereo.report.models import ROWS
 from activestereo.report.page import section, share_bar
 
+_NO_IMAGE = '<span class="muted small">no expected image of its own</span>'
+_EMPTY = ("—", _NO_IMAGE)  # a column of these is left out
 _ENGINE_VERDICT = {
     "effect": "It has a fault",
     "none": "It has no fault that another matcher would not show as well",
@@ -46,7 +56,7 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
         items = []
         for advice in diagnosis["next_measurement"]:
             between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in advice.get("separates", []))
-            apart = f"<br><span class='muted'>tells apart</span> {between}" if between else ""
+            apart = f"<br><span class='muted'>tells</span> {between}" if between else ""
             items.append(f"<li>{text(advice['text'])}{apart}</li>")
         parts.append(section("What to measure next", f"<ul>{''.join(items)}</ul>"))
     return parts
@@ -55,7 +65,7 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
 def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
     rows, ranking, own = [], diagnosis["ranking"], diagnosis.get("own", {})
     for place, entry in enumerate(ranking, 1):
-        if place > ROWS and entry["effect"] not in own:
+        if entry["effect"] not in own and (place > ROWS or says_nothing(entry)):
             continue
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
         twins = "".join(f'<span class="tag">{text(e)}</span>' for e in alike(diagnosis, entry)) or "—"
@@ -70,22 +80,27 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
         "", "effect, family", "gain, nats", "explains", "fitted value (90 %)", "cannot be told from",
         "what it leaves",
     ]  # fmt: skip
+    used = [any(row[column] not in _EMPTY for row in rows) for column in range(len(head))]
+    head, *rows = ([cell for cell, is_used in zip(row, used, strict=True) if is_used] for row in [head, *rows])
     placed = {entry["effect"] for entry in ranking}
+    silent = [entry["effect"] for entry in ranking if says_nothing(entry) and entry["effect"] not in own]
+    said = f"<p>Nothing speaks for {text(listed(silent))}.</p>" if silent else ""
     left_out = "".join(f"<p>{text(n)}, yours: {text(why)}</p>" for n, why in own.items() if n not in placed)
-    more = len(ranking) - len(rows)
+    more = len(ranking) - len(rows) - len(silent)
     rest = left_out + (f'<p class="muted small">{more} more in diagnose.json.</p>' if more else "")
-    legend = f'<p class="muted small">Gain in {NATS_WORDS}; {EXPLAINS_WORDS}; {FLOOR_WORDS}.</p>'
+    words = [NATS_WORDS, *([EXPLAINS_WORDS] if "explains" in head else []), FLOOR_WORDS]
+    legend = f'<p class="muted small">Gain in {"; ".join(words)}.</p>'
     note = (
         '<p class="muted small">What it leaves: the residual of the frame and camera chosen above when this effect '
         "alone is added; projector, ambient and black level are fitted again, focal lengths and albedos are not. A "
         "click shows it among the large pictures.</p>"
     )
-    return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), legend, rest)
+    return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), said, legend, rest)
 
 
 def _residual(effect_id: str, shown: Iterable[str]) -> str:
     if effect_id not in shown:
-        return '<span class="muted small">no expected image of its own</span>'
+        return _NO_IMAGE
     canvas = f'<canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas>'
     return f'<figure class="row">{canvas}<figcaption></figcaption></figure>'
 

@@ -90,6 +90,11 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
     return f"{shown} {value:.{decimals}f} ±{half:.{decimals}f}{unit}{least}"
 
 
+def says_nothing(entry: Mapping[str, Any]) -> bool:
+    """Returns whether a row of the ranking has no gain that prints as more than 0.0 nats."""
+    return bool(entry["score_nats"] < _LEAST_NATS)
+
+
 def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool) -> str:
     """Returns the final screen of `diagnose`. steps: commands to run next; page: the report's path; kept: text on the
     cache and times, printed if `verbose`."""
@@ -128,10 +133,8 @@ def _notes(result: Mapping[str, Any]) -> list[str]:
     if result.get("reason") and verdict != "undetermined":
         notes.append(result["reason"])
     notes += rival_words(result) if verdict in ("effect", "undetermined") else []
-    if engine and (verdict != "none" or not engine.get("added")):
+    if engine and engine["verdict"] != "undetermined" and (verdict != "none" or not engine.get("added")):
         said = f"it has {', '.join(engine['added'])}" if engine.get("added") else "nothing is missing"
-        if engine["verdict"] == "undetermined":
-            said = f"not judged, for {engine['reason']}" if engine["reason"] else "not judged"
         notes.append(f"depth engine: {said}.")
     return [*notes, *geometry_words(result), *(advice[1:] if verdict != "effect" else advice)]
 
@@ -143,7 +146,7 @@ def _table(result: Mapping[str, Any]) -> list[str]:
     told = [
         (place, entry)
         for place, entry in enumerate(ranking, 1)
-        if entry["effect"] in own or (place <= _SHOWN and entry["score_nats"] >= _LEAST_NATS)
+        if entry["effect"] in own or (place <= _SHOWN and not says_nothing(entry))
     ]
     lines = [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}"] if told else []
     for place, entry in told:

@@ -22,7 +22,7 @@ from activestereo.diagnose.answer.verdict_words import (
     next_steps,
     rival_words,
 )
-from activestereo.report.charts import covariates_chart, effects_chart
+from activestereo.report.charts import covariates_chart, effects_chart, falloff_chart
 from activestereo.report.encode import data_address
 from activestereo.report.models import BASE, FOUND, ModelImages, ToldErrors
 from activestereo.report.page import chart
@@ -32,11 +32,14 @@ from activestereo.report.worst import known_residual, residual_limit, rmse
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
+    from activestereo.diagnose.room.unseen import Unseen
 
 # A detail's share of the image's width and height, and the least width in pixels, which small images need.
 _DETAIL, _LEAST_PX = 1.0 / 3.0, 140
 _MOST_CELLS = 6  # two rows of pictures and charts
 _NOT_COMPARED = "#8a94a0"
+_MODELS = {BASE: "model", FOUND: "model with what was found"}
+_RESIDUALS = {BASE: "measured − model", FOUND: "what is left"}
 
 
 def first_screen(
@@ -45,21 +48,25 @@ def first_screen(
     images: ModelImages | None = None,
     steps: Sequence[Step] = (),
     told: ToldErrors | None = None,
+    unseen: tuple[Unseen, Unseen] | None = None,
 ) -> str:
     """Returns the first screen of a diagnosis as HTML. diagnosis: diagnose.json's contents.
 
-    images: expected DN of the models BASE and, if an effect was found, FOUND. Without a comparison or images it has no
-    pictures. steps: commands to paste. told: each model's RMSE from told_errors().
+    images: expected DN of the models BASE and, if an effect was found, FOUND. steps: commands to paste. told: each
+    model's RMSE from told_errors(). unseen: as in Diagnosis. Without a comparison and images, or a view, it has no
+    pictures.
     """
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
     cells = [] if comparison is None or images is None else _pictures(comparison, images, told or {})
+    if unseen is not None:
+        cells = _view_pictures(*unseen)
     floor = diagnosis["heldout_noise_floor"]
     fall = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
     if fall:
         curve = chart(effects_chart(fall, floor), "error against effects added")
         cells.insert(min(3, len(cells)), f'<div class="curve">{curve}</div>')
     parts.append(f'<div class="evidence">{"".join(cells)}</div>')
-    advice = "".join(f"<li>{text(step)}</li>" for step in next_steps(diagnosis))
+    advice = "".join(f"<li>{text(step)}</li>" for step in next_steps(diagnosis, all_open=True))
     parts.append(f"<h2>What to do next</h2><ul>{advice}</ul>{_pasted(steps)}" if advice or steps else "")
     return f'<section id="verdict" aria-label="Verdict">{"".join(parts)}</section>'
 
@@ -116,14 +123,13 @@ def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> 
     measured = comparison.measured[key]
     high = max(float(np.quantile(measured, 0.998)), 1.0)
     place = f"frame {detail.frame.id}, {detail.side} camera, detail"
-    models = [(BASE, "model")] + ([(FOUND, "model with what was found")] if FOUND in images else [])
-    titles = {BASE: "measured − model", FOUND: "what is left"}
+    models = [name for name in (BASE, FOUND) if name in images]
     entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["cameras"][key[1]]
     floor = float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
     cells = [_cell(_gray(measured[part], high), "measured", place)]
-    cells += [_cell(_gray(images[name][key][part], high), words, "") for name, words in models]
+    cells += [_cell(_gray(images[name][key][part], high), _MODELS[name], "") for name in models]
     capture, measured_images = comparison.capture, comparison.measured
-    residuals = {name: known_residual(capture, key, measured_images, images[name]) for name, _ in models}
+    residuals = {name: known_residual(capture, key, measured_images, images[name]) for name in models}
     limit = residual_limit(residuals[BASE], floor)
     if FOUND not in images:
         cells.append(_cell(_signed(residuals[BASE][part], limit), "measured − model, there", ""))
@@ -131,7 +137,26 @@ def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> 
         grey = ", grey: not compared" if np.isnan(rest).any() else ""
         error = told[name][key] if name in told else rmse(rest)
         note = f"this image {error:.2f} DN, colours ±{limit:.2g} DN{grey}"
-        cells.append(_cell(_signed(rest, limit), titles[name], note))
+        cells.append(_cell(_signed(rest, limit), _RESIDUALS[name], note))
+    return cells
+
+
+def _view_pictures(before: Unseen, after: Unseen) -> list[str]:
+    """Returns HTML with pictures of a measured room's view, as _pictures() has them, and a chart of the error towards
+    the corners if a falloff was found."""
+    views = {BASE: before} | ({FOUND: after} if after is not before else {})
+    measured, residuals = before.measured, {name: view.measured - view.expected for name, view in views.items()}
+    high, limit = max(float(np.quantile(measured, 0.998)), 1.0), residual_limit(residuals[BASE], None)
+    notes = {BASE: "by the other views, grey: not seen", FOUND: ""}
+    cells = [_cell(_gray(measured, high), "measured", f"view {before.frame}, left camera, white {high:.0f} DN")]
+    cells += [_cell(_gray(view.expected, high), _MODELS[name], notes[name]) for name, view in views.items()]
+    for name, view in views.items():
+        note = f"this view {view.rmse_dn:.2f} DN, colours ±{limit:.2g} DN"
+        cells.append(_cell(_signed(residuals[name], limit), _RESIDUALS[name], note))
+    if FOUND in views:
+        drawn = chart(falloff_chart({_MODELS[name]: (views[name].off_axis, residuals[name]) for name in views}),
+                      "the error towards the corners")  # fmt: skip
+        cells.append(f'<div class="curve">{drawn}</div>')
     return cells
 
 
@@ -167,15 +192,14 @@ def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
 
 def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:
     """Converts an image in DN to grey RGB, uint8 [height][width][3], on the explorer's square-root scale. high: the DN
-    of white."""
-    level = np.rint(255.0 * np.sqrt(np.clip(image / high, 0.0, 1.0))).astype(np.uint8)
-    return np.repeat(level[..., None], 3, axis=2)
+    of white. NaN is shown as not compared."""
+    shade = np.sqrt(np.ma.masked_invalid(np.clip(image / high, 0.0, 1.0)))
+    return np.asarray(colormaps["gray"].with_extremes(bad=_NOT_COMPARED)(shade, bytes=True))[..., :3]
 
 
 def _signed(residual: NDArray[np.float64], limit_dn: float) -> NDArray[np.uint8]:
-    colours = colormaps["RdBu_r"].with_extremes(bad=_NOT_COMPARED)
-    shade = colours(np.ma.masked_invalid(np.clip(0.5 + 0.5 * residual / limit_dn, 0.0, 1.0)))
-    return np.rint(255.0 * np.asarray(shade)[..., :3]).astype(np.uint8)
+    shade = np.ma.masked_invalid(np.clip(0.5 + 0.5 * residual / limit_dn, 0.0, 1.0))
+    return np.asarray(colormaps["RdBu_r"].with_extremes(bad=_NOT_COMPARED)(shade, bytes=True))[..., :3]
 
 
 def _cell(pixels: NDArray[np.uint8], title: str, note: str) -> str:

@@ -133,7 +133,7 @@ def _diagnosis_page(
     result, comparison = diagnosis.result, diagnosis.comparison()
     if comparison is None:
         title = f"{result.get('capture', 'capture')}: diagnosis"
-        return page(title, [first_screen(result, steps=steps), *diagnosis_sections(result)])
+        return page(title, [first_screen(result, steps=steps, unseen=diagnosis.unseen), *diagnosis_sections(result)])
     return report_page(comparison, result, effects, progress, diagnosis.after, steps)
 
 

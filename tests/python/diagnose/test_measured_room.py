@@ -2,6 +2,7 @@
 """A room recorded by the very camera that is judged: effects are put into the recording, before it is measured."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from functools import cache
@@ -25,6 +26,7 @@ from activestereo.diagnose.room.imagined import ImaginedRoom, Take
 from activestereo.diagnose.room.names import reinterpret_as_glare, score_room, with_planned_pair
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.effects import Model, builtin
+from chromium import Page, is_installed
 from room_worlds import BASELINE_M, BLACK_DN, CX, CY, EXPONENT, F, Room
 from schema_check import violations
 
@@ -124,6 +126,29 @@ def test_what_the_camera_has_is_named_beside_its_own_falloff(diagnosed, change, 
     assert result["heldout_ir_rmse_after"] < 0.5 * result["heldout_ir_rmse_before"]
     if parameter is not None:
         assert found[also[0]][parameter]["value"] == pytest.approx(truth, rel=0.15)
+
+
+def test_the_report_shows_a_view_as_the_others_predict_it(capture_with, tmp_path, monkeypatch, capsys):
+    diagnosis = diagnose(capture_with(nothing))
+    before, after = diagnosis.unseen
+    inner = after.off_axis < 0.3
+    rise = [np.nanmean((v.measured - v.expected)[inner]) - np.nanmean((v.measured - v.expected)[~inner])
+            for v in (before, after)]  # fmt: skip
+    assert rise[0] > 5.0 and abs(rise[1]) < 0.1 * rise[0] and after.rmse_dn < 0.3 * before.rmse_dn
+    capsys.readouterr()
+    monkeypatch.chdir(tmp_path)
+    assert main(["diagnose", str(capture_with(nothing)), "-o", "out", "--workers", "1"]) == 0
+    said, page = capsys.readouterr().out, (tmp_path / "out/report.html").read_text()
+    assert len(said.replace("\\\n", "").splitlines()) <= 10 and max(map(len, said.splitlines())) <= 80
+    assert re.search(r"Not told: \w+ and \d+ more\. Measure: ", said) and "not judged" not in said
+    alts = ["measured", "model", "model with what was found", "measured − model", "what is left"]
+    assert re.findall(r'alt="([^"]*)"', page) == [*alts, "the error towards the corners"]
+    assert len(re.findall(r"this view [0-9.]+ DN, colours ±[0-9.]+ DN", page)) == 2
+    assert "<p>Nothing speaks for " in page and ">0.0<" not in page and "no expected image" not in page
+    if is_installed():
+        with Page(tmp_path / "out/report.html", size=(1280, 720)) as shown:
+            shown.wait("[...document.querySelectorAll('#verdict img')].every((i) => i.complete && i.naturalWidth > 0)")
+            assert shown.value("document.getElementById('verdict').getBoundingClientRect().bottom") <= 720
 
 
 def test_an_effect_is_not_named_at_a_size_that_cannot_be(capture_with):

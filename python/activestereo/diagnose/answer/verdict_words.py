@@ -124,9 +124,21 @@ def _left(result: Mapping[str, Any]) -> str:
     return f" ({error_text(error, floor, 2)}, noise alone gives {floor:.2f} DN)"
 
 
-def next_steps(result: Mapping[str, Any]) -> list[str]:
-    """Returns sentences on what to do with the answer, most useful first."""
-    steps = [f"Measure: {advice['text']}." for advice in result["next_measurement"][:1]]
+def _left_open(result: Mapping[str, Any], advice: Mapping[str, Any], whole: bool) -> str:
+    """Returns a sentence on the effects that an advised measurement tells beside those of the named sets, all if
+    `whole`."""
+    told = {name for own in result.get("sets", []) for name in own["effects"]}
+    left = [name for name in advice.get("separates", []) if name not in told]
+    shown = left if whole or len(left) < 3 else [left[0], f"{len(left) - 1} more"]
+    return f"Not told: {listed(shown)}. " if left else ""
+
+
+def next_steps(result: Mapping[str, Any], all_open: bool = False) -> list[str]:
+    """Returns sentences on what to do with the answer, most useful first. all_open: names all effects that a
+    measurement would tell, not just one and the number of the others."""
+    steps = [
+        f"{_left_open(result, advice, all_open)}Measure: {advice['text']}." for advice in result["next_measurement"][:1]
+    ]
     for kind, again in (("geometry", "Calibrate the rig"), ("albedos", "Measure the albedos")):
         if any(entry.get("stated_sigmas", 0.0) > IMPOSSIBLE_SIGMAS for entry in result.get(kind, [])):
             steps.append(f'{again} again, or state a larger "uncertainty" in capture.json.')

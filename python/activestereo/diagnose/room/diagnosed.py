@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import cv2
@@ -17,7 +17,7 @@ from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.names import NEEDED, Named, Names, Seen, names_of
 from activestereo.diagnose.room.plan import plan_of, sizes
-from activestereo.diagnose.room.unseen import unseen_rmse
+from activestereo.diagnose.room.unseen import Unseen, predict_unseen
 from activestereo.diagnose.score.intervals import Z90
 from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, builtin
@@ -46,10 +46,10 @@ def is_measured_room(capture: Capture) -> bool:
 
 def diagnosed_room(
     capture: Capture, given: Model, effects: Sequence[Effect], reference: Sequence[Capture] = ()
-) -> tuple[dict[str, Any], Model, SensorModel]:
-    """Returns (diagnose.json's contents, the model with the effects found, model.json's contents) of a measured room.
-    reference: sessions of the same unit from when it was good. ValueError: one of them is no measured room, of another
-    image size, or of another unit."""
+) -> tuple[dict[str, Any], Model, SensorModel, tuple[Unseen, Unseen] | None]:
+    """Returns (diagnose.json's contents, the model with the effects found, model.json's contents, Diagnosis.unseen) of
+    a measured room. reference: sessions of the same unit from when it was good. ValueError: one of them is no measured
+    room, of another image size, or of another unit."""
     room = Room(capture)
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
     falloff = _falloff(capture, given, effects)
@@ -68,6 +68,7 @@ def diagnosed_room(
     added = [effect.id for effect, _ in found]
     ranked = {*(f.effect.id for f in names.ranking), *(e.id for e, _ in given.effects), _FALLOFF}
     by_view = _unseen(room, capture, given, accepted)
+    shown = max(by_view, key=lambda pair: pair[0].rmse_dn ** 2 - pair[1].rmse_dn ** 2, default=None)
     result: dict[str, Any] = {
         "verdict": UNDETERMINED if beyond else EFFECT if added else NONE,
         "capture": capture.name,
@@ -84,9 +85,9 @@ def diagnosed_room(
         "added": added,
         "depth": {"verdict": "undetermined", "reason": "a measured room is judged by its images", "ranking": [],
                   "added": []},
-        "heldout_ir_rmse_before": _mean(by_view, "before"),
-        "heldout_ir_rmse_geometry": _mean(by_view, "before"),
-        "heldout_ir_rmse_after": _mean(by_view, "after"),
+        "heldout_ir_rmse_before": _rms(before for before, _ in by_view),
+        "heldout_ir_rmse_geometry": _rms(before for before, _ in by_view),
+        "heldout_ir_rmse_after": _rms(after for _, after in by_view),
         "heldout_noise_floor": None,
         "curve": [],
         "depth_split": None,
@@ -98,7 +99,7 @@ def diagnosed_room(
     }  # fmt: skip
     if beyond:
         result["reason"] = f"{_DISAGREE} ({beyond})"
-    return result, accepted, diagnosed_model(capture, accepted, intervals=intervals)
+    return result, accepted, diagnosed_model(capture, accepted, intervals=intervals), shown
 
 
 def _room_of(reference: Capture, capture: Capture) -> Room:
@@ -244,9 +245,9 @@ def _next(names: Names) -> list[dict[str, Any]]:
     return [*out, {"text": told, "separates": [], "change": None}]
 
 
-def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[dict[str, float]]:
-    """Returns [{before, after}]: the error in DN of each held-out view (or of each view, if none is held out),
-    predicted from the others under the falloff of both models."""
+def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[tuple[Unseen, Unseen]]:
+    """Returns each held-out view that others see (each view, if none is held out), predicted from the others under the
+    falloff of both models."""
     test = [f.id for f in capture.split("test") if f.depth_path is not None]
     whole = room if not test else Room(capture, [*(f.id for f in room.frames), *test])
     chosen = [n for n, f in enumerate(whole.frames) if not test or f.id in test]
@@ -256,11 +257,12 @@ def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list
     )
     out = []
     for view in chosen:
-        left = {n: unseen_rmse(whole, view, black, n) for n in {before, after}}
-        out.append({"before": left[before], "after": left[after]})
+        told = {n: predict_unseen(whole, view, black, n) for n in {before, after}}
+        if np.isfinite(told[before].rmse_dn):
+            out.append((told[before], told[after]))
     return out
 
 
-def _mean(rows: Sequence[dict[str, float]], name: str) -> float | None:
-    seen = [row[name] for row in rows if np.isfinite(row[name])]
-    return float(np.sqrt(np.mean(np.square(seen)))) if seen else None
+def _rms(views: Iterable[Unseen]) -> float | None:
+    errors = [view.rmse_dn for view in views]
+    return float(np.sqrt(np.mean(np.square(errors)))) if errors else None

@@ -7,6 +7,8 @@ near. Dots are not taken out of the other views' light: where a texture passes f
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
@@ -18,20 +20,35 @@ _SMOOTH_PX, _SLOW_PX, _CLEAR_PX = 0.6, 3.0, 9
 _MOST_GEOMETRY, _LEAST_GEOMETRY, _MOST_NEARER = 5.0, 0.02, 4.0
 
 
-def unseen_rmse(room: Room, view: int, black_dn: float, exponent: float) -> float:
-    """Returns the root mean square error in DN of one view's left image as the other views predict it, at half size;
-    NaN if they see none of it. The prediction has a falloff cos^exponent and one free scale."""
+@dataclass(frozen=True)
+class Unseen:
+    """One view's left image at half size, and as the other views predict it.
+
+    frame: the view's id. measured, expected: DN [height][width], NaN in expected where they do not see it. off_axis:
+    tangent of each pixel's angle to the optical axis. rmse_dn: NaN if they see none of it.
+    """
+
+    frame: int
+    measured: Image
+    expected: Image
+    off_axis: Image
+    rmse_dn: float
+
+
+def predict_unseen(room: Room, view: int, black_dn: float, exponent: float) -> Unseen:
+    """Predicts one view from the others, with a falloff cos^exponent and one free scale."""
     left, beside = room.images[2 * view], room.places(2 * view, 2 * view + 1)
     expected, known = _slow_from_others(room, view, black_dn, exponent)
     known &= beside.seen
     clear = cv2.erode(known.astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)) > 0
-    if not clear.any():
-        return float("nan")
     measured = blur(left.dn - np.float32(black_dn), _SMOOTH_PX)
     other = blur(beside.read(room.images[2 * view + 1].dn), _SMOOTH_PX)
-    scale = np.vdot(blur(measured, _SLOW_PX)[clear], expected[clear]) / np.vdot(expected[clear], expected[clear])
-    rest = measured - scale * expected - (other - blur(other, _SLOW_PX))
-    return float(np.sqrt(np.mean(rest[clear] ** 2)))
+    square = max(np.vdot(expected[clear], expected[clear]), 1e-6)
+    scale = np.vdot(blur(measured, _SLOW_PX)[clear], expected[clear]) / square
+    expected = np.where(clear, scale * expected + other - blur(other, _SLOW_PX), np.float32(np.nan))
+    error = float(np.sqrt(np.mean((measured - expected)[clear] ** 2))) if clear.any() else float("nan")
+    shown, off_axis = measured + np.float32(black_dn), np.sqrt(left.r2())
+    return Unseen(room.frames[view].id, shown, expected + np.float32(black_dn), off_axis, error)
 
 
 def _slow_from_others(room: Room, view: int, black_dn: float, exponent: float) -> tuple[Image, np.ndarray]:
