@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from activestereo.common.input_files import read_text
+from activestereo.common.shown import listed
 from activestereo.common.text_table import markdown
 
 _DRAWS, _LEVEL = 2000, 0.95
@@ -161,6 +162,8 @@ def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, 
         worlds = next(iter(methods.values())).keys()
         if real not in worlds:
             raise ValueError(f"no scores are of the world '{real}' (known: {', '.join(worlds)}): --real names it")
+        if len(worlds) < 2:
+            raise ValueError(f"all scores are of the world '{real}', and none of a simulated one to rank beside it")
         if len(methods) < 2:
             raise ValueError(f"criterion {criterion}: a ranking needs two methods, not one")
         drawn = [own for own in methods.values() if len(own[real]) > 1]
@@ -174,6 +177,25 @@ def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, 
             if world != real
         }
     return out
+
+
+def closest(found: dict[str, dict[str, Agreement]], real: str) -> tuple[str, str]:
+    """Returns (a sentence on the world whose scores go best with the real ones in the mean over the criteria, its
+    name). found: as agreements() returns it, of one world at least. The sentence names worlds that may do so as well:
+    their intervals reach the best world's value."""
+    worlds = list(next(iter(found.values())))
+    figures = {w: [own[w].pearson for own in found.values() if not isnan(own[w].pearson.value)] for w in worlds}
+    if not any(figures.values()):
+        return f"Nothing ranks: each world, or {real}, gives all methods one score.", worlds[0]
+    value = {w: float(np.mean([own.value for own in figures[w]])) if figures[w] else -1.0 for w in worlds}
+    best = max(worlds, key=value.__getitem__)
+    gap = np.mean([own[best].gap.value for own in found.values()])
+    rivals = [
+        w for w in worlds if w != best and figures[w] and np.mean([own.high for own in figures[w]]) >= value[best]
+    ]
+    others = f"; {listed(rivals)} may do as well" if rivals else ""
+    said = f"correlation {value[best]:.2f}, scores {100.0 * gap:.0f} points apart in the mean"
+    return f"{best} ranks the methods most as {real} does: {said}{others}.", best
 
 
 def agreement_table(found: dict[str, dict[str, Agreement]]) -> list[str]:

@@ -37,6 +37,12 @@ def test_methods_with_views_and_with_scores_count_alike(tmp_path, capsys):
     words = ["benchmark", "sim-to-real", *map(str, paths)]
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["10 mm"]["full"]["gap"][0] == pytest.approx(0.1875)
+    assert main([*words, "--verbose"]) == 0
+    told = capsys.readouterr().out
+    assert (
+        told.startswith("clean ranks the methods most as real does") and "full may do as well" in told and "█" in told
+    )
+    assert "Spearman" in told and max(map(len, told.split("\n\n")[0].splitlines())) <= 80
     for more, message in ((["--real", "lab"], "of the world 'lab' (known: clean, full, real)"), ([], "two methods")):
         assert main([*words[: 4 if more else 3], *more]) == 2
         assert message in capsys.readouterr().err
