@@ -248,8 +248,6 @@ def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
     [2][height][width]."""
     (u, v), (cx, cy) = image.view.pixels(), image.view.K[:2, 2]
     light = Light.of(image.layers)
-    if light.supersampled is not None:  # spline coefficients are as large as the images: none are kept
-        light = replace(light, supersampled=replace(light.supersampled))
 
     def seen(change: float) -> NDArray[np.float64]:
         shorter = 1.0 / (1.0 + change)

@@ -64,9 +64,7 @@ class LightMemory:
         self._firsts = [_firsts_of_groups(observations, shared) for shared in _LEVELS]
         self._views: list[dict[int, View]] = []
         for shared, firsts in zip(_LEVELS, self._firsts, strict=True):
-            views = {i: observations[i].view for i in set(firsts)}
-            frames = {i: cast(Frame, _SharedFrame(view.frame, shared)) for i, view in views.items()}
-            self._views.append({i: replace(view, frame=frames[i]) for i, view in views.items()})
+            self._views.append({i: _of_group(observations[i].view, shared) for i in set(firsts)})
         self._level: dict[Effect, int] = {}
 
     def __call__(self, model: Model, i: int, supersampled: bool = True) -> Light:
@@ -112,6 +110,13 @@ class LightMemory:
             light = Light.of(layers)
             self._rendered[id(layers)] = Light(light.direct, light.indirect, light.ambient, light.flat), light
         return self._rendered[id(layers)]
+
+
+def _of_group(view: View, shared: tuple[str, ...]) -> View:
+    """Returns a view as a group of frames shares it, the same one at every call: it keeps the geometry that effects
+    compute."""
+    kept: View = view.once(shared, lambda: replace(view, frame=cast(Frame, _SharedFrame(view.frame, shared))))
+    return kept
 
 
 def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, ...]) -> list[int]:

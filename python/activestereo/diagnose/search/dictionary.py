@@ -6,7 +6,7 @@ Effects whose likelihood has narrow peaks propose their own points (Effect.start
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 from mmap import mmap
@@ -68,6 +68,21 @@ def atoms_of(
     return atoms
 
 
+def numbered(atoms: Sequence[Atom]) -> list[Atom]:
+    """Returns the atoms with columns from 0 on, as a dictionary of their own."""
+    ends = np.cumsum([0, *(len(atom.steps) for atom in atoms)])
+    return [replace(atom, first=int(first)) for atom, first in zip(atoms, ends, strict=False)]
+
+
+def first_shapes(atoms: Sequence[Atom]) -> list[Atom]:
+    """Returns one atom for each effect and parameter that leads, and all that effects propose themselves."""
+    groups: dict[object, list[Atom]] = {}
+    for atom in atoms:
+        group = atom.first if atom.effect.starts else (atom.effect.id, atom.steps[0][0])
+        groups.setdefault(group, []).append(atom)
+    return [group[len(group) // 2] for group in groups.values()]
+
+
 def _proposals(
     linear: Linear, effects: Sequence[Effect], workers: int, memory: FitCache | None
 ) -> dict[str, NDArray[np.float64]]:
@@ -108,10 +123,8 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
         return stored.astype(np.float32)
     columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
     for some, of_some in ((known, stored), (own, _compute_columns(linear, own, workers))):
-        first = 0
-        for atom in some:
-            columns[atom.columns()] = of_some[first : first + len(atom.steps)]
-            first += len(atom.steps)
+        for atom, alone in zip(some, numbered(some), strict=True):
+            columns[atom.columns()] = of_some[alone.columns()]
     return columns
 
 

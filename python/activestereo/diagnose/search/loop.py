@@ -20,7 +20,8 @@ from activestereo.diagnose.refine import Fitter, ImageResidual, ParameterSpace, 
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.score.likelihood import design_effect, occam_nats
 from activestereo.diagnose.score.structure import local_structure
-from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of, start_images
+from activestereo.diagnose.search import dictionary
+from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of, numbered, start_images
 from activestereo.diagnose.search.fields import fields_of
 from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
 from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
@@ -37,6 +38,8 @@ from activestereo.effects.core.judging import Channel, CodeSteps
 # The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
 # its score. Beyond so many times the needed gain, chance and random fields need no check.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
+# Effects lead the first look if one shape gains this part of the best one's gain.
+_LEADS = 0.1
 # A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
 _SETTLING, _SETTLED = 8, 1e-4
 # Steps of a fit from each narrow peak of a named effect. Rivals with this part of a name's gain may take its place.
@@ -136,7 +139,7 @@ class Search:
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         made_by = self._settings.workers, self._settings.memory
         atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
-        columns = columns_of(linear, atoms, *made_by)
+        columns = self._columns(linear, atoms)
         while self._name_one(linear, [a for a in atoms if self._is_open(a.effect)], columns):
             before = linear.fitter
             self._drop_needless()
@@ -155,6 +158,30 @@ class Search:
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names),
             self._noise, self._unjudged, rest, tuple(self._rounds),
         )  # fmt: skip
+
+    def _columns(self, linear: Linear, atoms: Sequence[Atom]) -> Columns:
+        """Computes the dictionary: one shape of each effect, then all shapes of those that lead, for the first words,
+        then the others."""
+        columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
+        known: dict[int, Atom] = {}
+
+        def compute(chosen: Iterable[Atom]) -> None:
+            new = [atom for atom in chosen if atom.first not in known]
+            made = columns_of(linear, numbered(new), self._settings.workers, self._settings.memory)
+            for atom, alone in zip(new, numbered(new), strict=True):
+                columns[atom.columns()], known[atom.first] = made[alone.columns()], atom
+
+        def look() -> dict[str, Candidate]:
+            seen = np.concatenate([columns[atom.columns()] for atom in known.values()])
+            return candidates(numbered(list(known.values())), scores(linear, seen), self._pixels)
+
+        compute(dictionary.first_shapes(atoms))
+        if known and (found := look()):
+            least = _LEADS * max(c.gain for c in found.values())
+            compute(atom for atom in atoms if found.get(atom.effect.id) and found[atom.effect.id].gain > least)
+            self._settings.says(f"looks like {', '.join(list(look())[:3])}")
+        compute(atoms)
+        return columns
 
     @property
     def _pixels(self) -> int:
@@ -207,7 +234,7 @@ class Search:
         seen = scores(linear, columns)
         found = candidates(atoms, seen, self._pixels)
         if found and not self._rounds:
-            self._say_first_words(found)
+            self._say_own_ranks(found)
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields: Fields = {}
@@ -262,19 +289,16 @@ class Search:
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
         kin = [a for a in atoms if a.effect.family == name.effect.family and a.effect.id not in name.members]
-        others, rows = [], [columns[:0]]
-        for atom in (a for a in kin if self._is_open(a.effect)):
-            others.append(replace(atom, first=sum(map(len, rows))))
-            rows.append(columns[atom.columns()])
+        others = [a for a in kin if self._is_open(a.effect)]
+        rows = np.concatenate([columns[:0], *(columns[atom.columns()] for atom in others)])
         floor = self._floor() / self._pixels
-        if more := stand_ins(linear, name.effect, others, np.concatenate(rows), floor, self._numbers):
+        if more := stand_ins(linear, name.effect, numbered(others), rows, floor, self._numbers):
             left_out = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
             kept = {member: p * self._numbers.credible for member, p in name.members.items()}
             self._names[-1] = replace(name, members=kept | left_out)
 
-    def _say_first_words(self, found: Mapping[str, Candidate]) -> None:
-        """Reports the likeliest effects by their scores, and the rank of each user's own effect."""
-        self._settings.says(f"looks like {', '.join(list(found)[:3])}")
+    def _say_own_ranks(self, found: Mapping[str, Candidate]) -> None:
+        """Reports the rank of each user's own effect by its score."""
         best = max(c.gain for c in found.values())
         for rank, (name, c) in enumerate(found.items(), 1):
             if builtin().get(name) is not c.best.atom.effect:
@@ -417,16 +441,22 @@ class Search:
         return replace(evidence, train=train)
 
     def _fit_again(self, fit: Solution) -> None:
-        settled = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)
-        self._solution = refit_free_curve(self._fitter, settled)
         start, prior = ParameterSpace.of(self._given), self._evidence.nuisance_prior()
         without = self._fitter
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):  # albedos would take its place
             albedos = slice(len(SIDES), len(SIDES) + prior.materials)
             sigma = prior.sigma.copy()
             sigma[albedos] *= _AS_STATED
-            without = Fitter(self._fitter.observations, replace(prior, sigma=sigma), self._evidence.tiles)
-        self._first = without.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED)
+            observations, tiles = self._fitter.observations, self._evidence.tiles
+            without = Fitter(observations, replace(prior, sigma=sigma), tiles, memory=self._settings.memory)
+        fits = (
+            lambda: self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED),
+            lambda: without.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED),
+        )
+        if self._settings.memory is not None:
+            self._settings.memory.make_ahead(lambda make: make(), fits, self._settings.workers)
+        settled, self._first = (make() for make in fits)
+        self._solution = refit_free_curve(self._fitter, settled)
         self._rows = self._whole.residuals(self._solution)
         if not any(n.field is not None for n in self._names):
             self._structure_before = local_structure(self._whole.residuals(self._first))

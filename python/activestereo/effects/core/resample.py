@@ -101,15 +101,19 @@ def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     return i, x - i
 
 
+def spline_coefficients(images: np.ndarray) -> np.ndarray:
+    """Returns the cubic splines' coefficients of images [n][height][width], which are mirrored beyond the border."""
+    return np.stack([spline_filter(image, 3, image.dtype, mode="mirror") for image in images])
+
+
 def shifted_sum(
-    images: np.ndarray, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]
-) -> np.ndarray:
-    """Returns sums of shifted images [..., height][width], interpolated by cubic splines. along_u, along_v: pairs
-    (shift in samples, weight) along columns and along rows; each takes the image at (position + shift). Images are
-    mirrored beyond the border."""
-    coefficients = np.stack(
-        [spline_filter(image, 3, image.dtype, mode="mirror") for image in images.reshape(-1, *images.shape[-2:])]
-    )
+    images: np.ndarray, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]],
+    coefficients: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
+    """Returns sums of shifted images [n][height][width], interpolated by cubic splines. along_u, along_v: pairs (shift
+    in samples, weight) along columns and along rows; each takes the image at (position + shift). coefficients: of the
+    images, if they are known."""
+    out = spline_coefficients(images) if coefficients is None else coefficients
     for axis, taps in ((-1, along_u), (-2, along_v)):
         reach = int(np.ceil(max(abs(shift) for shift, _ in taps))) + 2
         # Weights of the coefficients around a pixel: cubic B-splines of their distances.
@@ -117,9 +121,9 @@ def shifted_sum(
         for shift, weight in taps:
             x = np.abs(np.arange(-reach, reach + 1.0) + shift)
             kernel += weight * np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
-        coefficients = convolve1d(coefficients, kernel, axis, mode="mirror")
+        out = convolve1d(out, kernel, axis, mode="mirror")
     low, high = (edge(images, axis=(-2, -1), keepdims=True) for edge in (np.min, np.max))
-    return np.clip(coefficients.reshape(images.shape), low, high)  # a spline may overshoot next to a dot
+    return np.clip(out, low, high)  # a spline may overshoot next to a dot
 
 
 def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
@@ -315,9 +319,12 @@ class SupersampledImages:
     ) -> SupersampledImages:
         """Returns sums of shifted images, see resample.shifted_sum; shifts are in camera pixels."""
         u, v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
-        return _LaterSupersampled(
-            self, lambda images: SupersampledImages(shifted_sum(images.images(), u, v), self.scale, self.margin_px)
-        )
+
+        def operation(source: SupersampledImages) -> SupersampledImages:
+            shifted = shifted_sum(source.images(), u, v, source._coefficients())
+            return SupersampledImages(shifted, self.scale, self.margin_px)
+
+        return _LaterSupersampled(self, operation)
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Returns the values at camera pixel positions (u, v) of any shape, float32 [n][...]."""
@@ -345,6 +352,10 @@ class SupersampledImages:
     @computed_once
     def _sums(self) -> dict[tuple[int, ...], SupersampledImages]:
         return {}
+
+    @computed_once
+    def _coefficients(self) -> np.ndarray:
+        return spline_coefficients(self.images())
 
     @computed_once
     def _splines(self) -> list[Spline]:
