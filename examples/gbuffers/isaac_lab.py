@@ -14,9 +14,10 @@ from activestereo.integrations.gbuffers.isaac_lab import NEEDS, ActiveStereoRend
 from isaaclab.sensors import CameraCfg
 
 
-def with_stereo_depth(env_cfg: Any, camera: str = "D435", seed: int = 0) -> Any:
+def with_stereo_depth(env_cfg: Any, camera: str = "D435", seed: int = 0, supersampling: int = 1) -> Any:
     """The task's configuration with such cameras; ValueError where it has none. camera: a preset's name or a camera's
-    .toml file."""
+    .toml file. supersampling: of ActiveStereoRendererCfg."""
+    own = {"camera": camera, "seed": seed, "supersampling": supersampling}
     parts = [*vars(env_cfg.scene).values(), *vars(env_cfg).values()]  # direct tasks have their camera beside the scene
     cameras = [part for part in parts if isinstance(part, CameraCfg)]
     if not cameras:
@@ -24,5 +25,5 @@ def with_stereo_depth(env_cfg: Any, camera: str = "D435", seed: int = 0) -> Any:
     for cfg in cameras:
         cfg.update_latest_camera_pose = True  # else normals are turned by the pose that a wrist had at the start
         cfg.data_types = [*dict.fromkeys([*cfg.data_types, *NEEDS])]
-        cfg.renderer_cfg = ActiveStereoRendererCfg(source=cfg.renderer_cfg, camera=camera, seed=seed)
+        cfg.renderer_cfg = ActiveStereoRendererCfg(source=cfg.renderer_cfg, **own)
     return env_cfg

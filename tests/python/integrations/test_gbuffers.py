@@ -262,19 +262,20 @@ def test_the_cameras_of_an_isaac_lab_task_get_the_renderer(monkeypatch) -> None:
     kinds = {name: RendererCfg(renderer_type=name) for name in ("newton_warp", "auto_rtx")}
     wrist, tiled = (sensors.CameraCfg(data_types=["rgb", "depth"], renderer_cfg=kind) for kind in kinds.values())
     given = types.SimpleNamespace(scene=types.SimpleNamespace(wrist=wrist, robot="robot"), tiled_camera=tiled)
-    assert recipe(given, "D415", 3) is given
+    assert recipe(given, "D415", 3, 2) is given
     for cfg, name, launched in ((wrist, "newton_warp", "newton_warp"), (tiled, "auto_rtx", "isaac_rtx")):
         assert cfg.data_types == ["rgb", "depth", "distance_to_image_plane", "normals", "albedo"]
         assert cfg.update_latest_camera_pose
         stereo = cfg.renderer_cfg
-        assert (stereo.source, stereo.camera, stereo.seed) == (kinds[name], "D415", 3)
+        assert (stereo.source, stereo.camera, stereo.seed, stereo.supersampling) == (kinds[name], "D415", 3, 2)
         # Isaac Lab's launcher and Camera go by this name: Kit starts for Isaac RTX alone, "auto_rtx" is replaced.
         assert stereo.renderer_type == launched and stereo.provides_temporal_camera_data("depth")
     with pytest.raises(ValueError, match="no camera"):
         recipe(types.SimpleNamespace(scene=types.SimpleNamespace(robot="robot")))
 
 
-def test_isaac_lab(monkeypatch) -> None:
+@pytest.mark.parametrize("supersampling", [1, 2])
+def test_isaac_lab(monkeypatch, supersampling) -> None:
     torch = pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
     adapter, BaseRenderer, RendererCfg = isaac_lab(monkeypatch)
     config = centred(CONFIG)
@@ -312,7 +313,7 @@ def test_isaac_lab(monkeypatch) -> None:
     kinds = {"depth": 1, "distance_to_image_plane": 1, "normals": 3}
     output = {name: Proxy(torch.zeros(2, 72, 96, n)) for name, n in kinds.items()}
     output["albedo"] = Proxy(torch.zeros(2, 72, 96, 4, dtype=torch.uint8))
-    cfg = adapter.ActiveStereoRendererCfg(source=RendererCfg(class_type=Seeing))
+    cfg = adapter.ActiveStereoRendererCfg(source=RendererCfg(class_type=Seeing), supersampling=supersampling)
     renderer = cfg.class_type(cfg)
     assert renderer.visual_material_writer == "writer"
     data = object()

@@ -117,6 +117,18 @@ def test_a_seed_repeats_the_noise_and_a_step_does_not(env):
     assert same == [True, False]
 
 
+def test_finer_images_are_measured_by_a_coarser_sensor():
+    """The wall's nearer half is measured as near; the sensor's pixels are seen in the images' shape."""
+    turn = {"metres": lambda z: 0.01 * z[::-1], "back": lambda z: z[::-1]}
+    fine = StereoDepth(Wall(), ("pixels", "depth"), ("pixels", "color"), 58.0, supersampling=2, **turn)
+    seen, _ = fine.reset(seed=3)
+    depth = seen["pixels"]["depth"]
+    assert fine.observation_space.contains(seen) and (depth[::2, ::2] == depth[1::2, 1::2]).all()
+    assert np.median(depth[: HEIGHT // 2 - 12]) == pytest.approx(0.75 * DISTANCE_M, rel=0.05)
+    with pytest.raises(ValueError, match="supersampling is 5: images of 128x96 are no multiple"):
+        StereoDepth(Wall(), ("pixels", "depth"), supersampling=5)
+
+
 def test_a_missing_key_is_named():
     with pytest.raises(ValueError, match="has no pixels/deep"):
         StereoDepth(Wall(), ("pixels", "deep"))

@@ -18,7 +18,7 @@ from isaaclab.renderers import BaseRenderer, RendererCfg
 from isaaclab.utils.configclass import configclass
 
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.integrations.gbuffers.pinhole import centred
+from activestereo.integrations.gbuffers.pinhole import fitted
 from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 NEEDS = ("depth", "distance_to_image_plane", "normals", "albedo")
@@ -59,20 +59,20 @@ class ActiveStereoRenderer(_Forwarding):
         depth, planar, normal, albedo = (_tensor(camera_data.output[name]) for name in NEEDS)
         turns, k = self._cameras[id(render_data)]
         focal_px = float(k[0, 0, 0])  # read now: set_intrinsic_matrices() writes into the camera's own buffer
-        count, height, width, _ = planar.shape
+        (count, height, width, _), finer = planar.shape, self.cfg.supersampling
         key = count, height, width, focal_px
         if key not in self._sensors:
             fov_deg = 2.0 * float(np.rad2deg(np.arctan(0.5 * width / focal_px)))
-            config = StereoDepthSensorConfig(self.cfg.camera).resized(width, height, fov_deg)
-            self._sensors[key] = GBufferStereo(centred(config), environments=count)
+            config = fitted(StereoDepthSensorConfig(self.cfg.camera), width, height, fov_deg, finer)
+            self._sensors[key] = GBufferStereo(config, environments=count, supersampling=finer)
             self._sensors[key].restart(self.cfg.seed)
         # Turns normals from the world's axes to the cameras' (x forward, y left, z up) by their quaternions x, y, z, w.
         axis, w = -turns[:, None, None, :3].expand_as(normal), turns[:, None, None, 3:]
         twice = 2.0 * axis.cross(normal, dim=-1)
         forward, left, up = (normal + w * twice + axis.cross(twice, dim=-1)).unbind(-1)
         seen = torch.stack((-left, -up, forward), dim=-1)
-        found = self._sensors[key](depth=planar[..., 0], normal=seen, albedo=albedo, outputs=("depth",))
-        depth.copy_(depth.new_tensor(found["depth"])[..., None])
+        found = self._sensors[key](depth=planar[..., 0], normal=seen, albedo=albedo, outputs=("depth",))["depth"]
+        depth.copy_(depth.new_tensor(found.repeat(finer, axis=1).repeat(finer, axis=2))[..., None])
 
 
 def _tensor(values: Any) -> Any:
@@ -82,12 +82,14 @@ def _tensor(values: Any) -> Any:
 @configclass
 class ActiveStereoRendererCfg(RendererCfg):
     """Configures an ActiveStereoRenderer. source: the configuration of the renderer whose images it measures. camera: a
-    preset's name or a camera's .toml file."""
+    preset's name or a camera's .toml file. supersampling: the images have so many times the sensor's rows and columns,
+    and its depth is repeated over them."""
 
     class_type: type = ActiveStereoRenderer
     source: RendererCfg = MISSING
     camera: str = "D435"
     seed: int = 0
+    supersampling: int = 1
 
     def __post_init__(self) -> None:
         getattr(super(), "__post_init__", lambda: None)()

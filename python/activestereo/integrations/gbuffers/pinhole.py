@@ -25,6 +25,16 @@ def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
     return out
 
 
+def fitted(
+    config: StereoDepthSensorConfig, width: int, height: int, fovx_deg: float, supersampling: int
+) -> StereoDepthSensorConfig:
+    """Returns the configuration, centred, of a sensor for images of width x height pixels with a horizontal field of
+    view, which have `supersampling` times the sensor's rows and columns. Raises ValueError if that leaves a rest."""
+    if supersampling < 1 or width % supersampling or height % supersampling:
+        raise ValueError(f"supersampling is {supersampling}: images of {width}x{height} are no multiple of it")
+    return centred(config.resized(width // supersampling, height // supersampling, fovx_deg))
+
+
 def vertical_fov_deg(sensor: GBufferStereo) -> float:
     """Returns the sensor's vertical field of view, degrees. Raises ValueError if the principal point is not in the
     middle or pixels are not square."""
