@@ -64,10 +64,13 @@ void leave_first(INOUT(Path) path) {
   path.flags = (path.flags & ~(path_all_delta | path_after_first)) | (all_delta(path) ? path_after_first : 0u);
 }
 
-/// Russian roulette by the largest channel of the throughput.
+const uint first_roulette = 2u;  // bounce
+
+/// Russian roulette by twice the largest channel of the throughput: with the throughput alone, few paths carry much, and the last bounces
+/// bring half of the noise.
 bool survives(INOUT(Path) path, float u) {
-  float survival = max_component(path.throughput);
-  bool sure = push.bounce < 3u || survival >= 1.0f;
+  float survival = 2.0f * max_component(path.throughput);
+  bool sure = push.bounce < first_roulette || survival >= 1.0f;
   path.throughput /= sure ? 1.0f : survival;
   return sure ? survival > 0.0f : u < survival;
 }

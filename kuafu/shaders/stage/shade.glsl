@@ -137,7 +137,7 @@ NextRequest go_on(INOUT(Path) path, IN(Vertex) vertex, IN(BsdfSample) b, float r
 NextRequest scatter(INOUT(Shading) s) {
   NextRequest request = no_next_request();
   if (s.walk.inside) return wander(s.path, s.walk);
-  bool roulette = push.bounce >= 3u;
+  bool roulette = push.bounce >= first_roulette;
   vec2 choice = vec2(0.0f);  // where there is nothing to choose, not drawn
   if (roulette || !s.hit || s.vertex.chances.x < 1.0f || base_has_parts(s.vertex.bsdf)) choice = sample_2d(s.path.key, s.path.index, pair_choice(push.bounce));
   if (in_medium()) {
