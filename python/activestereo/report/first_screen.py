@@ -136,7 +136,7 @@ def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> 
     for name, rest in residuals.items():
         grey = ", grey: not compared" if np.isnan(rest).any() else ""
         error = told[name][key] if name in told else rmse(rest)
-        note = f"this image {error:.2f} DN, colours ±{limit:.2g} DN{grey}"
+        note = f"{error:.2f} DN here, colours ±{limit:.2g} DN{grey}"
         cells.append(_cell(_signed(rest, limit), _RESIDUALS[name], note))
     return cells
 

@@ -102,11 +102,16 @@ def test_mujoco_warp() -> None:
 
 def test_mujoco() -> None:
     mujoco = pytest.importorskip("mujoco", reason="the package mujoco is not installed (pip install mujoco)")
+    is_old = [int(part) for part in mujoco.__version__.split(".")[:2]] < [3, 6]
 
     from activestereo.integrations.gbuffers.mujoco import MujocoGBuffers, geom_materials, set_camera
 
     model = mujoco.MjModel.from_xml_string(MJCF)
     sensor = GBufferStereo(CONFIG, materials=geom_materials(model))
+    if is_old:
+        with pytest.raises(ValueError, match="moves cy the wrong way"):
+            set_camera(model, 0, sensor)
+        sensor = GBufferStereo(centred(CONFIG), materials=geom_materials(model))
     set_camera(model, 0, sensor)
     state = mujoco.MjData(model)
     mujoco.mj_forward(model, state)

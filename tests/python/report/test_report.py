@@ -136,7 +136,7 @@ def test_pictures_quote_the_figures_of_their_frames(comparison):
     assert quoted and all(shown == figure for shown, figure in quoted)
     detail = where_most_goes(comparison, model_images(comparison))
     error = figures[detail.frame.id][detail.side]["rmse_dn"]
-    assert f"this image {error:.2f} DN, colours" in report_page(comparison)
+    assert f"{error:.2f} DN here, colours" in report_page(comparison)
 
 
 def test_what_the_ranking_cannot_show_is_left_out(comparison):

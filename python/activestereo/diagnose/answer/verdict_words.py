@@ -114,7 +114,7 @@ def _lowered(words: str) -> str:
 
 
 def _percent(share: float, decimals: int = 0) -> str:
-    return f"{100 * share:.{decimals}f} %"
+    return f"{round(100 * share, decimals) + 0.0:.{decimals}f} %"  # + 0.0: no -0
 
 
 def _left(result: Mapping[str, Any]) -> str:

@@ -20,8 +20,14 @@ def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
 
 
 def set_camera(model: mujoco.MjModel, camera: int, sensor: GBufferStereo) -> None:
-    """Gives the model's camera number `camera` the sensor's resolution and matrix K."""
+    """Gives the model's camera number `camera` the sensor's resolution and matrix K. Raises ValueError for a principal
+    point above or below the middle before MuJoCo 3.6, which moves the picture the other way."""
     k, (_, height, width) = sensor.k, sensor.input_shape
+    if [int(part) for part in mujoco.__version__.split(".")[:2]] < [3, 6] and abs(0.5 * (height - 1) - k[1, 2]) > 0.05:
+        raise ValueError(
+            f"MuJoCo {mujoco.__version__} moves cy the wrong way: pip install 'mujoco>=3.6', or give the sensor "
+            "centred(config) of activestereo.integrations.gbuffers.pinhole"
+        )
     model.cam_resolution[camera] = model.cam_sensorsize[camera] = width, height
     model.cam_intrinsic[camera] = k[0, 0], k[1, 1], 0.5 * (width - 1) - k[0, 2], 0.5 * (height - 1) - k[1, 2]
 
