@@ -57,3 +57,15 @@ def test_a_release_of_the_changelog_fits_a_screen() -> None:
     names = [release.split("]")[0] for release in releases]
     assert [name for name in names if name != "[Unreleased"][:2] == ["[0.2.0", "[0.1.0"]
     assert [r.splitlines()[0] for r in releases if len(r.splitlines()) > MOST_LINES_OF_A_RELEASE] == []
+
+
+def test_a_script_makes_every_picture_on_a_page() -> None:
+    """By its name, without a number; in the gallery, by its tile's. first_screen.jpg is a browser's, of a report."""
+    run = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    listed = run.stdout.splitlines()
+    scripts = "\n".join((ROOT / name).read_text() for name in listed if name.endswith((".py", ".sh")))
+    pages = "\n".join((ROOT / name).read_text() for name in listed if name.endswith(".md"))
+    pictures = {pathlib.Path(name).stem for name in re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", pages)} - {"first_screen"}
+    named = set(re.findall(r"\w+", scripts))
+    assert len(pictures) > 100
+    assert not [name for name in sorted(pictures) if not set(re.sub(r"-\d+$", "", name).split("-")) <= named]
