@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, gaussian_filter
@@ -101,7 +102,8 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
     if not dark:
         raise ValueError(f"{folder}: no frame has the projector off: record some into off/, the others into on/")
     if len(lit) < _FEWEST:
-        raise ValueError(f"{folder}: {len(lit)} frames with dots have a temperature: {_FEWEST} are needed")
+        of = "file names with milliseconds tell frames' times" if temperatures else "give --temperatures"
+        raise ValueError(f"{folder}: {len(lit)} frames with dots have a temperature: {_FEWEST} are needed ({of})")
     celsius = np.array([f.temperature_c for f in lit], float)
     if np.ptp(celsius) < _LEAST_K:
         raise ValueError(
@@ -162,16 +164,21 @@ def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple
     """Returns (names of the fitted parameters, derivative images [n, pixels of both cameras], weights of pixels). A
     derivative image is the change of the images when one parameter grows by a unit. layers: each camera's light."""
     focal_px, columns, light = capture.rig.left.K[0, 0], dict[str, list[Matrix]](), list[Matrix]()
+    place_m = np.linalg.inv(capture.rig.projector.left_to_projector)[:3, 3]
+    across_px, _ = cv2.phaseCorrelate(layers["right"][0], layers["left"][0])[0]
+    nearness = max(across_px, 0.0) / (focal_px * capture.rig.baseline_m)  # 1/m, of what the dots light
     for side in SIDES:
         (dots, room), camera = layers[side], capture.rig.camera(side)
         both = dots + room
         row, column = np.indices((camera.height, camera.width), dtype=float)
         x, y = (column - camera.K[0, 2]) / camera.K[0, 0], (row - camera.K[1, 2]) / camera.K[1, 1]
         changes = {name: _per_kelvin(capture, frame, side, layers[side], name) for name in _EFFECTS}
-        # Dots move by f t (1 + t^2) pixels when sines of the pattern's angles grow by one unit. On far surfaces the
-        # tangent t is the camera's own; parallax only adds a shift.
-        grown = 1.0 + x * x + y * y
-        changes[_GROWTH] = _flow(dots, camera.K[0, 0] * x * grown, camera.K[1, 1] * y * grown)
+        # Dots move by f t (1 + t^2) pixels when sines of the pattern's angles grow by one unit. t is the tangent at the
+        # projector, of a surface at the mean distance: the camera's own would move the right image's centre.
+        beside_m = capture.rig.baseline_m if side == "right" else 0.0
+        from_x, from_y = x - (place_m[0] - beside_m) * nearness, y - place_m[1] * nearness
+        grown = 1.0 + from_x**2 + from_y**2
+        changes[_GROWTH] = _flow(dots, camera.K[0, 0] * from_x * grown, camera.K[1, 1] * from_y * grown)
         for axis, unit in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
             changes[f"rig {axis}"], changes[f"dots {axis}"] = _flow(both, *unit), _flow(dots, *unit)
             # The mean blurs dots that move by a part of a pixel; their blur would pass for the laser's power.

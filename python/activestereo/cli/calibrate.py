@@ -93,7 +93,8 @@ measured, and lamps and the mount may change.
 
 FRAMES is a capture: import's folders on/ and off/, for some frames must have the
 projector off. Temperatures are the frames' own (temperature_c) or --temperatures,
-a CSV of seconds,celsius, such as a D4xx's ASIC or projector temperature.
+a CSV of seconds,celsius, such as a D4xx's ASIC or projector temperature; names of
+images hold the same times in milliseconds (left_1712345678901.png).
 
 example:
   activestereo import warm_up/ --calibration d435.txt -o captures/warm_up

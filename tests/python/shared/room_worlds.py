@@ -14,6 +14,7 @@ from scipy.ndimage import map_coordinates
 WIDTH, HEIGHT = 480, 270
 F, CX, CY = 340.0, 236.0, 137.0
 BASELINE_M, PLACE_M, EXPONENT, BLACK_DN = 0.055, np.array([0.0275, 0.001, -0.001]), 4.0, 4.0
+WARM_UP_S = 1_700_000_000  # when a warm-up begins
 # Point and normal of each plane, then centre and radius of each ball; metres, x right, y down, z forward.
 PLANES = [
     ((0, 0, 2.0), (0.1, 0.0, -1.0)), ((0, 0.6, 0), (0.0, -1.0, 0.0)), ((-1.0, 0, 0), (1.0, 0, -0.2)),
@@ -73,9 +74,10 @@ class Room:
         return folder
 
     def write_warm_up(self, folder: Path, warmth: list[Warm], off: int = 4) -> Path:
-        """Pairs of the first view, one for each Warm, in on/; `off` cold pairs without dots in off/. Frame k has the
-        number k. A lens blurs what is drawn cold, and what the cameras' geometry moves is moved by splines: edges drawn
-        anew would jump from sample to sample, which shows up to a sixth less drift, or more."""
+        """Pairs of the first view, one for each Warm, in on/; `off` cold pairs without dots in off/. Names are times,
+        WARM_UP_S + 75 k seconds for frame k. A lens blurs what is drawn cold, and what the cameras' geometry moves is
+        moved by splines: edges drawn anew would jump from sample to sample, which shows up to a sixth less drift, or
+        more."""
         rng = np.random.default_rng(self.seed)
         pattern, waves = _dots(rng), _waves(rng)
         states = [("off", k, Warm(power=0.0)) for k in range(off)] + [("on", k, w) for k, w in enumerate(warmth)]
@@ -86,7 +88,7 @@ class Room:
                 moved = _moved(fine, warm.right_px if offset else 0.0, 1.0 + warm.growth)
                 image = cv2.resize(moved, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
                 dn = np.rint(np.clip(image + rng.normal(0, 0.4, image.shape), 0, 255)).astype(np.uint8)
-                cv2.imwrite(str(folder / name / side / f"{k:03d}.png"), dn)
+                cv2.imwrite(str(folder / name / side / f"{1000 * (WARM_UP_S + 75 * k)}.png"), dn)
         return folder
 
     def _image(
