@@ -49,6 +49,11 @@ def has_extended_draws(effect: Effect) -> bool:
     return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
 
 
+def has_sparse_draws(effect: Effect) -> bool:
+    """Returns whether only some places have a draw of the effect."""
+    return any(term.sparse_share for term in effect.random_terms)
+
+
 def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
     """Returns the fitted parameters of a random effect with their intervals."""
     shares = {term.sparse_share for term in effect.random_terms}
@@ -79,7 +84,7 @@ def fit_fields(
         sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
         totals = np.sum([*_group_sums(rows).values()], axis=0)
         grid = draw_grid(term.shared_by, train[0].observation)
-        sparse = numbers.outlier if term.sparse_share else None
+        sparse = numbers.outlier * _spread(totals) if term.sparse_share else None
         if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, numbers.neighbours)):
             sigma[term.parameter] = 0.0
             continue
@@ -87,8 +92,8 @@ def fit_fields(
             seen = np.sqrt(dots_seen(train, partial(_variance_of, rows)))
             sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
         found = True
-        if term.sparse_share:
-            share, mean = _sparse(totals, numbers.outlier)
+        if sparse is not None:
+            share, mean = _sparse(totals, sparse)
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
         else:
             pairs = zip(train, rows, strict=True)
@@ -120,6 +125,12 @@ def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
     strong = _exceeds_noise(totals, hot_sigma)
     share = float(strong.sum() / max((a > 0).sum(), 1))
     return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
+
+
+def _spread(totals: np.ndarray) -> float:
+    """Returns the spread of most draws in noise deviations, at least 1: draws that all places have are no outliers."""
+    a, b = totals[:, totals[0] > 0]
+    return max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
 
 
 def _exceeds_noise(totals: np.ndarray, hot_sigma: float) -> np.ndarray:

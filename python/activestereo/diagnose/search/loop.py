@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, ImageKey
-from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws
+from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws, has_sparse_draws
 from activestereo.diagnose.channels.noise_model import NoiseTerm, comb_in, noise_terms
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.evidence.observation import one_of_each_situation
@@ -33,7 +33,7 @@ from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
 from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model, Stage, builtin
-from activestereo.effects.core.judging import Channel, CodeSteps
+from activestereo.effects.core.judging import Channel, CodeSteps, Lever
 
 # The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
 # its score. Beyond so many times the needed gain, chance and random fields need no check.
@@ -260,6 +260,12 @@ class Search:
                 left[name] = self._chi2 * (1.0 - share)
         if not left:
             return False
+        # Offsets of all places can imitate outliers, which come first where they are more than an error of these.
+        best = min(left, key=lambda name: left[name])
+        if best in fields and all(term.lever is Lever.ONE for term in self._effect(best).random_terms):
+            least = numbers.formula_error * (self._chi2 - left[best])
+            sparse = (n for n in left if n in fields and has_sparse_draws(self._effect(n)))
+            left = {n: left[n] for n in sparse if self._chi2 - left[n] > least} or left
         members = self._members(left, fits)
         name = next(iter(members))
         gain = self._chi2 - left[name]
