@@ -29,6 +29,12 @@ class Clamp {
 
 float linear(float v) { return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f); }
 
+/// A mirror in classical files: nothing but traced reflections, of more than any dielectric's.
+bool is_mirror(const PhongMaterial& m) {
+  const auto most = [](const glm::vec3& color) { return std::max({color[0], color[1], color[2]}); };
+  return !m.metallic && (m.illum == 3 || m.illum == 5) && most(m.diffuse) < 0.05f && most(m.specular) > 0.5f;
+}
+
 bool is_glass(int illum) { return illum == 4 || illum == 6 || illum == 7 || illum == 9; }
 
 }  // namespace
@@ -41,7 +47,7 @@ Material read_material(Import& import, const PhongMaterial& from, PhongTextures&
   const float opacity = clamp("opacity", from.opacity, 0.0f, 1.0f);
   const float shininess = clamp("shininess", from.shininess, 0.0f, huge);
   for (int i = 0; i < 3; ++i) {
-    to.base_color[i] = clamp("diffuse", from.diffuse[i], 0.0f, 1.0f);
+    to.base_color[i] = clamp("diffuse", is_mirror(from) ? from.specular[i] : from.diffuse[i], 0.0f, 1.0f);
     to.emission[i] = clamp("emission", from.emission[i], 0.0f, huge);
   }
   to.base_color.a = is_glass(from.illum) ? 1.0f : opacity;
@@ -50,7 +56,7 @@ Material read_material(Import& import, const PhongMaterial& from, PhongTextures&
   to.ior = clamp("ior", std::max(from.ior, 1.0f), 1.0f, huge);
   const float alpha = std::sqrt(2.0f / (shininess + 2.0f));
   to.roughness = clamp("roughness", from.roughness.value_or(std::sqrt(alpha)), 0.0f, 1.0f);
-  to.metallic = clamp("metallic", from.metallic.value_or(0.0f), 0.0f, 1.0f);
+  to.metallic = clamp("metallic", from.metallic.value_or(is_mirror(from) ? 1.0f : 0.0f), 0.0f, 1.0f);
   if (is_glass(from.illum)) {
     to.transmission = 1.0f - opacity;
     to.roughness = 0.0f;

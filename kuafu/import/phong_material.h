@@ -32,7 +32,8 @@ class PhongTextures;
 
 /// Converts a file's material. base colour = diffuse (times map_Kd); emission = Ke; ior = Ni; specular = mean of Ks, but 0 for illum 0 and
 /// 1, which have no highlight. Roughness comes from the shininess: GGX alpha^2 = 2 / (Ns + 2) matches the Blinn-Phong lobe's width (Walter
-/// et al. 2007, section 5.2). A PBR roughness or metallic (Pr, Pm) is kept. Transmission = 1 - d for the glass models illum 4, 6, 7 and 9,
+/// et al. 2007, section 5.2). A PBR roughness or metallic (Pr, Pm) is kept; without one, illum 3 or 5 of black Kd and Ks above 0.5 is a
+/// mirror, of base colour Ks. Transmission = 1 - d for the glass models illum 4, 6, 7 and 9,
 /// which are also smooth; in other models d is alpha (KUAFU_ALPHA_BLEND). Values outside a field's range are clamped, with a warning.
 Material read_material(Import& import, const PhongMaterial& from, PhongTextures& textures);
 

@@ -56,6 +56,19 @@ TEST(ObjFile, QuadsNormalsUvsAndMaterialsArrive) {
   EXPECT_NEAR(material(2).ior, 1.45f, 1e-6f);
 }
 
+TEST(ObjFile, OnlyBlackWithTracedReflectionsIsAMirror) {
+  const std::string looks = "Kd 0 0 0\nKs 0.9 0.8 0.7\nNs 100000\n";
+  for (const auto& [illum, metallic] : {std::pair{"illum 2\n", 0.0f}, {"illum 3\n", 1.0f}, {"illum 3\nPm 0\n", 0.0f}}) {
+    const Folder folder;
+    write_text(folder / "a.mtl", "newmtl m\n" + looks + illum);
+    write_text(folder / "a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl m\nf 1 2 3\n");
+    const Material m = load_path(folder / "a.obj").scene.materials()[0];
+    EXPECT_EQ(m.metallic, metallic) << illum;
+    EXPECT_EQ(m.base_color[0], metallic == 1.0f ? 0.9f : 0.0f) << illum;
+    EXPECT_LT(m.roughness, 0.1f);
+  }
+}
+
 /// An uncompressed grey TGA of one row.
 std::string grey_row(const std::vector<unsigned char>& values) {
   std::string out(18, '\0');
