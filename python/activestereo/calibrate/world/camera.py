@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 
 from activestereo.calibrate.world.views import SceneView
 from activestereo.capture.capture import Rig
-from activestereo.capture.capture_json import CaptureError
 
 Vector = NDArray[np.float64]
 
@@ -44,19 +43,6 @@ class CameraEstimate:
     def K(self) -> NDArray[np.float64]:
         f, cx, cy = self.mean
         return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
-
-
-def information_of(covariance: object) -> NDArray[np.float64]:
-    """Returns the inverse [3, 3] of the covariance in a capture's measured.camera.covariance_px2. Raises CaptureError
-    if it is no covariance."""
-    matrix = np.array(covariance, dtype=np.float64)
-    least = float(np.linalg.eigvalsh(matrix)[0]) if matrix.shape == (3, 3) and np.isfinite(matrix).all() else np.nan
-    if not least > 0.0 or not np.allclose(matrix, matrix.T):
-        raise CaptureError(
-            "measured.camera.covariance_px2: is no covariance of 3 numbers (symmetric, every eigenvalue positive; the "
-            f"least is {least:g} px^2): run calibrate world's step camera again"
-        )
-    return np.linalg.inv(matrix)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.calibrate.world.joint import joint_covariance
 from activestereo.calibrate.world.views import Image, Mask, blurred, near_edges, normals_of, pixel_grid, points_of
 from activestereo.capture.binning import binned
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame
@@ -80,7 +81,8 @@ class Room:
     """The images of one scene's views with depth, and the positions of their pixels in each other.
 
     capture: as `calibrate world` writes it. frames: ids of the views; None: the first four of its scene. judged: the
-    first so many views show the camera under test; the others show the same camera when it was good.
+    first so many views show the camera under test; the others show the same camera when it was good. joint: names and
+    covariance of what the judged session's calibration told.
     """
 
     def __init__(self, capture: Capture, frames: list[int] | None = None) -> None:
@@ -91,6 +93,7 @@ class Room:
         elif told is not None:
             chosen = [f for f in chosen if f.id in told and f.split == "train"][:_MOST_VIEWS]
         self.capture, self.frames, self.judged = capture, chosen, len(chosen)
+        self.joint = joint_covariance(capture)
         self.rig = binned(capture, _HALF).rig
         pattern = blurred(capture.rig.projector.pattern().astype(np.float32), _PATTERN_BLUR)
         self.images = [image for n, frame in enumerate(chosen) for image in self._pair(n, frame, pattern)]
@@ -104,6 +107,10 @@ class Room:
     @property
     def views(self) -> int:
         return len(self.frames)
+
+    def name(self, view: int) -> str:
+        """Returns a view's name in `joint`: its frame's id; views of a good session have none there."""
+        return f"good {self.frames[view].id}" if view >= self.judged else str(self.frames[view].id)
 
     def _camera(self, side: str) -> Camera:
         return self.rig.camera(side)

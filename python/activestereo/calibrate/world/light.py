@@ -42,16 +42,17 @@ _BLOCK_PX = 64
 _LEAST_RATIOS, _MOST_LOG_RATIO, _ROUNDS = 500, 3.0, 12
 _DARKEST = 1e-3
 # Four pairs of one D415's views scatter by 0.15 in the exponent, more than the blocks of one pair suggest. In simulated
-# rooms, imperfectly removed dots bias the exponent by 0.3. Their remains on dark surfaces bias the black level by 1 DN
-# and more.
-_PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 1.0
+# rooms, imperfectly removed dots bias the exponent by 0.3. Their remains on dark surfaces bias the black level: the
+# overlaps of drawn views alone err by 1.5 to 2 DN; those of real rooms, where it is told by other means, by more.
+# Light that bounces between surfaces is no view's exposure: one of three drawn ones erred by 5 %.
+_PAIR_EXPONENT, _PAIR_BLACK_DN, _PAIR_EXPOSURE = 0.25, 2.0, 0.05
 # A camera's counts end at its black level. At least this share of an image has the smallest count, and at least this
-# share of the next count's pixels. With light and noise alone, counts thin out towards dark.
-_LEAST_AT_FLOOR, _LEAST_STEP_AT_FLOOR = 1e-3, 0.2
+# share of the next count's pixels, in this share of the images that end so. With light and noise alone, counts thin
+# out towards dark, and dark surfaces end elsewhere at another exposure.
+_LEAST_AT_FLOOR, _LEAST_STEP_AT_FLOOR, _LEAST_ALIKE = 1e-3, 0.2, 0.75
 _FLOOR_DN = 0.4
-# A floor blurred by a lens, a resampling or noise: the two darkest of these quantiles lie within this many DN, and the
-# next one lies at least _STEEP times as far away. With noise alone the factor is below 1.25.
-_TAIL, _BLURRED_DN, _STEEP, _BLURRED_FLOOR_DN = (1e-4, 1e-3, 1e-2), 2.0, 1.5, 0.7
+# Noise takes the darkest thousandth of an image up to this far below its light, DN.
+_NOISE_DN = 3.0
 # Two exposures of one place: the least ratio's logarithm, and how well the pictures then correlate under this blur.
 _LEAST_LOG_EXPOSURE, _SAME_PICTURE, _SAME_PLACE_PX, _LINEAR_TO = 0.25, 0.99, 1.0, 0.9
 # Logarithm of the exponent of good imagers' responses: 1.4 % for twice the exposure. The black level is then told to
@@ -80,13 +81,15 @@ class LightView:
 class LightEstimate:
     """Exposures, black level and lens falloff. exposure: of each view relative to the first, with standard deviations.
     black_dn: (value, deviation). exponent: (n of cos^n, deviation), None without overlapping views. scatter:
-    log-deviation of the views' ratios without and with the exponent."""
+    log-deviation of the views' ratios without and with the exponent. covariance: joint, of the further views' log
+    exposures, exponent and black level, where all were fitted."""
 
     exposure: NDArray[np.float64]
     exposure_deviation: NDArray[np.float64]
     black_dn: tuple[float, float]
     exponent: tuple[float, float] | None
     scatter: tuple[float, float]
+    covariance: NDArray[np.float64] | None = None
 
     def falloff(self, r2: Image) -> Image:
         """Returns the share of light that the lens passes at squared tangents r2 of the angle to the axis."""
@@ -95,19 +98,15 @@ class LightEstimate:
 
 
 def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
-    """Estimates (black level, its deviation), DN, from the darkest counts. It takes the count at which images end
-    abruptly, as the median of the images that do. Otherwise it takes the end of a steep dark tail, as a blurred floor
-    has. Otherwise all levels up to the darkest thousandth are equally likely."""
+    """Estimates (black level, its deviation), DN, from the darkest counts. It takes the one count at which images end
+    abruptly. Otherwise all levels up to the darkest thousandth, and the noise above it, are equally likely: a scene may
+    have nothing black."""
     counts = [np.bincount(np.rint(image).astype(int).ravel()) for view in views for image in (view.left, view.right)]
     floors = [floor for count in counts if (floor := _floor(count)) is not None]
-    if floors:
+    if floors and np.mean(np.array(floors) == np.median(floors)) >= _LEAST_ALIKE:
         return float(np.median(floors)), float(np.hypot(_FLOOR_DN, np.std(floors) / np.sqrt(len(floors))))
-    tails = [np.quantile(image, _TAIL) for view in views for image in (view.left, view.right)]
-    steep = [b for a, b, c in tails if b - a <= _BLURRED_DN and c - b >= _STEEP * (b - a)]
-    if steep and np.ptp(steep) <= _BLURRED_DN:  # all views have the same floor
-        return float(np.median(steep)), _BLURRED_FLOOR_DN
-    darkest = float(min(np.quantile(view.left, _DARKEST) for view in views))
-    return 0.5 * darkest, max(darkest / np.sqrt(12.0), _FLOOR_DN)
+    most = float(min(np.quantile(view.left, _DARKEST) for view in views)) + _NOISE_DN
+    return 0.5 * most, most / np.sqrt(12.0)
 
 
 def response_of(views: Sequence[SceneView], max_dn: float) -> tuple[float, float] | None:
@@ -202,9 +201,10 @@ def solve_light(
     if held is not None:
         _, ratio = _log_ratio(here, there, held.black_dn[0])
         n_held = held.exponent[0] if held.exponent else 0.0
-        solution, errors, _ = _robust(exposures[:, 1:], ratio - lens * n_held, block)
+        solution, covariance, _ = _robust(exposures[:, 1:], ratio - lens * n_held, block)
         exposure = np.exp(np.r_[0.0, solution])
-        return LightEstimate(exposure, np.r_[0.0, errors] * exposure, held.black_dn, held.exponent, (np.nan, np.nan))
+        deviation = np.r_[0.0, np.sqrt(np.diag(covariance))] * exposure
+        return LightEstimate(exposure, deviation, held.black_dn, held.exponent, (np.nan, np.nan))
     black, free = believed[0], None
     most = believed[0] + 3.0 * believed[1]
     for _ in range(_ROUNDS):
@@ -214,21 +214,25 @@ def solve_light(
         if abs(black - before) < 0.02:
             break
     assert free is not None
-    told = float(np.hypot(free[1][-1], _PAIR_BLACK_DN))
+    told = float(np.hypot(np.sqrt(free[1][-1, -1]), _PAIR_BLACK_DN))
     weight = np.array([told**-2, believed[1] ** -2])
     black = float(weight @ (black, believed[0]) / weight.sum())
     black_sd = float(weight.sum() ** -0.5)
     slope, ratio = _log_ratio(here, there, black)
-    solution, errors, keep = _robust(np.column_stack([exposures[:, 1:], lens]), ratio, block)
-    by_black = _robust(np.column_stack([exposures[:, 1:], lens]), _log_ratio(here, there, black + 0.1)[1], block)[0]
-    errors = np.hypot(errors, (by_black - solution) / 0.1 * black_sd)
+    solution, covariance, keep = _robust(np.column_stack([exposures[:, 1:], lens]), ratio, block)
+    moved = _robust(np.column_stack([exposures[:, 1:], lens]), _log_ratio(here, there, black + 0.1)[1], block)[0]
+    by_black = np.r_[(moved - solution) / 0.1, 1.0]
+    covariance = np.pad(covariance, (0, 1)) + black_sd**2 * np.outer(by_black, by_black)
+    covariance[-2, -2] += _PAIR_EXPONENT**2
+    errors = np.sqrt(np.diag(covariance))
+    covariance += np.diag(np.r_[np.full(n - 1, _PAIR_EXPOSURE**2), 0.0, 0.0])
     flat = np.linalg.lstsq(exposures[keep][:, 1:], ratio[keep], rcond=None)[0]
     scatter = [(ratio[keep] - exposures[keep][:, 1:] @ flat).std()]
     scatter += [(ratio[keep] - exposures[keep][:, 1:] @ solution[:-1] - lens[keep] * solution[-1]).std()]
     exposure = np.exp(np.r_[0.0, solution[:-1]])
-    exponent = float(solution[-1]), float(np.hypot(errors[-1], _PAIR_EXPONENT))
-    deviation = np.r_[0.0, errors[:-1]] * exposure
-    return LightEstimate(exposure, deviation, (black, black_sd), exponent, (float(scatter[0]), float(scatter[1])))
+    exponent = float(solution[-1]), float(errors[-2])
+    deviation, told_scatter = np.r_[0.0, errors[:-2]] * exposure, (float(scatter[0]), float(scatter[1]))
+    return LightEstimate(exposure, deviation, (black, black_sd), exponent, told_scatter, covariance)
 
 
 def _log_ratio(
@@ -264,7 +268,7 @@ def _robust(
     design: NDArray[np.float64], ratio: NDArray[np.float64], block: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask]:
     """Solves design @ solution = ratio by least squares without outliers and infinite ratios. Returns (solution, its
-    deviations by the sandwich estimator over blocks, mask of rows kept)."""
+    covariance by the sandwich estimator over blocks, mask of rows kept)."""
     keep = np.abs(ratio) < _MOST_LOG_RATIO
     usable = keep
     for _ in range(10):
@@ -275,7 +279,7 @@ def _robust(
     _, place = np.unique(block[keep], return_inverse=True)
     gradient = np.zeros((place.max() + 1, design.shape[1]))
     np.add.at(gradient, place, design[keep] * rest[keep, None])
-    return solution, np.sqrt(np.diag(inverse @ (gradient.T @ gradient) @ inverse)), keep
+    return solution, inverse @ (gradient.T @ gradient) @ inverse, keep
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.calibrate.world.joint import block
 from activestereo.calibrate.world.views import Image, SceneView, blurred, high_pass, right_at_depth
 from activestereo.capture.capture import Rig
 
@@ -38,7 +39,7 @@ class PairEstimate:
         return {
             "baseline_m": self.baseline_m,
             "right_centre_shift_px": [self.column_px, self.row_px],
-            "pair_deviation": [x if np.isfinite(x) else None for x in self.deviation],
+            "joint": block(("baseline", "right column", "right row"), np.diag(np.square(self.deviation))),
             "depth_is_the_devices": self.own_depth,
         }
 

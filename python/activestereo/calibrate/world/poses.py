@@ -36,12 +36,13 @@ _BLOCK_PX = 80
 class PoseEstimate:
     """The poses of one scene's views. views: their indices among all views. view_to_world: 4x4 each; the first view's
     frame is the world. covariance: [6n, 6n] of rotation vector and position in the world, 0 for the first view.
-    overlaps: those of these views. distance_m: median distance of a point from another view's plane. camera: (mean,
-    covariance) of (f, cx, cy)."""
+    by_camera: [6n, 3], how these move with (f, cx, cy). overlaps: those of these views. distance_m: median distance of
+    a point from another view's plane. camera: (mean, covariance) of (f, cx, cy)."""
 
     views: tuple[int, ...]
     view_to_world: tuple[Pose, ...]
     covariance: NDArray[np.float64]
+    by_camera: NDArray[np.float64]
     overlaps: tuple[Overlap, ...]
     distance_m: float
     camera: tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -97,8 +98,16 @@ def solve_poses(
     scatter[:3, :3] += prior
     covariance = np.zeros((len(gradient), len(gradient)))
     covariance[np.ix_(free, free)] = inverse @ scatter @ inverse
+    by_camera = np.zeros((len(gradient) - 3, 3))
+    by_camera[6:] = -np.linalg.solve(hessian[9:, 9:], hessian[9:, :3])
     return PoseEstimate(
-        tuple(group), tuple(poses), covariance[3:, 3:], tuple(own), sums.distance_m, (camera, covariance[:3, :3])
+        tuple(group),
+        tuple(poses),
+        covariance[3:, 3:],
+        by_camera,
+        tuple(own),
+        sums.distance_m,
+        (camera, covariance[:3, :3]),
     )
 
 

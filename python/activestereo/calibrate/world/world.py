@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps, information_of
+from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps
+from activestereo.calibrate.world.joint import block, read_covariance
 from activestereo.calibrate.world.light import (
     BLACK_BY_EXPOSURES_DN,
     LINEAR,
@@ -204,28 +205,48 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
             f"{world.where}: its {len(group)} views look the same way from one place: turn the camera by 10 to 30 "
             "degrees between views, or move it"
         )
-    camera, covariance = world.capture.measured.get("camera", {}).get("covariance_px2"), estimate.covariance
-    if camera is not None:  # the camera's uncertainty adds to that of the poses
-        covariance = solve_poses(world.surfaces, world.overlaps, group, world.K, information_of(camera)).covariance
+    camera = world.capture.measured.get("camera", {}).get("covariance_px2")
+    if camera is not None:
+        camera = read_covariance(camera, 3, "camera", "covariance_px2")
+    joint = _poses_joint(estimate, [world.views[i].frame.id for i in group], camera, world.K[0, 0])
     world.poses = estimate
     world.pictures["poses"] = poses_picture(*world.scene_views(), world.K)
     pose_of = {world.views[i].frame.id: p for i, p in zip(group, estimate.view_to_world, strict=True)}
     others = sorted(f.id for f in world.capture.frames if f.id not in pose_of)
     posed = tuple(replace(f, camera_to_world=pose_of[f.id]) for f in world.capture.frames if f.id in pose_of)
     world.capture = replace(world.capture, frames=posed)
-    sd = _Z90 * np.sqrt(np.diag(covariance)).reshape(-1, 6)[1:].max(axis=0)
+    turned, moved = (
+        max(float(np.sqrt(v)) for name, v in zip(joint["parameters"], np.diag(joint["covariance"]), strict=True)
+            if name.startswith(what))
+        for what in ("turn", "move")
+    )  # fmt: skip
     line = (
         f"poses: {len(group)} views of one scene, {1e3 * estimate.distance_m:.2f} mm from each other's planes in the "
-        f"median; +- {1e3 * sd[3:].max():.2f} mm, {np.degrees(sd[:3].max()):.3f} degrees (90 %)"
+        f"median; +- {1e3 * _Z90 * moved:.2f} mm, {np.degrees(_Z90 * turned):.3f} degrees (90 %)"
     )
     if others:
         line += f"; frames {', '.join(map(str, others))} show other scenes and tell of camera and pattern alone"
     values = {
         "frames": list(pose_of),
-        "covariance_rad_m": covariance.tolist(),
+        "joint": joint,
         "distance_m": estimate.distance_m,
     }
     world.note("poses", values, line)
+
+
+def _poses_joint(estimate: PoseEstimate, frames: Sequence[int], camera: Any, f_px: float) -> dict[str, Any]:
+    """Returns the joint covariance of focal length, centre and poses, each pose in its own camera's axes. camera:
+    covariance of (f, cx, cy), None if they are nominal. An error of the camera moves the poses along."""
+    by_camera, own = np.vstack([np.eye(3), estimate.by_camera]), np.zeros((3, 3)) if camera is None else camera
+    covariance = by_camera @ own @ by_camera.T
+    covariance[3:, 3:] += estimate.covariance
+    names, to_own = ["focal length", "cx", "cy"], np.diag(np.r_[1.0 / f_px, np.ones(len(covariance) - 1)])
+    for k, (frame, pose) in enumerate(zip(frames, estimate.view_to_world, strict=True)):
+        names += [f"{what} {axis} {frame}" for what in ("turn", "move") for axis in "xyz"]
+        turn, at = pose[:3, :3].T, slice(3 + 6 * k, 9 + 6 * k)
+        # A rotation w about the world's origin moves the camera by w x t.
+        to_own[at, at] = np.block([[turn, np.zeros((3, 3))], [turn @ np.cross(np.eye(3), pose[:3, 3]).T, turn]])
+    return block(names, to_own @ covariance @ to_own.T)
 
 
 def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
@@ -255,7 +276,7 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
     place = ", ".join(f"{1e3 * x:.2f} +- {s:.2f}" for x, s in zip(dots.place, sd, strict=True))
     values = {
         "place_m": dots.place.tolist(),
-        "covariance_m2": dots.covariance.tolist(),
+        "joint": block(("projector x", "projector y", "projector z"), dots.covariance),
         "left_out_r": {str(k): round(v, 4) for k, v in dots.r.items()},
         "is_common": dots.is_common,
     }
@@ -311,6 +332,9 @@ def _exposure(world: World, seed: int, folder: Path, progress: Progress) -> None
         "vignetting_exponent": None if estimate.exponent is None else list(estimate.exponent),
         "log_scatter": list(estimate.scatter) if np.isfinite(estimate.scatter[0]) else None,
     }
+    if estimate.covariance is not None:
+        further = [f"exposure {views[k].frame.id}" for k in train[1:]]
+        values["joint"] = block([*further, "falloff", "black"], estimate.covariance)
     world.note("exposure", values, _exposure_line(estimate, times, first))
     if len(train) > 1:
         own = [views[k] for k in train]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image
 from activestereo.diagnose.room.bands import BANDS
-from activestereo.diagnose.room.columns import Column, gradient_change
+from activestereo.diagnose.room.columns import Column, gradient_change, prior_precision
 from activestereo.diagnose.room.light import RoomLight
 
 # Every n-th pixel is a cell: neighbours in a band share errors.
@@ -51,13 +51,15 @@ class Block:
 class Normal:
     """Holds the normal equations for the columns' coefficients, after the cells' radiances are projected out.
     information [tile][column][column], score [tile][column]; tiles of all bands. spread: {band: standard deviation of
-    the residuals over the expected one}. trust: {band: mean of the cells' final weights over 1 / variance}."""
+    the residuals over the expected one}. trust: {band: mean of the cells' final weights over 1 / variance}. prior: the
+    columns' prior precision [column][column]."""
 
     names: tuple[str, ...]
     information: NDArray[np.float64]
     score: NDArray[np.float64]
     spread: Mapping[str, float]
     trust: Mapping[str, float]
+    prior: NDArray[np.float64]
 
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
@@ -179,7 +181,7 @@ def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], besid
     A cell's weight falls with its own residual (Student's distribution); a band is scaled by its cells' spread.
     Information and scores are divided by the overdispersion of the tiles' scores, at least 1 (a tempered likelihood).
     """
-    prior, spread, trust = np.array([c.sd**-2.0 for c in columns]), {}, {}
+    prior, spread, trust = prior_precision(room, columns), {}, {}
     information, score = _empty(room, columns)
     for band, of_band, own in _blocks_by_band(room, blocks):
         first = [1.0 / b.variance for b in own]
@@ -189,7 +191,7 @@ def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], besid
         information[of_band] /= temper
         score[of_band] /= temper
         trust[band] = float(sum(w.sum() for w in weights) / sum(w.sum() for w in first)) / temper
-    return Normal(tuple(c.name for c in columns), information, score, spread, trust)
+    return Normal(tuple(c.name for c in columns), information, score, spread, trust, prior)
 
 
 def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], trust: Mapping[str, float]) -> Normal:
@@ -199,7 +201,8 @@ def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], tru
     for band, _, own in _blocks_by_band(room, blocks):
         weights = [np.float32(trust.get(band, 0.0)) / b.variance for b in own]
         _sum_tiles(own, weights, information, score)
-    return Normal(tuple(c.name for c in columns), information, np.zeros_like(score), {}, trust)
+    names, prior = tuple(c.name for c in columns), prior_precision(room, columns)
+    return Normal(names, information, np.zeros_like(score), {}, trust, prior)
 
 
 def _empty(room: Room, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -255,7 +258,7 @@ def _student(
              for b, w in zip(blocks, weights, strict=True)]  # fmt: skip
         flat = [x.reshape(len(x), -1) for x in z]
         H = sum(((x * w.ravel()) @ x.T).astype(np.float64) for x, w in zip(flat, weights, strict=True))
-        eta = np.linalg.solve(H[1:, 1:] + np.diag(prior[of] + _RIDGE * np.diag(H)[1:]), H[1:, 0])
+        eta = np.linalg.solve(H[1:, 1:] + prior[np.ix_(of, of)] + np.diag(_RIDGE * np.diag(H)[1:]), H[1:, 0])
         rest = [x[0] - np.einsum("c,cij->ij", eta.astype(np.float32), x[1:]) for x in z]
         each = [
             (r * r * w).sum(axis=0) / np.maximum((w > 0).sum(axis=0) - 1, 1) for r, w in zip(rest, first, strict=True)
@@ -273,7 +276,9 @@ def _temper(
 ) -> float:
     H, s, of = information.sum(axis=0), score.sum(axis=0), np.asarray(beside)
     block = H[np.ix_(of, of)]
-    rest = score - information[:, :, of] @ np.linalg.solve(block + np.diag(prior[of] + _RIDGE * np.diag(block)), s[of])
+    rest = score - information[:, :, of] @ np.linalg.solve(
+        block + prior[np.ix_(of, of)] + np.diag(_RIDGE * np.diag(block)), s[of]
+    )
     told = np.diag(H) > 1e-9
     ratio = (rest**2).sum(axis=0)[told] / np.diag(H)[told]
     return float(np.clip(np.median(ratio), 1.0, 1e4))

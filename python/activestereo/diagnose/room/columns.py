@@ -7,11 +7,12 @@ so that an effect on them is already in them, and shows only between the two cam
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image, normals_of, pixel_grid, points_of
@@ -29,8 +30,9 @@ _REACH = 2.0
 # if its cameras differ. Elsewhere their columns would hold remainders of textures and dots.
 _MOVED, _SCALED, _OF_ONE_CAMERA = ("slow", "fine", "pair"), ("slow",), ("slow", "pair")
 _APART = 0.25
-_TURN_RAD, _MOVE_M, _FOCAL, _BASELINE, _NEAREST_M = 5e-4, 5e-4, 0.003, 0.1, 0.3
-_SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
+# Prior deviations of what no calibration told.
+_TURN_RAD, _MOVE_M, _FOCAL, _BASELINE_M, _NEAREST_M = 5e-4, 5e-4, 0.003, 1e-3, 0.3
+_SLOW_LAW, _DOTS_LIGHT, _BLACK_DN, _EXPONENT = 0.03, 1.0, 1.5, 0.5
 # Flicker bands over the height of an image: rows are read in 4 to 36 ms, mains light has 100 or 120 periods a second.
 _CYCLES = tuple(0.4 + 0.2 * k for k in range(21))
 _PERIODIC = "flicker_banding"
@@ -62,13 +64,12 @@ class Column:
     alike: float = 1.0
 
 
-def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: float) -> list[Column]:
+def nuisances(room: Room, light: RoomLight) -> list[Column]:
     """Returns the nuisance columns: errors of exposure, falloff, geometry and black level left by `calibrate world`,
-    and smooth light that no model explains. black_sd: prior deviation of the black level, DN. vignetting_sd: of the
-    exponent of the falloff cos^n."""
-    out = [*_of_exposure(room), *_of_falloff(room, vignetting_sd), *_of_geometry(room)]
+    and smooth light that no model explains. Names and units are those of its joint covariance."""
+    out = [*_of_exposure(room), *_of_falloff(room), *_of_geometry(room)]
     even = [np.ones(room.shape, np.float32)] * len(room.images)
-    out.append(Column("black", lambda k, image: even[k], black_sd))
+    out.append(Column("black", lambda k, image: even[k], _BLACK_DN))
 
     def between_dots(k: int, image: Image) -> Image | None:
         """Returns the smooth light, DN, that a wrong dark level of the pattern between dots adds to the room's light;
@@ -79,9 +80,20 @@ def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: floa
     return out
 
 
+def prior_precision(room: Room, columns: Sequence[Column]) -> NDArray[np.float64]:
+    """Returns the inverse of the columns' prior covariance [c][c]: the calibration's joint one where it has told it,
+    else each column's own sd."""
+    told, joint = room.joint
+    covariance = np.diag([c.sd**2 for c in columns])
+    own = [j for j, c in enumerate(columns) if c.effect is None and c.name in told]
+    at = [told.index(columns[j].name) for j in own]
+    covariance[np.ix_(own, own)] = joint[np.ix_(at, at)]
+    return np.asarray(np.linalg.inv(covariance))
+
+
 def _of_exposure(room: Room) -> Iterator[Column]:
     for view in range(1, room.views):
-        yield Column(f"exposure {view}", _factor(room, lambda k: np.float32(1.0), view), 0.1)
+        yield Column(f"exposure {room.name(view)}", _factor(room, lambda k: np.float32(1.0), view), 0.1)
     laws: dict[str, Callable[[Image, Image], Image]] = {
         "x": lambda x, y: x, "y": lambda x, y: y, "xx": lambda x, y: x * x, "xy": lambda x, y: x * y,
         "yy": lambda x, y: y * y,
@@ -92,8 +104,8 @@ def _of_exposure(room: Room) -> Iterator[Column]:
             yield Column(f"slow {name} {view}", _factor(room, law_of, view), _SLOW_LAW)
 
 
-def _of_falloff(room: Room, vignetting_sd: float) -> Iterator[Column]:
-    yield Column("falloff", _factor(room, lambda k: -0.5 * np.log1p(room.images[k].r2())), vignetting_sd)
+def _of_falloff(room: Room) -> Iterator[Column]:
+    yield Column("falloff", _factor(room, lambda k: -0.5 * np.log1p(room.images[k].r2())), _EXPONENT)
     yield Column("falloff r^4", _factor(room, lambda k: room.images[k].r2() ** 2), 0.1)
     for side in ("left", "right"):
         for axis in (0, 1):
@@ -108,20 +120,20 @@ def _of_geometry(room: Room) -> Iterator[Column]:
 
             def turned(k: int, axis: int = axis) -> tuple[Image, Image]:
                 x, y = room.images[k].rays()
-                return ((x * y, 1 + y * y), (1 + x * x, x * y), (-y, x))[axis]
+                return ((x * y, 1 + y * y), (-1 - x * x, -x * y), (y, -x))[axis]
 
             def moved(k: int, axis: int = axis) -> tuple[Image, Image]:
                 x, y = room.images[k].rays()
                 near = 1.0 / np.maximum(room.images[k].depth_m, _NEAREST_M)
-                return ((near, 0 * near), (0 * near, near), (-x * near, -y * near))[axis]
+                return ((-near, 0 * near), (0 * near, -near), (x * near, y * near))[axis]
 
-            yield _flow(room, f"turn {'xyz'[axis]} {view}", turned, f, _TURN_RAD, view)
-            yield _flow(room, f"move {'xyz'[axis]} {view}", moved, f, _MOVE_M, view)
+            yield _flow(room, f"turn {'xyz'[axis]} {room.name(view)}", turned, f, _TURN_RAD, view)
+            yield _flow(room, f"move {'xyz'[axis]} {room.name(view)}", moved, f, _MOVE_M, view)
     ones, zeros = np.ones(room.shape, np.float32), np.zeros(room.shape, np.float32)
     yield _flow(room, "right column", lambda k: (ones, zeros), 0.5, 1.0, side="right")
     yield _flow(room, "right row", lambda k: (zeros, ones), 0.5, 1.0, side="right")
     near = lambda k: (1.0 / np.maximum(room.images[k].depth_m, _NEAREST_M), zeros)  # noqa: E731
-    yield _flow(room, "baseline", near, 5.0, _BASELINE, side="right")
+    yield _flow(room, "baseline", near, -f, _BASELINE_M, side="right")
     yield _flow(room, "focal length", lambda k: room.images[k].rays(), f, _FOCAL)
 
 

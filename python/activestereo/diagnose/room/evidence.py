@@ -29,12 +29,14 @@ Matrix = NDArray[np.float64]
 @dataclass(frozen=True)
 class Reduced:
     """Holds the scores of selected columns: derivatives of the log-likelihood by their coefficients. All other columns
-    are projected out. score [c]; information and covariance of the score [c][c]."""
+    are projected out. score [c]; information and covariance of the score [c][c]; prior covariance of the coefficients
+    [c][c]."""
 
     columns: tuple[Column, ...]
     score: Matrix
     information: Matrix
     covariance: Matrix
+    prior: Matrix
 
 
 @dataclass(frozen=True)
@@ -57,10 +59,11 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     E = np.array(sorted(asked))
     N = np.setdiff1d(np.arange(len(columns)), E)
     H, s = normal.information.sum(axis=0), normal.score.sum(axis=0)
-    prior = np.array([c.sd**-2.0 for c in columns])
-    inner = H[np.ix_(N, N)] + np.diag(prior[N] + _RIDGE * np.diag(H)[N])
-    A = np.linalg.solve(inner, H[np.ix_(N, E)]).T
-    information = H[np.ix_(E, E)] - A @ H[np.ix_(N, E)]
+    prior, tied = normal.prior[np.ix_(N, N)], normal.prior[np.ix_(N, E)]
+    inner, across = H[np.ix_(N, N)] + prior + np.diag(_RIDGE * np.diag(H)[N]), H[np.ix_(N, E)] + tied
+    A = np.linalg.solve(inner, across).T
+    information = H[np.ix_(E, E)] + tied.T @ np.linalg.solve(prior, tied) - A @ across
+    before = np.linalg.inv(normal.prior)[np.ix_(E, E)]
     # Rounding makes negative eigenvalues if nuisances take almost all of the information.
     scale = np.sqrt(np.maximum(np.diag(H)[E], 1e-12))
     values, vectors = np.linalg.eigh(0.5 * (information + information.T) / np.outer(scale, scale))
@@ -68,16 +71,16 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     score = s[E] - A @ s[N]
     chosen = tuple(columns[j] for j in E)
     if not score.any():  # the blocks are of a recording not made yet
-        return Reduced(chosen, score, information, information + 1e-9 * np.diag(np.diag(information) + 1e-9))
+        return Reduced(chosen, score, information, information + 1e-9 * np.diag(np.diag(information) + 1e-9), before)
     fit = np.empty(len(columns))
-    fit[E] = np.linalg.solve(information + np.diag(prior[E]), score)
-    fit[N] = np.linalg.solve(inner, s[N] - H[np.ix_(N, E)] @ fit[E])
+    fit[E] = np.linalg.solve(information + np.linalg.inv(before), score)
+    fit[N] = np.linalg.solve(inner, s[N] - across @ fit[E])
     each = normal.score - np.matmul(normal.information, fit)
     each = each[:, E] - each[:, N] @ A.T
     each -= each.mean(axis=0)
     covariance = _BY_TILES * each.T @ each + (1.0 - _BY_TILES) * information
     covariance += 1e-6 * np.diag(np.diag(covariance) + 1e-12)
-    return Reduced(chosen, score, information, covariance)
+    return Reduced(chosen, score, information, covariance, before)
 
 
 def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], needed: float) -> list[Found]:
@@ -89,7 +92,7 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
     periods}. needed: the nats that name an effect.
     """
     names = [c.name for c in room.columns]
-    D = _between_sessions(room.columns, spread)
+    D = _between_sessions(room, spread)
     H, V, s = room.information, room.covariance, room.score
     null = V + H @ D @ H
     at_null, out = _log_normal(s, null), []
@@ -146,12 +149,13 @@ def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
     return out
 
 
-def _between_sessions(columns: Sequence[Column], spread: Mapping[str, float]) -> Matrix:
-    """Returns the covariance [c][c] of the columns' coefficients between good sessions. spread: {column: deviation}."""
-    names = [c.name for c in columns]
-    deviation = np.array([np.sqrt(_INFLATED) * spread.get(c.name, np.nan) for c in columns])
-    deviation = np.where(np.isfinite(deviation), deviation, [c.sd for c in columns])
-    D = np.diag(deviation**2)
+def _between_sessions(room: Reduced, spread: Mapping[str, float]) -> Matrix:
+    """Returns the covariance [c][c] of the columns' coefficients between good sessions: their prior one where `spread`,
+    {column: deviation}, lacks them."""
+    names = [c.name for c in room.columns]
+    deviation = np.array([np.sqrt(_INFLATED) * spread.get(name, np.nan) for name in names])
+    told = np.isfinite(deviation)
+    D = np.where(np.add.outer(told, told), np.diag(np.nan_to_num(deviation) ** 2), room.prior)
     for (one, other), correlation in ALIKE.items():
         if one in spread and other in spread:
             a, b = names.index(one), names.index(other)

@@ -37,7 +37,7 @@ class ImaginedRoom(Room):
     and cells are computed as for any room."""
 
     def __init__(self, room: Room, light: RoomLight, take: Take) -> None:
-        self.capture, self.rig, self._room = room.capture, room.rig, room
+        self.capture, self.rig, self._room, self.joint = room.capture, room.rig, room, room.joint
         self.frames = [*room.frames, room.frames[0]] if take.is_further else list(room.frames)
         self.judged = room.views if take.is_good else self.views
         x, y, z = (cv2.Rodrigues(np.radians(take.turn_deg[i]) * np.eye(3)[i])[0] for i in range(3))

@@ -29,7 +29,6 @@ from activestereo.effects import Effect, Model
 NEEDED = 4.5
 _MOST_NAMES, _MASS = 3, 0.95
 _ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
-_BLACK_SD_DN, _EXPONENT_SD = 1.5, 0.5
 # Columns judged along with the effects: properties of the camera that `calibrate world` measured.
 _CAMERA = ("black", "falloff", "right row")
 # Effects of single views or scenes, not of a unit; deviation of a pair's row offset between sessions.
@@ -141,7 +140,7 @@ def score_room(room: Room, asked: Sequence[Effect]) -> Seen:
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
-    still = nuisances(room, light, _BLACK_SD_DN, _EXPONENT_SD)
+    still = nuisances(room, light)
     period, wave = _wave(room, light, still, asked)
     columns = [*still, *_of_effects(room, light, asked, wave)]
     sums = normal(room, columns, blocks_of(room, light, columns), range(len(columns)))
@@ -154,7 +153,7 @@ def with_planned_pair(seen: Seen, take: Take) -> Reduced:
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []
-    columns = [*nuisances(room, light, _BLACK_SD_DN, _EXPONENT_SD), *_of_effects(room, light, seen.asked, wave)]
+    columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, wave)]
     sums = imagined(room, columns, blocks_of(room, light, columns), seen.trust)
     out, now = reduced(sums, columns, _looked_at(columns)), seen.scores
     ratio = np.sqrt(np.maximum(np.diag(now.covariance) / np.diag(now.information), 1.0))
@@ -187,7 +186,7 @@ def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
         names = [c.name for c in other.columns]
         at = np.array([names.index(name) for name in lasting])
         rest = np.setdiff1d(np.arange(len(names)), at)
-        inner = other.information[np.ix_(rest, rest)] + np.diag([other.columns[j].sd ** -2.0 for j in rest])
+        inner = other.information[np.ix_(rest, rest)] + np.linalg.inv(other.prior[np.ix_(rest, rest)])
         A = np.linalg.solve(inner, other.information[np.ix_(rest, at)]).T
         H += other.information[np.ix_(at, at)] - A @ other.information[np.ix_(rest, at)]
         s += other.score[at] - A @ other.score[rest]
@@ -273,7 +272,9 @@ def _wave(
     seen, nats, first = reduced(sums, columns, range(len(still), len(columns))), {}, 0
     for period, each in sets.items():
         own = slice(first, first := first + len(each))
-        of = Reduced(tuple(each), seen.score[own], seen.information[own, own], seen.covariance[own, own])
+        of = Reduced(
+            tuple(each), seen.score[own], *(m[own, own] for m in (seen.information, seen.covariance, seen.prior))
+        )
         nats[period] = judged(of, session_spread(of, OF_A_UNIT), LOOKED, NEEDED)[0].nats
     best = max(nats, key=lambda period: nats[period])
     return best, sets[best]

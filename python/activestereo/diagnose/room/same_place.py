@@ -29,6 +29,7 @@ class RoomBeside(Room):
     def __init__(self, room: Room, good: Room, good_to_world: NDArray[np.float64], scale: float = 1.0) -> None:
         self.capture, self.rig, self.frames = good.capture, room.rig, [*room.frames, *good.frames]
         self._room, self._good, self._good_to_world, self.judged = room, good, good_to_world, room.views
+        self.joint = room.joint
         further = [replace(i, view=i.view + room.views, exposure=scale * i.exposure) for i in good.images]
         self.images, self._places = [*room.images, *further], {}
 
