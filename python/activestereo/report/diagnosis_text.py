@@ -13,6 +13,7 @@ from activestereo.common.shown import listed, without_unit
 from activestereo.diagnose.answer.verdict_words import (
     alike,
     error_text,
+    errors_of,
     errors_told,
     geometry_words,
     headline,
@@ -103,7 +104,7 @@ def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Pat
     rows, floor = errors_told(result), result["heldout_noise_floor"]
     figures = [Figure(own, error_text(error, floor, 2), max(error, floor or 0.0)) for own, error in rows]
     if figures:
-        words += " Errors on frames that no fit has seen:"
+        words += f" {errors_of(result)}:"
         figures += [] if floor is None else [Figure("sensor noise", f"{floor:.2f} DN", floor)]
     sentence = f"{name}{words[0].lower() if name else words[0]}{words[1:]}"
     return screen(sentence, figures, _notes(result), steps, page, f"{diagnosis_table(result)}\n{kept}", verbose)

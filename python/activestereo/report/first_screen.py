@@ -16,6 +16,7 @@ from activestereo.capture.capture import SIDES, Frame
 from activestereo.common.html_table import text
 from activestereo.diagnose.answer.verdict_words import (
     error_text,
+    errors_of,
     errors_told,
     geometry_words,
     headline,
@@ -98,7 +99,7 @@ def _errors(diagnosis: Mapping[str, Any]) -> str:
     if told:
         noise = [] if floor is None else [f"sensor noise {floor:.2f} DN"]
         words = ", ".join([f"{name} {error_text(error, floor, 2)}" for name, error in told] + noise)
-        said.append(f"Errors on frames that no fit has seen: {words}. ")
+        said.append(f"{errors_of(diagnosis)}: {words}. ")
     why = diagnosis.get("reason")
     sentences = [f"{why[0].upper()}{why[1:]}."] if why and diagnosis["verdict"] != "undetermined" else []
     sentences += [*rival_words(diagnosis), *geometry_words(diagnosis)]

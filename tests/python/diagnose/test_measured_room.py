@@ -141,6 +141,7 @@ def test_the_report_shows_a_view_as_the_others_predict_it(capture_with, tmp_path
     said, page = capsys.readouterr().out, (tmp_path / "out/report.html").read_text()
     assert len(said.replace("\\\n", "").splitlines()) <= 10 and max(map(len, said.splitlines())) <= 80
     assert re.search(r"Not told: \w+ and \d+ more\. Measure: ", said) and "not judged" not in said
+    assert all("Errors of each view, predicted by the others: " in " ".join(x.split()) for x in (said, page))
     alts = ["measured", "model", "model with what was found", "measured − model", "what is left"]
     assert re.findall(r'alt="([^"]*)"', page) == [*alts, "the error towards the corners"]
     assert len(re.findall(r"this view [0-9.]+ DN, colours ±[0-9.]+ DN", page)) == 2

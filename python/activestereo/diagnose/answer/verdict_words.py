@@ -32,6 +32,12 @@ def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
     return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
 
 
+def errors_of(result: Mapping[str, Any]) -> str:
+    """Returns a clause on the images that the held-out errors are of."""
+    views = "Errors of each view, predicted by the others"
+    return views if result.get("predicted_by_views") else "Errors on frames that no fit has seen"
+
+
 def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:
     """Returns [(name, held-out root mean square error in DN)]; empty without held-out errors. Named are the given
     model, the same at the corrected geometry if that differs, and the model found."""

@@ -89,6 +89,7 @@ def diagnosed_room(
         "heldout_ir_rmse_geometry": _rms(before for before, _ in by_view),
         "heldout_ir_rmse_after": _rms(after for _, after in by_view),
         "heldout_noise_floor": None,
+        "predicted_by_views": not capture.split("test"),
         "curve": [],
         "depth_split": None,
         "next_measurement": _next(names),
