@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from activestereo.diagnose.refine import Fitter, ParameterSpace
 from activestereo.diagnose.search.dictionary import atoms_of, columns_of
 from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
 from activestereo.diagnose.search.linear import linearised
+from activestereo.diagnose.search.loop import Search
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
@@ -142,3 +144,13 @@ def test_a_shape_is_looked_at_within_its_range(clean):
     theta = np.array([{"fraction": 0.3, "core": 0.5}.get(p.name, p.neutral) for p in subsurface.parameters])
     linear = linearised(fitter, fitter.refine(space, theta, fitter.phi0(clean.nuisances), 0))
     assert of_others(linear, "subsurface", ["lens_psf"], 1e12) == []  # a typical core is as wide as its range
+
+
+def test_an_earlier_name_starts_again_within_its_range(clean):
+    """A light's direction may be proposed below all that the light's effect allows."""
+    fitter = Fitter(clean.train, clean.nuisance_prior(), clean.tiles)
+    peaked = replace(dark_corners, starts=lambda images: [{"amount": 0.9}])
+    space = ParameterSpace.of(Model().with_effect(peaked, amount=0.1), builtin()["gain_error"])
+    fit = fitter.refine(space, space.start, fitter.phi0(clean.nuisances), 0)
+    found = Search._refit_at_peaks(SimpleNamespace(_fitter=fitter), fit)
+    assert found.theta[0] == pytest.approx(0.0, abs=0.01)

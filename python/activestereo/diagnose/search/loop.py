@@ -429,9 +429,8 @@ class Search:
             fits = [self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)]
             assert effect.starts is not None
             for start in effect.starts(start_images(linearised(self._fitter, without))):
-                theta = fit.theta.copy()
-                values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, theta, strict=True)]
-                theta[own] = np.array(values)[own]
+                values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, fit.theta, strict=True)]
+                theta = np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta)
                 fits.append(self._fitter.refine(fit.space, theta, fit.phi, _PEAK))
             fit = min(fits, key=lambda f: f.sums.total)
         return fit
