@@ -18,7 +18,7 @@ Each value is taken from its file of results, where machine and date stand. Page
 """  # noqa: E501
 # (measured, value). In braces: file.run:row:column of a benchmark; suite:measure or suite-NN:strength:measure of the
 # suite's newest or NNth generation, in percent, with its 95 % interval, or with :alone and :share without it;
-# mitsuba:measure; since:measure; next:frames; rooms:named.
+# mitsuba:measure; next:frames; rooms:named.
 FIGURES = (
     (
         "depth of a real D435 pair, against the depth that the device computed, after one affine fit",
@@ -70,16 +70,16 @@ FIGURES = (
     ("the same with a verdict `effect`", "{suite:named and right}"),
     (
         "two effects at once: both found; one of them first",
-        "{since:pairs: both found}; {since:pairs: one of two first}",
+        "{suite:pairs: both found}; {suite:pairs: one of two first}",
     ),
     (
         "an effect that no library has: `unknown`; a wrong name",
-        "{since:outside the library: said so}; {since:outside the library: wrong name}",
+        "{suite:outside the library: said so}; {suite:outside the library: wrong name}",
     ),
     ("nothing hidden: `none`", "{suite:no effect: said so}"),
     ("a fault of the depth engine named first", "{suite:depth engine's fault first:share}"),
     ("90 % intervals of parameters hold the truth", "{suite:90 % intervals hold the truth}"),
-    ("weak effects, 0.4 of the noise, named", "{suite-86743:weak:named and right}"),
+    ("weak effects, 0.4 of the noise, named", "{suite-29183:weak:named and right}"),
     ("worlds of another renderer: first name right", "{mitsuba:another renderer: first name}"),
     ("twins told apart by the frames that were asked for; by random ones", "{next:asked}; {next:random}"),
     ("effects put into real recordings: named and right", "{rooms:named}"),
@@ -127,7 +127,7 @@ def _file(kind):
         return f"{SUITE}/{newest.name}"
     if kind.startswith("suite-"):
         return f"{SUITE}/generation-{kind.removeprefix('suite-')}.json"
-    folder = SUITE if kind in ("mitsuba", "next", "since") else "tests/bench/results"
+    folder = SUITE if kind in ("mitsuba", "next") else "tests/bench/results"
     return f"{folder}/{kind.split('.')[0]}.json"
 
 

@@ -6,8 +6,8 @@
     python3 tests/benchmark_suite/make_page.py --check    # fails if it differs from the results
 
 results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number n of
-answered test cases, and a note on unanswered ones; since.json those of a later, smaller run. mitsuba.json has those of
-worlds that Mitsuba renders, and next.json the output of run_next.py; both are from the search before this one.
+test cases, and a note on how it ran. mitsuba.json has those of worlds that Mitsuba renders, and next.json the output of
+run_next.py; both are from the search before this one.
 practice.json is the output of practice.py. causes.json explains wrong answers.
 """
 
@@ -77,7 +77,7 @@ def make_page():
     [run] = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
     lines = [HEAD, "## How often it is right", "", *_measures(run), "", *_strengths(run["by_strength"]), ""]
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
-    lines += ["![Stated confidence against how often it was right](calibration.png)", "", *_since(_read("since")), ""]
+    lines += ["![Stated confidence against how often it was right](calibration.png)", ""]
     lines += ["## What goes wrong", ""]
     lines += [*_rows(_read("causes"), ("hidden", "answer", "cause")), "", *BOUND]
     lines += ["", *_another_renderer(_read("mitsuba"))]
@@ -123,15 +123,6 @@ def _rows(records, keys):
         f"|{'|'.join(keys)}|",
         "|--" * len(keys) + "|",
         *(f"|{'|'.join(str(record[key]) for key in keys)}|" for record in records),
-    ]
-
-
-def _since(run):
-    return [
-        f"Since then sets hold more. {run['n']} test cases of generation {run['generation']}, drawn after that and "
-        f"opened once ({run['date']}, {run['machine']}):",
-        "",
-        *(f"- {name}: {_value(measure, True)}" for name, measure in run["measures"].items()),
     ]
 
 
