@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
     simulated = str(args.out / "simulated")
     _run_step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
     secret = _render_hidden_effect(args, capture)
-    _run_step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
+    _run_step(args, 3, ["diagnose", str(capture), "--no-refine", "--out", str(report), *device])
     print(f"\n{_outcome(secret, read_json_object(report / 'diagnose.json'))}")
     page = (report / "report.html").resolve()
     print(f"open {page}")
