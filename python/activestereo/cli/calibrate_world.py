@@ -75,10 +75,10 @@ def _run_world(args: argparse.Namespace) -> None:
 def _print_plan(args: argparse.Namespace) -> None:
     from activestereo.calibrate.world.cells import Room
     from activestereo.capture.capture import read_capture
-    from activestereo.diagnose.room.diagnosed import is_measured_room
     from activestereo.diagnose.room.names import score_room
     from activestereo.diagnose.room.plan import plan_of, plan_text
     from activestereo.effects import builtin
+    from activestereo.effects.core.room_light import is_measured_room
 
     capture = read_capture(args.recording)
     if not is_measured_room(capture):

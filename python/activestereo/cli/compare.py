@@ -100,7 +100,7 @@ def _model_arguments(args: argparse.Namespace, capture: "Capture", effects: "dic
     In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose()."""
     from activestereo.compare.engine_prediction import engines_of
     from activestereo.compare.model_file import scene_of
-    from activestereo.diagnose.room.diagnosed import is_measured_room
+    from activestereo.effects.core.room_light import is_measured_room
     from activestereo.effects.core.scene_surfaces import surface_names
     from activestereo.model import read_model
     from activestereo.model.diagnosed import calibrated

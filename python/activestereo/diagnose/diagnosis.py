@@ -59,7 +59,7 @@ from activestereo.diagnose.search.verdict import EFFECT, UNDETERMINED, UNKNOWN, 
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.judging import Channel
-from activestereo.effects.core.room_light import has_room_light
+from activestereo.effects.core.room_light import has_room_light, is_measured_room
 from activestereo.effects.core.scene_surfaces import surface_names
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.engines.smooth import half_samples
@@ -172,14 +172,13 @@ def diagnose(
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
-    if has_room_light(whole.scene_path):
-        from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_room  # half of all imports' time
+    if is_measured_room(whole):
+        from activestereo.diagnose.room.diagnosed import diagnosed_room  # half of all imports' time
 
-        if is_measured_room(whole):
-            known = _effects_of(model, whole.scene_path)
-            sessions = [read_capture(path) for path in reference]
-            room, found, complete, unseen = diagnosed_room(whole, known, list(effects.values()), sessions)
-            return Diagnosis(room, found, sensor_model=complete, unseen=unseen)
+        known = _effects_of(model, whole.scene_path)
+        sessions = [read_capture(path) for path in reference]
+        room, found, complete, unseen = diagnosed_room(whole, known, list(effects.values()), sessions)
+        return Diagnosis(room, found, sensor_model=complete, unseen=unseen)
     if reference:
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
     capture = binned(whole, usual_binning(whole) if binning is None else binning)

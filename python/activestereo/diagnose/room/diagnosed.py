@@ -21,7 +21,7 @@ from activestereo.diagnose.room.unseen import Unseen, predict_unseen
 from activestereo.diagnose.score.intervals import Z90
 from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, builtin
-from activestereo.effects.core.room_light import has_room_light
+from activestereo.effects.core.room_light import is_measured_room
 from activestereo.model import SensorModel, diagnosed_model
 
 _FALLOFF = "vignetting"
@@ -35,13 +35,6 @@ _APART_SD, _BEYOND_CHANCE = 8.0, 0.1
 _PATCH_PX, _REACH_PX, _LEAST_LIT = 128, 16, 2.0
 
 Parameters = dict[str, tuple[float, float]]
-
-
-def is_measured_room(capture: Capture) -> bool:
-    """Returns whether `calibrate world` made a capture and two or more of its train views have poses and depth."""
-    posed = capture.measured.get("poses", {}).get("frames", [])
-    train = [f for f in capture.frames if f.id in posed and f.split == "train" and f.depth_path is not None]
-    return len(train) > 1 and has_room_light(capture.scene_path)
 
 
 def diagnosed_room(

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import kuafu
+from activestereo.capture.capture import Capture
 from activestereo.scene_io.scene_files import load_scene_file, read_document
 
 # The share of a pixel's samples for bounced light in such a room. That light is the projector's alone, a hundredth of
@@ -33,6 +34,13 @@ def has_room_light(scene_path: Path) -> bool:
         return False
     extras = read_document(scene_path).get("asset", {}).get("extras")
     return isinstance(extras, dict) and extras.get("room_light") == "emission"
+
+
+def is_measured_room(capture: Capture) -> bool:
+    """Returns whether `calibrate world` made a capture and two or more of its train views have poses and depth."""
+    posed = capture.measured.get("poses", {}).get("frames", [])
+    train = [f for f in capture.frames if f.id in posed and f.split == "train" and f.depth_path is not None]
+    return len(train) > 1 and has_room_light(capture.scene_path)
 
 
 class RoomLight:
