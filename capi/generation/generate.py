@@ -40,11 +40,7 @@ def outputs(tables: Tables) -> dict[str, str]:
     emit_abi.check_no_padding(tables)
     for library in LIBRARIES:
         files[f"python/{library}/_{library}.pyi"] = stub(tables, library)
-    callers = [f"capi/include/{entry.path}" for entry in tables.headers if not any(s.plugin for s in entry.structs)]
-    headers = {path: files[path] for path in callers}
     return files | {
-        "examples/clients/interface.py": emit_ffi.python_structs(tables, headers),
-        "examples/clients/interface.rs": emit_ffi.rust_structs(tables, headers),
         "python/activestereo/common/parameters.json": emit_options.parameters_json(tables),
         "python/activestereo/common/parameter_types.py": emit_options.parameter_types(tables),
         "python/activestereo/effects/core/plugin_records.py": emit_plugin.records(tables),
@@ -55,6 +51,9 @@ def outputs(tables: Tables) -> dict[str, str]:
 def build_outputs(tables: Tables) -> dict[str, str]:
     """Returns {path from the build's folder of generated files: text} of every file that only the build needs."""
     files = emit_shader.records(tables)
+    embedded = emit_c.embedded_structs(tables)
+    callers = [entry for entry in tables.headers if not any(s.plugin for s in entry.structs)]
+    headers = {f"capi/include/{entry.path}": emit_c.header(entry, embedded) for entry in callers}
     for library in LIBRARIES:
         files[f"python/{library}/docs.h"] = emit_python.docs_h(library, stub(tables, library))
         files[f"{library}/src/api/struct_table.h"] = emit_abi.struct_table(tables, library)
@@ -76,6 +75,8 @@ def build_outputs(tables: Tables) -> dict[str, str]:
         "kuafu/src/api/fields.cpp": emit_kuafu.copies_cpp(tables),
         "kuafu/import/material_extras.h": emit_kuafu.extras_h(tables),
         "kuafu/import/material_extras.inc": emit_kuafu.extras_schema(tables),
+        "clients/interface.py": emit_ffi.python_structs(tables, headers),
+        "clients/interface.rs": emit_ffi.rust_structs(tables, headers),
     }
 
 

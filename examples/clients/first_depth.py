@@ -2,7 +2,8 @@
 """The first depth map by ctypes: kuafu renders the infrared pair of a scene under a projector, simsense measures its
 depth.
 
-Usage: python3 first_depth.py [SCENE]. Needs interface.py, which stands beside it, and nothing but Python.
+Usage: python3 first_depth.py [SCENE]. Needs interface.py, from PREFIX/share/activestereo of an
+installation, and nothing but Python.
 """
 
 import ctypes as c

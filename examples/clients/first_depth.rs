@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The first depth map in Rust, without crates: kuafu renders the infrared pair of a scene under a dot projector, and simsense measures its
-// depth. interface.rs beside it has the structs. rustc --edition 2021 -L PREFIX/lib first_depth.rs && ./first_depth wall_and_board.obj
+// depth. interface.rs, from PREFIX/share/activestereo, has the structs. rustc --edition 2021 -L PREFIX/lib first_depth.rs && ./first_depth wall_and_board.obj
 mod interface;
 use interface::*;
 use std::ffi::CString;

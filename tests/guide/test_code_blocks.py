@@ -81,8 +81,9 @@ def root(tmp_path: pathlib.Path, request: pytest.FixtureRequest) -> pathlib.Path
     for name in ("capi", "examples", "kuafu", "python", "simsense", "tests", "CMakeLists.txt"):
         (tmp_path / name).symlink_to(ROOT / name)
     (tmp_path / "build").symlink_to(BUILD)
-    for name in ("wall_and_board.obj", "interface.py", "interface.rs"):
-        (tmp_path / name).symlink_to(ROOT / "examples/clients" / name)
+    (tmp_path / "wall_and_board.obj").symlink_to(ROOT / "examples/clients/wall_and_board.obj")
+    for name in ("interface.py", "interface.rs"):
+        (tmp_path / name).symlink_to(BUILD / "generated/clients" / name)
     (tmp_path / "out").mkdir()
     if DATA.is_dir():
         (tmp_path / "DATA").symlink_to(DATA)

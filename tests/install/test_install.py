@@ -136,7 +136,7 @@ def test_project_that_takes_this_one_in(tmp_path):
 def test_project_that_fetches_this_one(tmp_path: pathlib.Path) -> None:
     """FetchContent makes the same targets; what they build to is shown by the test above."""
     run("cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja", "-DBY_FETCH_CONTENT=ON",
-        f"-DACTIVESTEREO_SOURCE={ROOT}")
+        f"-DACTIVESTEREO_SOURCE={ROOT}")  # fmt: skip
     commands = run("ninja", "-C", tmp_path, "-t", "commands", "client")
     assert "libsimsense.so" in commands
     assert f"-I{ROOT}/capi/include" in commands
@@ -166,13 +166,13 @@ def test_rust_client(moved_prefix, tmp_path):
     rustc = shutil.which("rustc")
     if rustc is None:
         pytest.skip("rustc is not installed: apt-get install rustc")
-    library = moved_prefix / "lib"
-    run(
-        rustc, "--edition", "2021", "-D", "warnings", "-L", library, CLIENTS / "first_depth.rs", "-o",
-        tmp_path / "client",
-    )  # fmt: skip
+    library, program = moved_prefix / "lib", tmp_path / "first_depth.rs"
+    shutil.copy(moved_prefix / "share/activestereo/interface.rs", tmp_path)
+    shutil.copy(CLIENTS / program.name, program)
+    run(rustc, "--edition", "2021", "-D", "warnings", "-L", library, program, "-o", tmp_path / "client")
     assert "wall 1." in run(tmp_path / "client", SCENE, LD_LIBRARY_PATH=library)
 
 
 def test_ctypes_client(moved_prefix):
-    assert "wall 1." in run("/usr/bin/python3", CLIENTS / "first_depth.py", SCENE, LD_LIBRARY_PATH=moved_prefix / "lib")
+    found = {"LD_LIBRARY_PATH": moved_prefix / "lib", "PYTHONPATH": moved_prefix / "share/activestereo"}
+    assert "wall 1." in run("/usr/bin/python3", CLIENTS / "first_depth.py", SCENE, **found)
