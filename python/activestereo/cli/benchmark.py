@@ -93,7 +93,7 @@ def _capture(text: str) -> tuple[Path, Path | None]:
 
 
 def _run_realism(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.realism.board import DEVICE, HOLES, board, verdicts, write_board
+    from activestereo.benchmarks.realism import DEVICE, HOLES, board, verdicts, write_board
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.report.screen import Figure, command, screen
 

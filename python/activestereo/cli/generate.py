@@ -26,7 +26,7 @@ view, and takes pictures with a depth sensor. THING is a file of one thing:
 .gltf .glb .obj .dae .stl or .ply; .gltf and .glb have y up, the others z.
 
 Writes the BOP format into DIR (train_pbr/000000/rgb, depth, mask, mask_visib,
-scene_camera.json, scene_gt.json, scene_gt_info.json, scene_gt_coco.json), and beside it
+scene_camera.json, scene_gt.json, scene_gt_info.json), and beside it
 ir_left, ir_right, depth_true, and the left infrared camera's confidence and reasons why a
 pixel has no depth; ir_cameras.json has both cameras' matrices, their baseline and the
 reasons' names. depth is what the sensor measures, in the RGB camera.
@@ -60,9 +60,9 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--workers", type=integer_from(1), metavar="K", help=text)
     text = "makes part K of N, for N machines that share DIR; whoever makes the last frame writes the tables"
     rare.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
-    text = "has the actors of a Ray cluster make the frames (auto, HOST:PORT, ray://HOST:PORT): one for each GPU"
+    text = "has the workers of a Ray cluster make the frames (auto, HOST:PORT, ray://HOST:PORT): one for each GPU"
     rare.add_argument("--ray", metavar="ADDRESS", help=text)
-    text = "with --ray: processors of an actor, where the cluster has no GPUs or --device is given (default: 2)"
+    text = "with --ray: processors of a worker, where the cluster has no GPUs or --device is given (default: 2)"
     rare.add_argument("--ray-cpus", type=integer_from(1), metavar="N", help=text)
     add_shared(parser, seed="of everything that is drawn; same seed, same files")
     add_shared(parser, sensor="as simulate's")
@@ -89,9 +89,9 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.generate.layout import Ranges
-    from activestereo.benchmarks.generate.run import generate, require_formats, write_formats
-    from activestereo.benchmarks.generate.studio import Settings
+    from activestereo.benchmarks.generate.formats import require_formats, write_formats
+    from activestereo.benchmarks.generate.run import generate
+    from activestereo.benchmarks.generate.studio import Ranges, Settings
     from activestereo.common.declared_ranges import read_ranges
     from activestereo.common.progress_bar import ProgressBar, duration
     from activestereo.report.screen import command, screen
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> None:
     if args.ray is None and args.ray_cpus is not None:
         raise CommandError("--ray-cpus goes with --ray, which is not given")
     if args.ray is not None and args.workers is not None:
-        raise CommandError("--workers does not go with --ray, whose actors take the workers' place: --ray-cpus")
+        raise CommandError("--workers does not go with --ray, whose workers take their place: --ray-cpus")
     try:
         require_formats(args.also)
     except ImportError as error:

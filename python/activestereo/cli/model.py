@@ -81,7 +81,7 @@ def run_diff(args: argparse.Namespace) -> None:
 
 
 def run_export(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.noise_profiles.export import export, profile_json
+    from activestereo.benchmarks.noise_profiles import export, profile_json
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.model_file import library

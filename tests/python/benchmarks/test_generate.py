@@ -20,11 +20,11 @@ from activestereo.scene_io import meshes, usd
 from activestereo.cli import main
 from activestereo.common.declared_ranges import read_ranges
 from activestereo.benchmarks.generate import bop
-from activestereo.benchmarks.generate.layout import drop, scatter
-from activestereo.benchmarks.generate.layout import Ranges
+from activestereo.benchmarks.generate.studio import drop, scatter
+from activestereo.benchmarks.generate.studio import Ranges
 from activestereo.benchmarks.generate.run import generate
 from activestereo.benchmarks.generate.studio import Settings, Studio, sensor_config
-from activestereo.benchmarks.generate.layout import Things
+from activestereo.benchmarks.generate.studio import Things
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.effects.core.scene_surfaces import instance_transforms
@@ -92,9 +92,7 @@ def test_poses_masks_and_true_depth_agree(things: tuple[Path, ...]) -> None:
     assert ball.mask.sum() == pytest.approx(np.pi * radius_px**2, rel=0.12)
 
 
-def test_frames_are_the_same_by_any_way_of_making_them(
-    things: tuple[Path, ...], whole: Path, tmp_path: Path
-) -> None:
+def test_frames_are_the_same_by_any_way_of_making_them(things: tuple[Path, ...], whole: Path, tmp_path: Path) -> None:
     names = [str(path) for path in things]
     assert main(["generate", *names, *options(tmp_path / "two", 3, workers=2)]) == 0
     assert read_all(tmp_path / "two") == read_all(whole)
@@ -220,16 +218,6 @@ def test_the_files_keep_bop_s_rules(whole: Path) -> None:
         assert mask[y : y + height, x : x + width].sum() == mask.sum()
     models = json.loads((whole / "models/models_info.json").read_text())
     assert models["1"]["size_x"] == pytest.approx(2000.0 * RADIUS_M, rel=0.01)
-    coco = json.loads((scene / "scene_gt_coco.json").read_text())
-    for annotation in coco["annotations"]:
-        counts = annotation["segmentation"]["counts"]
-        assert sum(counts) == SIZE[0] * SIZE[1] and sum(counts[1::2]) == annotation["area"]
-
-
-def test_run_lengths() -> None:
-    mask = np.array([[True, False], [True, True]])  # by columns: 1 1 0 1
-    assert bop.run_lengths(mask) == [0, 2, 1, 1]
-    assert bop.run_lengths(np.zeros((2, 2), bool)) == [4]
 
 
 def test_nodes_of_a_file_keep_their_places(tmp_path: Path) -> None:

@@ -3,12 +3,11 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from activestereo.benchmarks.generate import bop, lerobot, run
+from activestereo.benchmarks.generate import bop, formats
 from activestereo.benchmarks.generate.bop import stored_frames
 from activestereo.benchmarks.generate.studio import Frame
 from activestereo.cli import generate as command
@@ -52,8 +51,8 @@ def test_lerobot_gets_depth_maps_in_millimetres_and_an_episode_for_each_frame(da
         def finalize(self):
             calls.append("end")
 
-    monkeypatch.setattr(lerobot, "package", lambda: Recorder)
-    lerobot.write(data_set, 2, tmp_path / "to")
+    monkeypatch.setattr(formats, "lerobot_package", lambda: Recorder)
+    formats.write_lerobot(data_set, 2, tmp_path / "to")
     features, first, *_ = calls
     assert [call for call in calls if isinstance(call, str)] == ["episode", "episode", "end"]
     depth = features["observation.images.depth"]
@@ -67,7 +66,7 @@ def test_lerobot_gets_depth_maps_in_millimetres_and_an_episode_for_each_frame(da
 
 def test_lerobots_package_reads_the_same_depth(data_set, tmp_path):
     data = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="the package lerobot is not installed")
-    lerobot.write(data_set, 2, tmp_path / "to")
+    formats.write_lerobot(data_set, 2, tmp_path / "to")
     found = data.LeRobotDataset(f"activestereo/{data_set.name}", root=tmp_path / "to")
     for frame, read in zip(stored_frames(data_set, 2), found, strict=True):
         assert (read["observation.images.depth"].numpy()[0] == frame.depth_mm).all()
@@ -75,7 +74,7 @@ def test_lerobots_package_reads_the_same_depth(data_set, tmp_path):
 
 def test_mcap_has_a_cameras_topics_with_their_geometry(data_set, tmp_path):
     highlevel = pytest.importorskip("rosbags.highlevel", reason="the package rosbags is not installed")
-    run.write_formats(data_set, 2, ["mcap"])
+    formats.write_formats(data_set, 2, ["mcap"])
     with highlevel.AnyReader([data_set / "mcap"]) as reader:
         found = {c.topic: reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()}
     depth = found["/camera/aligned_depth_to_color/image_raw"]
@@ -90,8 +89,8 @@ def test_what_is_missing_is_said_before_anything_is_made(tmp_path, monkeypatch, 
     def package():
         raise ImportError("rosbags is missing: pip install rosbags")
 
-    monkeypatch.setitem(run._FORMATS, "mcap", SimpleNamespace(package=package))
-    assert tuple(run._FORMATS) == command.FORMATS
+    monkeypatch.setitem(formats.FORMATS, "mcap", (package, None))
+    assert tuple(formats.FORMATS) == command.FORMATS
     options = ["generate", "no.glb", "--count", "1", "--out", str(tmp_path / "set"), "--also", "mcap"]
     assert main(options) == 2
     assert "pip install rosbags" in capsys.readouterr().err

@@ -7,10 +7,10 @@ import xml.etree.ElementTree as xml
 import numpy as np
 import pytest
 
-from activestereo.benchmarks.noise_profiles.profile import Distance, distance
-from activestereo.benchmarks.noise_profiles.export import PROFILES
-from activestereo.benchmarks.noise_profiles.profile import fitted
-from activestereo.benchmarks.noise_profiles.profile import Views
+from activestereo.benchmarks.noise_profiles import Distance, distance
+from activestereo.benchmarks.noise_profiles import PROFILES
+from activestereo.benchmarks.noise_profiles import fitted
+from activestereo.benchmarks.noise_profiles import Views
 from activestereo.cli import model as command
 from activestereo.cli.arguments import names_of
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from activestereo.benchmarks.realism.board import DEVICE, HOLES, NOISE, Board, Interval, verdicts
-from activestereo.benchmarks.realism.measures import statistics
-from activestereo.benchmarks.realism.measures import depth_measures
-from activestereo.benchmarks.realism.methods import fitted_light
-from activestereo.benchmarks.realism.measures import PATCH_PX, planar_patches
-from activestereo.benchmarks.realism.methods import RealView
+from activestereo.benchmarks.realism import DEVICE, HOLES, NOISE, Board, Interval, verdicts
+from activestereo.benchmarks.real_views import statistics
+from activestereo.benchmarks.real_views import depth_measures
+from activestereo.benchmarks.real_views import fitted_light
+from activestereo.benchmarks.real_views import PATCH_PX, planar_patches
+from activestereo.benchmarks.real_views import RealView
 
 _FB_PX_M, _SIZE = 50.0, (192, 288)
 

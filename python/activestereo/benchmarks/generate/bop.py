@@ -5,7 +5,7 @@ its scenes' format is described beside the BOP toolkit).
     DIR/camera.json  DIR/models/models_info.json  DIR/dataset.json
     DIR/train_pbr/000000/{rgb,depth,mask,mask_visib}/000000.png
     DIR/train_pbr/000000/{ir_left,ir_right,confidence,reason,depth_true}/000000.png  DIR/ir_cameras.json
-    DIR/train_pbr/000000/{scene_camera,scene_gt,scene_gt_info,scene_gt_coco}.json
+    DIR/train_pbr/000000/{scene_camera,scene_gt,scene_gt_info}.json
 
 The files of the third line are not BOP's but ours. confidence (0..255 for 0..1) and reason belong to the left infrared
 camera; ir_cameras.json holds the reasons' names, both cameras' matrices and the baseline. Lengths in BOP's files are
@@ -26,13 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.benchmarks.generate.layout import Thing
-from activestereo.benchmarks.generate.studio import Frame
+from activestereo.benchmarks.generate.studio import Frame, Thing
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
 from activestereo.capture.images import read_color, read_gray
 from activestereo.common.accuracy import is_invented
-from activestereo.common.input_files import checked_file, read_json
+from activestereo.common.input_files import read_json
 from activestereo.common.output_files import (
     left_over,
     write_bytes,
@@ -147,7 +146,6 @@ def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
         folder = scene_folder(out, first)
         for file, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
             _write_json(folder / f"{file}.json", {str(n): record[key] for n, record in records.items()})
-        _write_json(folder / "scene_gt_coco.json", _coco(folder, records))
     return pixels, depths
 
 
@@ -184,47 +182,6 @@ def _box(mask: NDArray[np.bool_]) -> list[int]:
         return [-1, -1, -1, -1]
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return [int(columns[0]), int(rows[0]), int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)]
-
-
-def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:
-    """Returns the scene's instances in COCO's format: boxes and areas of visible parts, and masks as uncompressed run
-    lengths."""
-    from PIL import Image
-
-    images: list[Any] = []
-    annotations: list[Any] = []
-    categories: set[int] = set()
-    for number, record in records.items():
-        name = f"rgb/{number:06d}.png"
-        with Image.open(checked_file(folder / name)) as image:
-            width, height = image.size
-        images.append({"id": number, "file_name": name, "width": width, "height": height})
-        for order, (pose, info) in enumerate(zip(record["gt"], record["gt_info"], strict=True)):
-            if not info["px_count_visib"]:
-                continue
-            with Image.open(checked_file(folder / "mask_visib" / f"{number:06d}_{order:06d}.png")) as image:
-                mask = np.asarray(image) > 0
-            categories.add(pose["obj_id"])
-            annotations.append(
-                {
-                    "id": len(annotations) + 1,
-                    "image_id": number,
-                    "category_id": pose["obj_id"],
-                    "iscrowd": 0,
-                    "area": info["px_count_visib"],
-                    "bbox": info["bbox_visib"],
-                    "segmentation": {"size": [height, width], "counts": run_lengths(mask)},
-                }
-            )
-    named = [{"id": number, "name": str(number)} for number in sorted(categories)]
-    return {"images": images, "annotations": annotations, "categories": named}
-
-
-def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
-    """Returns the mask's run lengths column by column, background first, as in COCO."""
-    flat = np.concatenate([[False], mask.ravel(order="F")])
-    edges = np.flatnonzero(np.diff(flat.astype(np.int8))) if mask.size else np.empty(0, np.intp)
-    return np.diff(np.concatenate([[0], edges, [mask.size]])).astype(int).tolist()
 
 
 def scene_folder(out: Path, number: int) -> Path:

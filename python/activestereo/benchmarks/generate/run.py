@@ -1,32 +1,109 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a data set with worker processes, each with its own device, and writes it in other formats. Skips frames that
-exist."""
+"""Makes a data set with worker processes, each with its own device, or on a Ray cluster, with a worker for each GPU or,
+without GPUs, for each group of processors. Skips frames that exist.
+
+Ray's workers send a frame's files as bytes, and only the calling process writes them. So each frame is written once,
+even if workers are lost, and the machines need not share a folder."""
 
 from __future__ import annotations
 
 import json
 import math
-import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import kuafu
-from activestereo.benchmarks.generate import bop, lerobot, mcap
-from activestereo.benchmarks.generate.layout import physics
-from activestereo.benchmarks.generate.ray_actors import made_by_ray, ray_package
-from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config, things_of
-from activestereo.common.input_files import read_json
+from activestereo.benchmarks.generate import bop
+from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, physics, sensor_config, things_of
+from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.processes import process_pool
 from activestereo.scene_io import usd
 
-_MOST_LOSSES = 3  # losses of workers without a frame in between
-_studio: Studio | None = None  # a worker's
+_MOST_LOSSES = 3  # workers that end one after another without a frame; with Ray, at the same frame
+
+
+_studio: Studio | None = None  # a worker's, or a Ray worker's
+
+
+def frame_files(settings: Settings, number: int) -> dict[str, bytes]:
+    """Makes a frame in a worker of Ray and returns its files, {path below the data set's folder: content}. Its machine
+    needs activestereo, and the files of the settings at the same paths."""
+    global _studio
+    if _studio is None:
+        import ray
+
+        for name in map(str, ray.get_gpu_ids()[:1]):
+            # Ray counts a machine's GPUs as CUDA does; Vulkan has this order, without CUDA_VISIBLE_DEVICES.
+            gpus = [info.index for info in kuafu.Device.enumerate() if info.usable and "gpu" in info.kind]
+            if not name.isdecimal() or int(name) >= len(gpus):
+                text = f"Ray gave GPU '{name}' to a worker, whose machine has {len(gpus)} usable ones for Vulkan"
+                advice = "start the machine's Ray with numbers in CUDA_VISIBLE_DEVICES, or give --device"
+                raise ValueError(f"{text}: {advice}")
+            settings = replace(settings, device=gpus[int(name)])
+        _studio = Studio(settings)
+    with TemporaryDirectory() as folder:
+        out = Path(folder)
+        bop.write_frame(out, _studio.make_frame(number))
+        return {str(path.relative_to(out)): read_bytes(path) for path in out.rglob("*") if path.is_file()}
+
+
+def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: str, cpus: int) -> Iterator[int]:
+    """Makes the missing frames on a Ray cluster and yields the number of each after it is written. Ray makes a lost
+    worker's frame again.
+
+    address: 'auto', HOST:PORT or ray://HOST:PORT of a running cluster. cpus: processors of each worker, if the cluster
+    has no GPUs or the settings name a device. Raises ValueError without Ray or if no machine has so many processors,
+    ConnectionError without such a cluster, and ChildProcessError if one frame ends several workers."""
+    if not missing:
+        return
+    ray = ray_package()
+    was_there = ray.is_initialized()  # such a connection stays
+    if not was_there:
+        ray.init(address=address, log_to_driver=False, logging_level="ERROR")
+    try:
+        machines = [node["Resources"] for node in ray.nodes() if node["Alive"]]
+        needs: dict[str, int] = {"num_gpus": 1}
+        if settings.device != "auto" or not any(own.get("GPU", 0) for own in machines):
+            needs = {"num_cpus": cpus}
+            largest = max((int(own.get("CPU", 0)) for own in machines), default=0)
+            if largest < cpus:  # Ray would wait for such a machine without end
+                text = f"--ray-cpus is {cpus}, but the largest machine of Ray's cluster has {largest} processors for it"
+                raise ValueError(f"{text}: ask for fewer, or add a larger machine")
+        # max_calls=0: a worker stays, with its studio, for further frames.
+        task = ray.remote(max_calls=0, max_retries=_MOST_LOSSES - 1, **needs)(frame_files)
+        shared = ray.put(settings)
+        waiting = {task.remote(shared, number): number for number in missing}
+        while waiting:
+            (ended,), _ = ray.wait(list(waiting), num_returns=1)
+            number = waiting.pop(ended)
+            try:
+                bop.write_files(out, ray.get(ended))
+            except ray.exceptions.RayTaskError as error:
+                raise error.cause from None
+            except ray.exceptions.RayError as error:
+                reason = str(error).strip().partition("\n")[0]
+                text = f"{_MOST_LOSSES} of Ray's workers were lost at frame {number}, the last by: {reason}"
+                raise ChildProcessError(text) from error
+            yield number
+    finally:
+        if not was_there:
+            ray.shutdown()
+
+
+def ray_package() -> Any:
+    """Imports and returns the module ray. Raises ValueError if it is missing."""
+    try:
+        import ray
+    except ImportError as error:
+        raise ValueError("--ray needs the package ray, which is missing: pip install ray") from error
+    return ray
 
 
 @dataclass(frozen=True)
@@ -168,27 +245,3 @@ def _begin(settings: Settings, begun: Any) -> None:
 def _make(out: Path, number: int) -> int:
     assert _studio is not None
     return _write(out, _studio.make_frame(number))
-
-
-# ---- other formats ----
-
-_FORMATS = {"lerobot": lerobot, "mcap": mcap}
-
-
-def require_formats(names: list[str]) -> None:
-    """Raises ImportError, with the packages to install, if a format's package is missing."""
-    for name in names:
-        _FORMATS[name].package()
-
-
-def write_formats(out: Path, count: int, names: list[str]) -> None:
-    """Writes frames 0 to count - 1 of the data set `out` in each named format, into the folder out/NAME. A folder is
-    written completely or not at all, and replaces an old one."""
-    aside = out / ".unfinished"
-    shutil.rmtree(aside, ignore_errors=True)
-    aside.mkdir()
-    for name in names:
-        _FORMATS[name].write(out, count, aside / name)
-        shutil.rmtree(out / name, ignore_errors=True)
-        (aside / name).rename(out / name)
-    aside.rmdir()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluates all methods on all views, with intervals from resampled views. Writes JSON and one page with pictures."""
+"""Evaluates all methods on all real views, with intervals from resampled views. Writes JSON and one page."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from activestereo.benchmarks.realism.measures import (
+from activestereo.benchmarks.real_views import (
     DISTANCE_NAMES,
+    METHODS,
     depth_measures,
     infrared_measures,
     planar_patches,
+    real_views,
+    simulated,
 )
-from activestereo.benchmarks.realism.methods import METHODS, real_views, simulated
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
