@@ -22,7 +22,7 @@ OTHERS = {
     ("compare/cache.py", "np.savez(file, **arrays)"): "replace_file()'s",
     ("effects/engines/loaded_scene.py", "Path('/proc/self/maps').read_text(encoding='utf-8')"): "the kernel's",
     ("effects/engines/loaded_scene.py", "Path(path).read_bytes()"): "the loaded libraries",
-    ("diagnose/refine/fit_cache.py", "path.read_bytes()"): "the package's sources",
+    ("diagnose/kept.py", "path.read_bytes()"): "the package's sources",
     ("effects/__init__.py", "file.read_text(encoding='utf-8')"): "the package's",
     ("report/page.py", "resources.files('activestereo.report').joinpath(f'web/{name}').read_text(encoding='utf-8')"):
         "the package's",

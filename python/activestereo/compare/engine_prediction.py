@@ -40,7 +40,7 @@ def engines_of(
 
 
 class EngineImages:
-    """Renders the light of a capture's train frames under a model (a Rendering of diagnose/search/rendered.py), and
+    """Renders the light of a capture's train frames under a model (a Rendering of diagnose/refit.py), and
     stores it in the user's cache of renders.
 
     Arguments are those of engines_of(). A search compares images with the same random numbers, so an eighth of the

@@ -7,7 +7,7 @@ frames. Computes the images that a model expects with them.
 
 P and A are the radiance that falls on the sensor under the projector at power 1 and under ambient radiance 1. A model's
 effects may make this nonlinear; then rounds of Gauss-Newton fit its linearisation. All train pixels of both cameras
-have equal weight, so that the fit minimises the RMSE that compare reports. diagnose/refine/fitter.py, which weighs
+have equal weight, so that the fit minimises the RMSE that compare reports. diagnose/fitter.py, which weighs
 pixels by their variance and fits focal lengths, albedos and effects too, starts from it.
 """
 

@@ -28,35 +28,31 @@ from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, LayersOfFrames, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
-from activestereo.diagnose.answer.albedo_json import albedo_json
-from activestereo.diagnose.answer.depth_json import depth_json
-from activestereo.diagnose.answer.depth_split import depth_split
-from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures, left_out_rmse
-from activestereo.diagnose.answer.found_model import found_model
-from activestereo.diagnose.answer.geometry_json import geometry_json
-from activestereo.diagnose.answer.ranking import (
+from activestereo.diagnose.depth_engine import depth_json, judged_depth
+from activestereo.diagnose.depth_split import depth_split
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
+from activestereo.diagnose.fitter import Fitter, Solution
+from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
+from activestereo.diagnose.geometry_search import gather_where_it_stands, standing, with_test_frames
+from activestereo.diagnose.goodness import design_effect
+from activestereo.diagnose.kept import FitCache, Found, keep, key_of
+from activestereo.diagnose.kept import kept as found_before
+from activestereo.diagnose.next_measurement import next_measurements
+from activestereo.diagnose.numbers import NUMBERS, Numbers
+from activestereo.diagnose.ranking import (
     judging_of,
     parameters_of,
     probabilities_of,
     ranking_of,
     sets_of,
 )
-from activestereo.diagnose.answer.residual_model import residual_model
-from activestereo.diagnose.answer.told import explained, html_of, ranking_figure
-from activestereo.diagnose.channels.depth_engine import judged_depth
-from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.kept import Found, keep, key_of
-from activestereo.diagnose.kept import kept as found_before
-from activestereo.diagnose.next_measurement import next_measurements
-from activestereo.diagnose.numbers import NUMBERS, Numbers
-from activestereo.diagnose.refine import Fitter, Solution
-from activestereo.diagnose.refine.fit_cache import FitCache
-from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing, with_test_frames
-from activestereo.diagnose.score.likelihood import design_effect
-from activestereo.diagnose.search.loop import Outcome, Search, restore_functions
-from activestereo.diagnose.search.rendered import Rendering
-from activestereo.diagnose.search.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
+from activestereo.diagnose.refit import Rendering
+from activestereo.diagnose.residual_model import residual_model
+from activestereo.diagnose.search import Outcome, Search, restore_functions
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
+from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
+from activestereo.diagnose.words import explained, html_of, ranking_figure
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.effects.core.room_light import has_room_light, is_measured_room
@@ -162,7 +158,7 @@ def diagnose(
     from, None for the built-in ones. samples_per_pixel: of the images for the held-out errors, as compare() has them;
     the search renders its own with half as many. progress: called with the fraction done; a Phases that begins with
     PHASES is told of each. rendering: makes a capture's render engine, to which effects of light transport are fitted
-    (diagnose/search/rendered.py). engines: as in compare(), for the same held-out errors. binning: the search averages
+    (diagnose/refit.py). engines: as in compare(), for the same held-out errors. binning: the search averages
     images over so many pixels along rows and columns, None for usual_binning(); held-out errors are of full-size
     images. says: as in Settings. reference: captures of the same unit from when it was good; they serve only rooms that
     `calibrate world` measured (else ValueError).

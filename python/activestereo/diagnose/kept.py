@@ -1,22 +1,154 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps diagnoses on disk beside renders and fits, so that the same code and options never search a capture twice."""
+"""Keeps fits and diagnoses on disk beside the renders. A second diagnosis of a capture repeats no fit, even with more
+effects or other thresholds; one with the same code and options searches nothing.
 
+The key of a fit is the content of all that decides it: the observations (their images, weights and geometry), the code
+of this package, and the space, start and settings of the fit. Fits with a user's own effect are never kept, because its
+code is unknown.
+"""
+
+import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import scipy
 
-from activestereo.capture.capture import Capture
+import activestereo
+from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.output_files import write_text
+from activestereo.common.processes import forked
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.refine.fit_cache import capture_content, code_digest, content_key, effect_content
-from activestereo.effects import Effect
+from activestereo.diagnose.evidence import Observation
+from activestereo.effects import Effect, builtin
+from activestereo.effects.engines.layers import scene_digest
 from activestereo.model import SensorModel, read_model
 from activestereo.model.write import model_json
+
+# Raise it if the stored arrays change their meaning.
+_FORMAT = 1
+Arrays: TypeAlias = Mapping[str, np.ndarray]
+
+
+class FitCache:
+    """The fits to one capture: a single entry of the disk cache, read at the start and written by save()."""
+
+    def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:
+        self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
+        self._known: dict[str, Arrays] = dict(_apart(renders.get_arrays(self._key) or {}))
+        self._kept_before = len(self._known)
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterates over the keys of the fits that are kept."""
+        return iter(self._known)
+
+    def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
+        """Runs work(item) for every item in worker processes and keeps the fits that they make. Items that fail there
+        are left to the caller's own work(item), which then raises the error."""
+
+        def made(item: Any) -> dict[str, Arrays]:
+            before = len(self._known)
+            work(item)
+            return dict(islice(self._known.items(), before, None))
+
+        for _, done in forked(made, items, workers):
+            if done.exception() is None:
+                self._known.update(done.result())
+
+    def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
+        """Returns the arrays cached under a key; if there are none, calls make() and caches its result. key None:
+        always calls make() and caches nothing."""
+        if key in self._known:
+            return self._known[key]
+        made = make()
+        if key is not None:
+            self._known[key] = made
+        return made
+
+    def save(self) -> None:
+        """Writes the cache entry if there are new fits."""
+        if len(self._known) > self._kept_before:
+            together = {f"{key}/{name}": array for key, one in self._known.items() for name, array in one.items()}
+            self._renders.put_arrays(self._key, together)
+            self._kept_before = len(self._known)
+
+
+def effect_content(effect: Effect) -> str | None:
+    """Returns an effect's identity as text: a built-in effect's id, plus a hash of rendered images if it uses them
+    (refit.py). None for other effects, whose code is unknown."""
+    own = builtin().get(effect.id)
+    if effect is own:
+        return effect.id
+    images = getattr(getattr(effect.apply, "__self__", None), "content", None)
+    if own is None or images is None or replace(effect, apply=own.apply) != own:
+        return None
+    return f"{effect.id} {images}"
+
+
+def content_key(*values: object) -> str:
+    """Returns a hash of numbers, texts, arrays, and records, lists or mappings of them. File paths do not count."""
+    known: dict[int, tuple[object, bytes]] = {}
+
+    def of(value: Any) -> bytes:
+        if id(value) in known:
+            return known[id(value)][1]
+        digest = hashlib.sha256(type(value).__name__.encode())
+        if isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).data)
+        elif is_dataclass(value):
+            digest.update(b"".join(of(getattr(value, field.name)) for field in fields(value)))
+        elif isinstance(value, Mapping):
+            digest.update(b"".join(of(name) + of(one) for name, one in value.items()))
+        elif isinstance(value, list | tuple):
+            digest.update(b"".join(map(of, value)))
+        elif not isinstance(value, Path):
+            digest.update(repr(value).encode())
+        known[id(value)] = value, digest.digest()  # kept alive, so that no other value gets its id
+        return digest.digest()
+
+    return of(values).hex()
+
+
+def capture_content(capture: Capture) -> str:
+    """Returns a hash of all metadata, images and depths of a capture, and of its scene."""
+    images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
+    depths = [capture.depth(f) for f in capture.frames]
+    return content_key(capture, capture.rig.projector.pattern(), images, depths, scene_digest(capture.scene_path))
+
+
+@cache
+def code_digest() -> str:
+    """Returns a digest of this package's code and of the versions of the libraries that it computes with."""
+    root, digest = Path(activestereo.__file__).parent, hashlib.sha256()
+    kinds = {".py", ".html", ".css", ".js"}
+    # A build tree may hold broken links.
+    for path in sorted(path for path in root.rglob("*") if path.suffix in kinds and path.is_file()):
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return f"{digest.hexdigest()} {np.__version__} {scipy.__version__} {_opencv_version()}"
+
+
+def _opencv_version() -> str:
+    try:
+        import cv2  # effects blur by it where there is one
+    except ImportError:
+        return "none"
+    return str(cv2.__version__)
+
+
+def _apart(stored: Arrays) -> dict[str, dict[str, np.ndarray]]:
+    """Splits {"key/name": array} into {key: {name: array}}."""
+    out: dict[str, dict[str, np.ndarray]] = {}
+    for name, array in stored.items():
+        key, _, own = name.partition("/")
+        out.setdefault(key, {})[own] = array
+    return out
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,8 @@ import numpy as np
 
 from activestereo.capture.capture import Frame
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.diagnose.evidence import Evidence, Observation
-from activestereo.diagnose.evidence.observation import one_of_each_situation
-from activestereo.diagnose.refine import Fitter, Solution
-from activestereo.diagnose.refine.fitter import signal
+from activestereo.diagnose.evidence import Evidence, Observation, one_of_each_situation
+from activestereo.diagnose.fitter import Fitter, Solution, signal
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
 
 _MEMBERS = 3

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from activestereo.common.phases import Phases
-from activestereo.diagnose.answer.figures import ErrorsOfModels
 from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.figures import ErrorsOfModels
+from activestereo.diagnose.fitter import Fitter, Solution
+from activestereo.diagnose.kept import FitCache
 from activestereo.diagnose.numbers import NUMBERS, Numbers
-from activestereo.diagnose.refine import Fitter, Solution
-from activestereo.diagnose.refine.fit_cache import FitCache
-from activestereo.diagnose.search.rendered import Rendering
+from activestereo.diagnose.refit import Rendering
 from activestereo.effects import Model
 
 # The phases, and how many seconds they take of some four megapixels of infrared images.

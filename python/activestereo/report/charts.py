@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 from activestereo.compare.where import COVARIATES
-from activestereo.diagnose.answer.verdict_words import error_text
+from activestereo.diagnose.words import error_text
 from activestereo.report.lettering import escape_dollars
 
 if TYPE_CHECKING:

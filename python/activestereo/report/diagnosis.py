@@ -9,7 +9,7 @@ from typing import Any
 
 from activestereo.common.html_table import table, text
 from activestereo.common.shown import listed
-from activestereo.diagnose.answer.verdict_words import alike
+from activestereo.diagnose.words import alike
 from activestereo.report.diagnosis_text import (
     EXPLAINS_WORDS,
     FLOOR_WORDS,

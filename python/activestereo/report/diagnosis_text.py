@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prints a diagnosis in a terminal: the verdict in ten lines, the table of --verbose, and sentences on the parts of the
-depth error (diagnose/answer/depth_split.py)."""
+depth error (diagnose/depth_split.py)."""
 
 from collections.abc import Mapping, Sequence
 from math import isclose
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.common.shown import listed, without_unit
-from activestereo.diagnose.answer.verdict_words import (
+from activestereo.diagnose.words import (
     alike,
     error_text,
     errors_of,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, Frame
 from activestereo.common.html_table import text
-from activestereo.diagnose.answer.verdict_words import (
+from activestereo.diagnose.words import (
     error_text,
     errors_of,
     errors_told,

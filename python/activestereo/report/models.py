@@ -14,7 +14,7 @@ from activestereo.common.processes import forked
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import predict_under_model
-from activestereo.diagnose.refine.light import LightMemory
+from activestereo.diagnose.pixels import LightMemory
 from activestereo.effects import Model, Randomness, Stage, View
 
 if TYPE_CHECKING:

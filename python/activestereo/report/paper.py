@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from activestereo.common.output_files import replace_file, write_text
 from activestereo.common.palette import INK, MUTED
-from activestereo.diagnose.answer.verdict_words import alike, headline
+from activestereo.diagnose.words import alike, headline
 from activestereo.report.charts import covariates_chart, effects_chart, frames_chart, photon_transfer_chart
 from activestereo.report.lettering import escape_dollars, save_figure
 from activestereo.report.worst import known_residual, residual_limit, worst_frame

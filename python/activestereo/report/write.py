@@ -21,7 +21,7 @@ from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library
-from activestereo.diagnose.refine.fit_cache import content_key
+from activestereo.diagnose.kept import content_key
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section

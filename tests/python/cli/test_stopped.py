@@ -7,7 +7,7 @@ from activestereo.cli import main
 from activestereo.compare import model_file
 from activestereo.common.phases import Phases
 from activestereo.diagnose.settings import DEPTH, FITTING
-from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.fitter import Fitter
 from activestereo.effects import builtin, engines
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world

@@ -11,12 +11,13 @@ from report_worlds import DIAGNOSIS
 from activestereo.capture.capture import Uncertainty, read_capture
 from activestereo.compare.nuisances import Nuisances, predict
 from activestereo.compare.render import render_frames
-from activestereo.diagnose.answer.albedo_json import albedo_json, albedo_surfaces
-from activestereo.diagnose.answer.verdict_words import geometry_words, next_steps
-from activestereo.diagnose.answer.found_model import found_model
-from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.refine import Fitter, ParameterSpace
-from activestereo.diagnose.refine.light import DENSE
+from activestereo.diagnose.found_model import albedo_json, albedo_surfaces
+from activestereo.diagnose.words import geometry_words, next_steps
+from activestereo.diagnose.found_model import found_model
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.fitter import ParameterSpace
+from activestereo.diagnose.pixels import DENSE
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.scene_surfaces import scene_surfaces
 

@@ -11,8 +11,8 @@ from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import image_errors
 from activestereo.compare.render import render_halves
-from activestereo.diagnose.channels.depth_engine import Depth
-from activestereo.diagnose.answer.depth_split import OWN, PARTS, DepthErrors, depth_split, split_of
+from activestereo.diagnose.depth_engine import Depth
+from activestereo.diagnose.depth_split import OWN, PARTS, DepthErrors, depth_split, split_of
 from activestereo.effects import Model, builtin
 from activestereo.report.diagnosis_text import split_sentences
 from lab_worlds import WorldRenderer, with_device_depth

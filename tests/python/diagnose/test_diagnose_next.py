@@ -10,11 +10,12 @@ from lab_worlds import WorldRenderer
 from activestereo.capture.capture import read_capture
 from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.evidence.observation import one_of_each_situation
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.evidence import one_of_each_situation
 from activestereo.diagnose.next_measurement import _MENU, _changed, left_between
-from activestereo.diagnose.refine import Fitter, ParameterSpace
-from activestereo.diagnose.search.linear import fitted_model
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.fitter import ParameterSpace
+from activestereo.diagnose.linear import fitted_model
 from activestereo.compare.render import WARP_SCALE, render_frames
 from virtual_sensor.world import make_world
 

@@ -19,7 +19,7 @@ from activestereo.effects import Model, Stage, View, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.diagnose import Settings, examine
-from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.gather import gather
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from virtual_sensor.world import make_world

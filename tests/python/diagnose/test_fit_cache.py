@@ -10,10 +10,11 @@ import pytest
 from activestereo.capture.capture import read_capture
 from activestereo.effects import Effect, Model, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.evidence import Evidence, gather
-from activestereo.diagnose.refine import ParameterSpace, Solution
-from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
-from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.fitter import ParameterSpace, Solution
+from activestereo.diagnose.kept import FitCache, content_key, effect_content
+from activestereo.diagnose.fitter import Fitter
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world

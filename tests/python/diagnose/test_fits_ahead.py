@@ -11,7 +11,7 @@ import pytest
 
 from activestereo.common.processes import forked
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.refine.fit_cache import FitCache
+from activestereo.diagnose.kept import FitCache
 
 
 @pytest.fixture

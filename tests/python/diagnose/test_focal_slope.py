@@ -8,7 +8,7 @@ import pytest
 
 from activestereo.effects.core.resample import SupersampledImages
 from activestereo.effects.core.laws import example_view
-from activestereo.diagnose.evidence.geometry import focal_slopes
+from activestereo.diagnose.geometry import focal_slopes
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.nuisances import Nuisances
 from activestereo.effects.core.layers import Layers

@@ -12,13 +12,14 @@ from scipy.ndimage import gaussian_filter
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
-from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.gather import gather
 from activestereo.diagnose.numbers import NUMBERS
-from activestereo.diagnose.refine import Fitter, ParameterSpace
-from activestereo.diagnose.search.dictionary import atoms_of, columns_of
-from activestereo.diagnose.search.formulas import freed, gain_beyond, stand_ins
-from activestereo.diagnose.search.linear import linearised
-from activestereo.diagnose.search.loop import Search
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.fitter import ParameterSpace
+from activestereo.diagnose.dictionary import atoms_of, columns_of
+from activestereo.diagnose.selection import freed, gain_beyond, stand_ins
+from activestereo.diagnose.linear import linearised
+from activestereo.diagnose.search import Search
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world

@@ -17,21 +17,21 @@ from activestereo.capture.capture_json import CaptureError
 from activestereo.effects.core.layers import Layers
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
-from activestereo.diagnose.answer.geometry_json import geometry_json
-from activestereo.diagnose.answer.verdict_words import geometry_words, next_steps
-from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.evidence.coarse import coarse
-from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes
+from activestereo.diagnose.found_model import geometry_json
+from activestereo.diagnose.words import geometry_words, next_steps
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.geometry_search import coarse
+from activestereo.diagnose.geometry import TWIST, Geometry, geometry_slopes
 from activestereo.common.pose import motion_of_twist
 from activestereo.compare.measured_image import MeasuredImage
-from activestereo.diagnose.refine import Fitter
-from activestereo.diagnose.refine.geometry_fit import (
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.geometry_search import (
     _moving_beyond_others,
     _searched,
     gather_where_it_stands,
     with_test_frames,
 )
-from activestereo.diagnose.search.linear import fitted_model
+from activestereo.diagnose.linear import fitted_model
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.effects.core.view import transform

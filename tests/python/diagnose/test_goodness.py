@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.diagnose.refine import ImageResidual
-from activestereo.diagnose.score.structure import local_structure
+from activestereo.diagnose.fitter import ImageResidual
+from activestereo.diagnose.goodness import local_structure
 
 SHAPE = (96, 160)
 NOISE_DN = 2.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects.core.layers import Layers
-from activestereo.diagnose.refine.light import LightMemory
+from activestereo.diagnose.pixels import LightMemory
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
 

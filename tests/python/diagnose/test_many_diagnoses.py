@@ -13,7 +13,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.diagnosis import Settings, examine
-from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.gather import gather
 from activestereo.effects import Model, builtin
 
 TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 3

@@ -12,11 +12,12 @@ from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
-from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.evidence import edge_slopes
 from activestereo.diagnose.diagnosis import _within_reach
-from activestereo.diagnose.evidence.observation import one_of_each_situation
-from activestereo.diagnose.refine import Fitter, ParameterSpace
+from activestereo.diagnose.evidence import one_of_each_situation
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.fitter import ParameterSpace
 from activestereo.effects import Model, builtin
 from activestereo.scene_io.gltf_writer import GltfWriter
 from lab_worlds import WorldRenderer

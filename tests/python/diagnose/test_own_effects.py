@@ -11,7 +11,7 @@ import pytest
 
 import activestereo.report
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.answer.residual_model import ResidualModel, Term
+from activestereo.diagnose.residual_model import ResidualModel, Term
 from activestereo.effects import Parameter, Stage, builtin, effect
 from activestereo.effects.core.load import load_effects
 from activestereo.report.diagnosis_text import diagnosis_screen

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from activestereo.effects import builtin
-from activestereo.diagnose.channels.field_fit import field_parameters, fit_fields, has_extended_draws, level_means
+from activestereo.diagnose.fields import field_parameters, fit_fields, has_extended_draws, level_means
 from activestereo.diagnose.numbers import NUMBERS
-from activestereo.diagnose.refine import ImageResidual
+from activestereo.diagnose.fitter import ImageResidual
 
 SHAPE = (60, 80)
 NOISE_DN, HOT_DN, HOT_SHARE = 2.0, 20.0, 0.01

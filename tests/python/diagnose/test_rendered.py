@@ -10,9 +10,10 @@ from activestereo.capture.capture import read_capture
 from activestereo.effects import Light, Model, Parameter, Stage, effect
 from activestereo.compare.cache import LayerCache
 from activestereo.effects.core.layers import Layers
-from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.refine import Fitter, ParameterSpace
-from activestereo.diagnose.search.rendered import fitted_to_renders
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.fitter import ParameterSpace
+from activestereo.diagnose.refit import fitted_to_renders
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world

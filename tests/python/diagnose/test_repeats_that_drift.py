@@ -9,9 +9,10 @@ import pytest
 
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.effects import Model, View, builtin
-from activestereo.diagnose.evidence import Evidence, gather
-from activestereo.diagnose.refine import ImageResidual
-from activestereo.diagnose.search.weights import weighed_again
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.fitter import ImageResidual
+from activestereo.diagnose.gather import weighed_again
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer

@@ -9,9 +9,10 @@ import pytest
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
-from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.refine import Fitter, ParameterSpace
-from activestereo.diagnose.search.tone import refit_free_curve
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.fitter import ParameterSpace
+from activestereo.diagnose.refit import refit_free_curve
 from activestereo.effects import Light, Model, builtin
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world

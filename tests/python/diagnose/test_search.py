@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.diagnose.answer.ranking import ranking_of
+from activestereo.diagnose.ranking import ranking_of
 from activestereo.diagnose.diagnosis import _add_test_errors
 from activestereo.diagnose.numbers import NUMBERS
-from activestereo.diagnose.score.intervals import Interval
-from activestereo.diagnose.search.dictionary import carried
-from activestereo.diagnose.search.loop import Name, Round
-from activestereo.diagnose.search.refit import Refit
-from activestereo.diagnose.search.selection import credible
-from activestereo.diagnose.search.verdict import (
+from activestereo.diagnose.goodness import Interval
+from activestereo.diagnose.dictionary import carried
+from activestereo.diagnose.search import Name, Round
+from activestereo.diagnose.refit import Refit
+from activestereo.diagnose.selection import credible
+from activestereo.diagnose.verdict import (
     EFFECT,
     NONE,
     UNDETERMINED,

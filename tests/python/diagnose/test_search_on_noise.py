@@ -11,9 +11,9 @@ from lab_worlds import WorldRenderer
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.answer.ranking import parameters_of
-from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.search.loop import Search
+from activestereo.diagnose.ranking import parameters_of
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.search import Search
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from virtual_sensor.world import make_world

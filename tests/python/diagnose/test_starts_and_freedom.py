@@ -14,12 +14,12 @@ from activestereo.effects.core.dots import DotView
 from activestereo.effects.lights import flicker_starts
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.lights import unit_starts
-from activestereo.diagnose.channels.draws import dots_seen
-from activestereo.diagnose.evidence.observation import one_of_each_situation
-from activestereo.diagnose.refine import ParameterSpace
-from activestereo.diagnose.score.likelihood import occam_nats
-from activestereo.diagnose.search.dictionary import Atom
-from activestereo.diagnose.search.selection import Hit, _candidate
+from activestereo.diagnose.fields import dots_seen
+from activestereo.diagnose.evidence import one_of_each_situation
+from activestereo.diagnose.fitter import ParameterSpace
+from activestereo.diagnose.goodness import occam_nats
+from activestereo.diagnose.dictionary import Atom
+from activestereo.diagnose.selection import Hit, _candidate
 from effect_worlds import seen, view_of
 
 EFFECTS = builtin()

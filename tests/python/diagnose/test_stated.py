@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from activestereo.effects import Parameter
-from activestereo.diagnose.channels.depth_engine import pose_error_nats
-from activestereo.diagnose.evidence.observation import NuisancePrior
-from activestereo.diagnose.refine import Fitter
-from activestereo.diagnose.refine.light import SCALES
-from activestereo.diagnose.score.intervals import interval
+from activestereo.diagnose.depth_engine import pose_error_nats
+from activestereo.diagnose.evidence import NuisancePrior
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.pixels import SCALES
+from activestereo.diagnose.goodness import interval
 
 
 def test_what_formulas_lack_widens_a_shapes_interval_by_its_value_and_a_choices_not_at_all():

@@ -5,7 +5,7 @@ what it cannot be told from."""
 import re
 from pathlib import Path
 
-from activestereo.diagnose.answer.verdict_words import alike, headline, next_steps, rival_words
+from activestereo.diagnose.words import alike, headline, next_steps, rival_words
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.diagnosis_text import diagnosis_screen, diagnosis_table
 from activestereo.report.screen import command

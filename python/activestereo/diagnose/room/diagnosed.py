@@ -13,13 +13,13 @@ from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image, blurred
 from activestereo.capture.capture import Capture
 from activestereo.compare.model_file import model_json
+from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.names import NEEDED, Named, Names, Seen, names_of
 from activestereo.diagnose.room.plan import plan_of, sizes
 from activestereo.diagnose.room.unseen import Unseen, predict_unseen
-from activestereo.diagnose.score.intervals import Z90
-from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED
+from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.room_light import is_measured_room
 from activestereo.model import SensorModel, diagnosed_model

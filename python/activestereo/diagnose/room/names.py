@@ -22,7 +22,7 @@ from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.diagnose.room.same_place import room_beside
 from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SAME_PLACE, SHARED
-from activestereo.diagnose.search.selection import credible
+from activestereo.diagnose.selection import credible
 from activestereo.effects import Effect, Model
 
 # Nats that an effect needs to be named.

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The dictionary of a search: the change of the expected images by each effect, at a few amplitudes and shapes.
+
+A column is the exact difference of two expected images, not a derivative: dots that move or clip are far from linear.
+Effects whose likelihood has narrow peaks propose their own points (Effect.starts).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
+from mmap import mmap
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.common.processes import forked
+from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.kept import FitCache, content_key, effect_content
+from activestereo.diagnose.linear import Columns, Linear
+from activestereo.diagnose.pixels import SCALES, AllPixels, exposed
+from activestereo.effects import Effect, Parameter, Stage
+from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.model import scales
+
+# Amplitudes in typical values; parts of a short range, for effects that act near a threshold; the largest numbers of
+# shapes of an effect and of its own proposals.
+_AMPLITUDES, _PARTS, _SHORT = (0.5, 3.0), (0.5, 0.65, 0.8), 4.0
+_MOST_SHAPES, _MOST_PROPOSED = 6, 4
+
+
+@dataclass(frozen=True)
+class Atom:
+    """One trial shape of an effect, whose image changes form one or more columns of the dictionary, each with a free
+    coefficient.
+
+    values: the effect's parameters at coefficient 1 of the first column and 0 of the others. steps: for each column,
+    the parameter that it moves and by how much per unit of coefficient. signed: whether a coefficient may be negative.
+    sigma: prior standard deviation of each coefficient. first: index of the first column in the dictionary.
+    """
+
+    effect: Effect
+    values: Mapping[str, float]
+    steps: tuple[tuple[str, float], ...]
+    signed: tuple[bool, ...]
+    sigma: tuple[float, ...]
+    first: int
+
+    def columns(self) -> slice:
+        """Returns the slice of the dictionary that holds this atom's columns."""
+        return slice(self.first, self.first + len(self.steps))
+
+
+def atoms_of(
+    linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
+) -> list[Atom]:
+    """Returns the trial shapes (atoms) of effects, at a few amplitudes and shape parameters each. reach: prior
+    deviation of an amplitude, in typical values. memory: caches the points that built-in effects propose
+    (Effect.starts), which `workers` processes compute."""
+    atoms: list[Atom] = []
+    proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
+    first = 0
+    for effect in effects:
+        for values, steps, sigma in _plans(effect, proposals.get(effect.id), reach):
+            signed = tuple(p.low < p.neutral for p, _ in steps)
+            atoms.append(Atom(effect, values, tuple((p.name, s) for p, s in steps), signed, sigma, first))
+            first += len(steps)
+    return atoms
+
+
+def numbered(atoms: Sequence[Atom]) -> list[Atom]:
+    """Returns the atoms with columns from 0 on, as a dictionary of their own."""
+    ends = np.cumsum([0, *(len(atom.steps) for atom in atoms)])
+    return [replace(atom, first=int(first)) for atom, first in zip(atoms, ends, strict=False)]
+
+
+def first_shapes(atoms: Sequence[Atom]) -> list[Atom]:
+    """Returns one atom for each effect and parameter that leads, and all that effects propose themselves."""
+    groups: dict[object, list[Atom]] = {}
+    for atom in atoms:
+        group = atom.first if atom.effect.starts else (atom.effect.id, atom.steps[0][0])
+        groups.setdefault(group, []).append(atom)
+    return [group[len(group) // 2] for group in groups.values()]
+
+
+def _proposals(
+    linear: Linear, effects: Sequence[Effect], workers: int, memory: FitCache | None
+) -> dict[str, NDArray[np.float64]]:
+    """Returns {effect: parameters [n][parameter]}: the points near narrow likelihood peaks that the effects propose
+    themselves. NaN stands for a parameter's neutral value."""
+    contents = {e.id: effect_content(e) for e in effects}
+    keys = {name: c and content_key("starts", linear.residual, c) for name, c in contents.items()}
+    seen = cache(lambda: start_images(linear))
+
+    def proposed(effect: Effect) -> dict[str, NDArray[np.float64]]:
+        assert effect.starts is not None
+        starts = effect.starts(seen())[:_MOST_PROPOSED]
+        values = [start.get(p.name, np.nan) for start in starts for p in effect.parameters]
+        return {"starts": np.array(values).reshape(-1, len(effect.parameters))}
+
+    def kept(effect: Effect) -> NDArray[np.float64]:
+        found = proposed(effect) if memory is None else memory.once(keys[effect.id], lambda: proposed(effect))
+        return found["starts"]
+
+    if memory is not None and (new := [e for e in effects if keys[e.id] not in (None, *memory)]):
+        seen()
+        memory.make_ahead(kept, new, workers)
+    return {effect.id: kept(effect) for effect in effects}
+
+
+def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
+    """Computes the image changes of all trial shapes, [columns][n], at the pixels of all observations, in noise
+    standard deviations. workers: number of processes. memory: caches the columns of built-in effects."""
+    contents = {a.effect.id: effect_content(a.effect) for a in atoms}
+    known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
+    if memory is None:
+        stored = _compute_columns(linear, known, workers)
+    else:
+        shapes = [(contents[a.effect.id], list(a.values.items()), a.steps) for a in known]
+        key = content_key("columns", linear.residual, shapes)
+        stored = memory.once(key, lambda: {"columns": _compute_columns(linear, known, workers)})["columns"]
+    if not own:
+        return stored.astype(np.float32)
+    columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
+    for some, of_some in ((known, stored), (own, _compute_columns(linear, own, workers))):
+        for atom, alone in zip(some, numbered(some), strict=True):
+            columns[atom.columns()] = of_some[alone.columns()]
+    return columns
+
+
+def _compute_columns(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
+    """Computes columns_of() without a cache, [columns][n]; float16 rounds far below the noise."""
+    if not atoms:
+        return np.zeros((0, len(linear.residual)), np.float16)
+    model = linear.solution.model
+    images = linear.images(model)
+    ends, pixels = np.cumsum([0, *(len(atom.steps) for atom in atoms)]), len(linear.residual)
+    shared = mmap(-1, max(1, int(ends[-1]) * pixels) * np.dtype(np.float16).itemsize)
+    columns = np.frombuffer(shared, np.float16)[: ends[-1] * pixels].reshape(ends[-1], pixels)
+
+    def fill(i: int) -> None:
+        atom, own = atoms[i], columns[ends[i] : ends[i + 1]]
+        lead = linear.change(model.with_effect(atom.effect, **atom.values), images)
+        own[0] = _in_halves(lead)
+        if not lead.any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
+            return  # a drift that alone shows nothing is left to the atoms of the first amplitude
+        for column, (name, step) in zip(own[1:], atom.steps[1:], strict=True):
+            p = next(p for p in atom.effect.parameters if p.name == name)
+            moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
+            column[:] = _in_halves(linear.change(model.with_effect(atom.effect, **moved), images) - lead)
+
+    done = {i for i, work in forked(fill, range(len(atoms)), workers) if work.exception() is None}
+    for i in range(len(atoms)):
+        if i not in done:
+            fill(i)
+    return columns
+
+
+def _in_halves(change: Columns) -> NDArray[np.float16]:
+    most = np.finfo(np.float16).max
+    return np.clip(change, -most, most).astype(np.float16)
+
+
+def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
+    """Converts columns [columns][n] (changes of n pixels by effects) from the pixels and weights of one fitter to those
+    of another one. Pixels that the first fitter lacks get 0."""
+    out = np.zeros((len(columns), sum(len(p.index) for p in after.pixels())), np.float32)
+    first = start = 0
+    for old, new in zip(before.pixels(), after.pixels(), strict=True):
+        place = np.full(old.observation.measured.size, -1)
+        place[old.index] = np.arange(len(old.index))
+        there = place[new.index]
+        ratio = new.root_weight / np.maximum(old.root_weight[there], 1e-12)
+        ratio[(there < 0) | (old.root_weight[there] == 0.0)] = 0.0
+        out[:, start : start + len(there)] = columns[:, first + np.maximum(there, 0)] * ratio.astype(np.float32)
+        first, start = first + len(old.index), start + len(there)
+    return out
+
+
+def start_images(linear: Linear) -> list[StartImage]:
+    """Returns a StartImage for each observation: the inputs from which effects propose their own trial points."""
+    fitter, solution, images = linear.fitter, linear.solution, []
+    phi, lights = solution.phi, fitter.lights(solution.space, solution.theta)
+    for (o, expected, _, residual), light in zip(fitter.residuals(solution), lights, strict=True):
+        slopes = exposed(solution.model, AllPixels(o), light, phi, True)[1]
+        assert slopes is not None
+        ambient = phi[1] * slopes[1].reshape(o.measured.shape)
+        lit, ambient_dn = expected - phi[SCALES - 1], phi[1] * scales(o.frame)[1]
+        images.append(StartImage(o.view, light, o.weight, residual, ambient, ambient_dn, lit))
+    return images
+
+
+_Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]]
+
+
+def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> Iterator[_Plan]:
+    """Yields (parameter values, steps, prior deviations) for each Atom of an effect. starts: the points that the effect
+    proposes itself, [n][parameter], NaN = neutral."""
+    if starts is not None:
+        yield from _proposed(effect, starts)
+        return
+    shapes = [p for p in effect.parameters if p.neutral != 0 and not p.choice]
+    amplitudes = [p for p in effect.parameters if p.neutral == 0 and not p.choice]
+    choices = list(product(*map(_ladder, shapes)))
+    if len(choices) > _MOST_SHAPES:
+        choices = [choices[k] for k in np.linspace(0, len(choices) - 1, _MOST_SHAPES).round().astype(int)]
+    # A drift may be large though the constant error is zero.
+    for lead in [p for p in amplitudes if p is amplitudes[0] or "/K" in p.unit or "/s" in p.unit]:
+        others = [p for p in amplitudes if p is not lead] if lead is amplitudes[0] else amplitudes[:1]
+        for level, choice in product(_levels(lead, effect.stage), choices):
+            own = {p.name: v for p, v in zip(shapes, choice, strict=True)} | {lead.name: lead.neutral + level}
+            steps = [(lead, level), *((p, p.typical) for p in others)]
+            yield effect.neutral_values | own, steps, tuple(reach * p.typical / abs(step) for p, step in steps)
+
+
+def _proposed(effect: Effect, starts: NDArray[np.float64]) -> Iterator[_Plan]:
+    lead = effect.parameters[0]
+    for start in starts:
+        within = zip(effect.parameters, start, strict=True)
+        values = {p.name: p.neutral if np.isnan(v) else float(np.clip(v, p.low, p.high)) for p, v in within}
+        if values[lead.name] != lead.neutral:
+            yield values, [(lead, values[lead.name] - lead.neutral)], (1.0,)
+
+
+def _levels(p: Parameter, stage: Stage) -> list[float]:
+    """Returns the amplitudes to try, as differences from neutral: one if images are linear in it, several if dots move
+    or pixels clip."""
+    up, down = p.high - p.neutral, p.neutral - p.low
+    if Stage.MEDIUM <= stage <= Stage.SURFACE or stage in (Stage.OPTICS, Stage.DIGITAL):
+        return [min(p.typical, up)] if up > 0 else [-min(p.typical, down)]
+    rising = [m * p.typical for m in _AMPLITUDES if m * p.typical <= up * (1 + 1e-9)] or [0.8 * up] * (up > 0)
+    if stage >= Stage.CHARGE and 0 < up < _SHORT * p.typical:
+        rising = sorted({*rising, *(part * up for part in _PARTS)})
+    return rising + [-m * p.typical for m in _AMPLITUDES if m * p.typical <= down * (1 + 1e-9)]
+
+
+def _ladder(p: Parameter) -> list[float]:
+    """Returns values of a shape parameter to try."""
+    if p.low > 0:
+        return sorted({p.neutral, *np.geomspace(max(p.low, 0.2 * p.neutral), min(p.high, 4 * p.neutral), 4).tolist()})
+    return sorted({v for v in (p.neutral, p.neutral + p.typical, p.neutral - p.typical) if p.low <= v <= p.high})

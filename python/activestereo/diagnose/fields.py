@@ -1,0 +1,396 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Judges random fields that last (gains and offsets of pixels, rows, dots; speckle): one frame predicts another's.
+
+A draw is one random number of a field, such as the gain of one pixel, one row or one dot. Each field is a
+random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group of frames
+from the other groups alone (best linear unbiased prediction, Robinson 1991). The fall of the squared error is therefore
+not overfitted.
+"""
+
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, maximum_filter
+
+from activestereo.diagnose.evidence import Observation, edges
+from activestereo.diagnose.fitter import ImageResidual
+from activestereo.diagnose.goodness import Interval, interval, within_ranges
+from activestereo.diagnose.numbers import Numbers
+from activestereo.effects import Effect
+from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.judging import Channel, Lever, RandomTerm, SharedBy
+
+# Side of the pattern's cells that share one gain, in pattern pixels: as large as a dot.
+DOT_CELL_PX = 3
+# Dots of the pattern are at least so many pattern pixels apart, and no dimmer than this share of the brightest.
+_DOT_PX, _DIMMEST = 5, 0.1
+_SPREAD, _SEED = 0.1, 13
+# Least share of the true variance by which an estimate is divided: less would only amplify noise.
+_LEAST = 0.1
+_JACKKNIFE = 16
+# Levels of the expected value; their mean residual separates a curve that all pixels share from random draws.
+_LEVELS = 24
+# Pixels count if they are so many deviations of a draw from both ends of the range: clipped draws look smaller.
+_CLEAR_OF_ENDS = 2.0
+
+
+def pose_key(o: Observation) -> tuple[bytes, bool]:
+    """Returns a key that is equal for images of one pose, and apart for moving and resting frames."""
+    return o.frame.camera_to_world.tobytes(), o.frame.is_moving
+
+
+def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray:
+    """Returns by how many DN a random draw of standard deviation 1 changes each pixel at parameter value 1,
+    [height][width]. lever: the signal that scales the draw."""
+    if lever is Lever.SIGNAL:
+        return row.expected - black_dn
+    if lever is Lever.PROJECTOR:
+        return row.projector
+    if lever is Lever.EXPOSURE:
+        return np.full(row.expected.shape, row.observation.frame.exposure_gain)
+    if lever is Lever.PHOTONS:
+        return np.sqrt(np.maximum(row.observation.frame.gain * (row.expected - black_dn), 0.0))
+    return np.ones(row.expected.shape)
+
+
+def frames_that_share(term: RandomTerm, o: Observation) -> Hashable:
+    """Returns a key of the group that an observation belongs to. Random draws of one group's images are predicted only
+    from other groups, because frames of one pose also share other errors, such as misplaced edges.
+
+    Draws that last only while the rig stands still exist in one view alone, so other frames of that view predict them.
+    """
+    return o.frame.id if term.shared_by is SharedBy.VIEW else o.frame.camera_to_world.tobytes()
+
+
+class DrawIndex:
+    """Numbers the random draws of a field: pixels with the same number share one draw (of a pixel, row, column or
+    dot)."""
+
+    def __init__(self) -> None:
+        self._views: dict[Hashable, int] = {}
+        self._dots: dict[Hashable, np.ndarray] = {}
+
+    def __call__(self, term: RandomTerm, o: Observation) -> np.ndarray:
+        """Returns the number of the draw at every pixel, [height][width]."""
+        height, width = o.measured.shape
+        right = o.side == "right"
+        if term.shared_by is SharedBy.COLUMN:
+            return np.broadcast_to(np.arange(width) + right * width, o.measured.shape)
+        if term.shared_by is SharedBy.ROW:
+            return np.broadcast_to(np.arange(height)[:, None] + right * height, o.measured.shape)
+        if term.shared_by is SharedBy.DOT:
+            return self._dot(o)
+        pixel = np.arange(o.measured.size).reshape(o.measured.shape) + right * o.measured.size
+        if term.shared_by is SharedBy.PIXEL:
+            return pixel
+        number = self._views.setdefault(pose_key(o), len(self._views))
+        return pixel + 2 * o.measured.size * number
+
+    def _dot(self, o: Observation) -> np.ndarray:
+        key = o.side, pose_key(o)
+        if key not in self._dots:
+            dots, (height, width) = DotView.of(o.view), draw_grid(SharedBy.DOT, o)[0]
+            u, v = (np.floor((x + 0.5) / DOT_CELL_PX).astype(int) for x in (dots.u, dots.v))
+            inside = dots.lit & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+            self._dots[key] = np.where(inside, v * width + u, height * width)
+        return self._dots[key]
+
+
+def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int]:
+    """Returns (the shape of the grid on which draws lie, how many steps apart draws are independent)."""
+    if shared_by is SharedBy.COLUMN:
+        return o.measured.shape[1:], 3
+    if shared_by is SharedBy.ROW:
+        return o.measured.shape[:1], 3
+    if shared_by is SharedBy.DOT:
+        return tuple(-(-n // DOT_CELL_PX) for n in o.view.pattern.shape), 3
+    return o.measured.shape, 3
+
+
+def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.ndarray]], float]) -> float:
+    """Returns estimated over true variance for gains that vary independently from dot to dot.
+
+    The estimate bins dots into cells of the pattern; neighbouring dots share pixels and cells, so it is too small. The
+    factor comes from simulated gains (method of simulated moments: McFadden 1989). variance_of: estimates the variance
+    from the train images' residuals.
+    """
+    drawn = None
+    residuals = []
+    for o, _, dots, _ in train:
+        if drawn is None:
+            drawn = o.view.pattern * _gains(o.view.pattern, o.view.seed)
+        view = DotView.of(o.view)
+        nominal = view.nominal()
+        residuals.append(
+            dots * np.where(nominal > 0, view.mean(drawn) / np.where(nominal > 0, nominal, 1.0) - 1.0, 0.0)
+        )
+    return max(variance_of(residuals) / _SPREAD**2, _LEAST)
+
+
+def _gains(pattern: np.ndarray, seed: int) -> np.ndarray:
+    """Draws a gain for every dot, mean 1 and deviation _SPREAD; each pattern pixel gets the nearest dot's gain."""
+    peaks = (pattern == maximum_filter(pattern, _DOT_PX)) & (pattern > _DIMMEST * pattern.max())
+    draws = np.zeros(pattern.shape)
+    draws[peaks] = np.random.Generator(np.random.PCG64([_SEED, seed])).normal(1.0, _SPREAD, int(peaks.sum()))
+    nearest = distance_transform_edt(~peaks, return_distances=False, return_indices=True)
+    return draws[tuple(nearest)]
+
+
+@dataclass(frozen=True)
+class FieldFit:
+    """The fit of an effect's random fields (one random number, a draw, for each pixel, row, dot or so).
+
+    residuals: of the train images, DN [height][width], after the draws predicted from other images are subtracted.
+    sigma, error: {parameter: standard deviation of the draws, its standard error}. share: part of the places that have
+    a draw in a sparse field. unforeseen: expected squared error of the predicted draws, noise variances per pixel.
+    """
+
+    residuals: tuple[np.ndarray, ...]
+    sigma: Mapping[str, float]
+    error: Mapping[str, float]
+    share: float = 0.0
+    unforeseen: float = 0.0
+
+
+def has_extended_draws(effect: Effect) -> bool:
+    """Returns whether neighbouring pixels share a draw of the effect: such draws are structure until they are
+    predicted."""
+    return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
+
+
+def has_sparse_draws(effect: Effect) -> bool:
+    """Returns whether only some places have a draw of the effect."""
+    return any(term.sparse_share for term in effect.random_terms)
+
+
+def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
+    """Returns the fitted parameters of a random effect with their intervals."""
+    shares = {term.sparse_share for term in effect.random_terms}
+    found = {}
+    for p in effect.parameters:
+        value = fit.share if p.name in shares else fit.sigma.get(p.name, p.neutral)
+        found[p.name] = interval(p, float(np.clip(value, p.low, p.high)), fit.error.get(p.name, 0.0))
+    return within_ranges(effect, found, has_floor=True)
+
+
+def fit_fields(
+    effect: Effect, train: Sequence[ImageResidual], curves: Sequence[np.ndarray], black_dn: float, numbers: Numbers
+) -> FieldFit | None:
+    """Fits an effect's random fields one after another, each to what the earlier ones leave.
+
+    Returns None if there are fewer than two groups of frames, or the residual neither repeats nor is random. curves:
+    level_means() of each train image, subtracted first: an error that depends on brightness alone is no random field.
+    """
+    train = _with_residuals(train, [row.residual - curve for row, curve in zip(train, curves, strict=True)])
+    index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False
+    sigma, error = {}, {}
+    for term in effect.random_terms:
+        rows = [_row_of(term, row, black_dn, index) for row in train]
+        if len({row.group for row in rows}) < 2:
+            return None
+        first = _variance(rows)[0]
+        variance, deviation = _variance(_unclipped(rows, train, first))
+        sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
+        totals = np.sum([*_group_sums(rows).values()], axis=0)
+        grid = draw_grid(term.shared_by, train[0].observation)
+        sparse = numbers.outlier * _spread(totals) if term.sparse_share else None
+        if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, numbers.neighbours)):
+            sigma[term.parameter] = 0.0
+            continue
+        if term.shared_by is SharedBy.DOT:
+            seen = np.sqrt(dots_seen(train, partial(_variance_of, rows)))
+            sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
+        found = True
+        if sparse is not None:
+            share, mean = _sparse(totals, sparse)
+            sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
+        else:
+            pairs = zip(train, rows, strict=True)
+            squares = 0.0  # the draws' expected squared error, in noise variances, summed over the pixels
+            for image, row in pairs:
+                left = variance / (1.0 + variance * _leave_one_out_sums(row, rows, totals)[0])
+                squares += float((image.observation.weight * row.z**2 * left[row.index]).sum())
+            unforeseen += squares / sum(row.residual.size for row in rows)
+        train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
+    residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
+    return FieldFit(residuals, sigma, error, share, unforeseen) if found else None
+
+
+def level_means(row: ImageResidual) -> np.ndarray:
+    """Returns each pixel's mean residual over all pixels of about the same expected value, [height][width]."""
+    between = np.quantile(row.expected, np.arange(1, _LEVELS) / _LEVELS)
+    level = np.searchsorted(between, row.expected.ravel())
+    total = np.bincount(level, row.residual.ravel(), minlength=_LEVELS)
+    return (total / np.maximum(np.bincount(level, minlength=_LEVELS), 1))[level].reshape(row.residual.shape)
+
+
+def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> list[ImageResidual]:
+    return [row._replace(residual=r) for row, r in zip(rows, residuals, strict=True)]
+
+
+def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
+    """Returns (share of the places that have a draw, the mean of these draws or None) of a sparse field."""
+    a, b = totals
+    strong = _exceeds_noise(totals, hot_sigma)
+    share = float(strong.sum() / max((a > 0).sum(), 1))
+    return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
+
+
+def _spread(totals: np.ndarray) -> float:
+    """Returns the spread of most draws in noise deviations, at least 1: draws that all places have are no outliers."""
+    a, b = totals[:, totals[0] > 0]
+    return max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
+
+
+def _exceeds_noise(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
+    """Returns where the draws of a sparse field exceed hot_sigma noise deviations, bool [draw]."""
+    a, b = totals
+    return b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Holds one image's sums for predicting its draws b: a = w z^2 and b = w z r over each draw's pixels, with weight
+    w, lever z (DN per draw) and residual r. index: each pixel's draw. group: of frames, as in frames_that_share()."""
+
+    group: Hashable
+    index: np.ndarray
+    z: np.ndarray
+    residual: np.ndarray
+    weight: np.ndarray
+
+    def sums(self, size: int) -> np.ndarray:
+        flat, lever = self.index.ravel(), self.weight * self.z
+        parts = lever * self.z, lever * self.residual
+        return np.array([np.bincount(flat, part.ravel(), minlength=size) for part in parts])
+
+
+def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex) -> _Row:
+    """Makes the _Row of an image. For draws that last only while the rig stands still, pixels at edges get weight 0:
+    misplaced edges last as long."""
+    o = row.observation
+    weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
+    lever = lever_image(term.lever, row, black_dn)
+    return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight)
+
+
+def _variance_of(rows: Sequence[_Row], residuals: Sequence[np.ndarray]) -> float:
+    return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
+
+
+def _is_random(
+    totals: np.ndarray,
+    variance: float,
+    shape: tuple[int, ...],
+    steps: int,
+    largest_correlation: float,
+) -> bool:
+    """Returns whether draws `steps` apart on their grid are independent: their covariance is a small part of the
+    variance."""
+    count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
+    a, b = (total[:count].reshape(-1, *shape) for total in totals)
+    for axis in range(1, a.ndim):
+        near, far = np.arange(a.shape[axis] - steps), np.arange(steps, a.shape[axis])
+        both = (a.take(near, axis) * a.take(far, axis)).sum()
+        if both > 0 and (b.take(near, axis) * b.take(far, axis)).sum() > largest_correlation * variance * both:
+            return False
+    return True
+
+
+def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float) -> list[_Row]:
+    """Returns the rows with weight 0 for pixels that a draw of this variance may bring to an end of the range."""
+    out = []
+    for row, (o, image, *_) in zip(rows, train, strict=True):
+        reach = _CLEAR_OF_ENDS * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
+        out.append(replace(row, weight=np.where((image > reach) & (image < o.view.max_dn - reach), row.weight, 0.0)))
+    return out
+
+
+def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, np.ndarray]:
+    size = max(int(row.index.max()) for row in rows) + 1
+    groups: dict[Hashable, np.ndarray] = {}
+    for row in rows:
+        groups[row.group] = row.sums(size) + groups.get(row.group, 0.0)
+    return groups
+
+
+def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
+    """Returns (variance of the draws, standard error of its square root).
+
+    Only products of different groups count, which are unbiased under any noise that groups do not share. The error
+    comes from a jackknife over interleaved subsets of the draws.
+    """
+    groups = _group_sums(rows).values()
+    a, b = (np.array([sums[i] for sums in groups]) for i in range(2))
+    top = b.sum(axis=0) ** 2 - (b**2).sum(axis=0)
+    bottom = a.sum(axis=0) ** 2 - (a**2).sum(axis=0)
+    if bottom.sum() <= 0:
+        return 0.0, 0.0
+    variance = top.sum() / bottom.sum()
+    part = np.arange(len(top)) % _JACKKNIFE
+    tops, bottoms = np.bincount(part, top, minlength=_JACKKNIFE), np.bincount(part, bottom, minlength=_JACKKNIFE)
+    without = (top.sum() - tops) / np.maximum(bottom.sum() - bottoms, 1e-300)
+    spread = np.sqrt((_JACKKNIFE - 1) / _JACKKNIFE * ((without - without.mean()) ** 2).sum())
+    return float(variance), float(spread / (2.0 * np.sqrt(max(variance, spread, 1e-30))))
+
+
+def _corrected(
+    row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
+) -> np.ndarray:
+    """Returns an image's residual minus the draws that other groups of frames predict, DN. hot_sigma: in a sparse
+    field, only draws beyond this many noise deviations are subtracted; None: all."""
+    others = _leave_one_out_sums(row, rows, totals)
+    a, b = others
+    if hot_sigma is None:
+        value = b / (a + 1.0 / variance)
+    else:
+        value = np.where(_exceeds_noise(others, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
+    return row.residual - row.z * value[row.index]
+
+
+def _leave_one_out_sums(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
+    """Returns the sums (a, b) of all groups of frames except the image's own, [2][draw]. totals: the sums of all
+    groups."""
+    return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
+
+
+def fields_of(
+    effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
+) -> dict[str, tuple[float, FieldFit]]:
+    """Fits lasting random fields: one random number (a draw) for each pixel, row, column or dot, which other frames
+    predict. Returns {effect: (share of chi2 that the predicted draws explain, its fit)}. Fields that last only while
+    the rig stands still need residuals that are white over the image."""
+    chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
+    if not chosen:
+        return {}
+    whole, is_white, out = _chi2(rows), _is_white(rows, numbers.neighbours), {}
+    curves = [level_means(row) for row in rows]
+    for effect in chosen:
+        if not is_white and any(term.shared_by is SharedBy.VIEW for term in effect.random_terms):
+            continue
+        fit = fit_fields(effect, rows, curves, black_dn, numbers)
+        if fit is not None:
+            left = [row._replace(residual=residual) for row, residual in zip(rows, fit.residuals, strict=True)]
+            out[effect.id] = 1.0 - _chi2(left) / whole, fit
+    return out
+
+
+def _chi2(rows: Sequence[ImageResidual]) -> float:
+    return float(sum((row.observation.weight * row.residual**2).sum() for row in rows))
+
+
+def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
+    """Returns whether the residuals that repeats of a view share are uncorrelated between neighbouring pixels, edges
+    left out. Speckle grains are; shifted, dimmed or blurred dots are not. neighbours: the largest correlation
+    allowed."""
+    by_view: dict[object, list[np.ndarray]] = {}
+    for o, _, _, r in rows:
+        view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side
+        by_view.setdefault(view, []).append(np.where(edges(o), np.nan, r * np.sqrt(o.weight)))
+    same, beside = 0.0, np.zeros(2)
+    for first, second, *_ in (group for group in by_view.values() if len(group) > 1):
+        same += np.nanmean(first * second)
+        beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
+    return bool(same > 0 and np.abs(beside).max() < neighbours * same)

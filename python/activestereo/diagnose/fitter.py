@@ -1,0 +1,424 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits a model to observations: weighted least squares in effect parameters and nuisances jointly.
+
+Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, and, under
+priors, focal lengths, albedos and geometry. The method is Gauss-Newton with Levenberg's damping. Images are recomputed
+at every step, never extrapolated.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from activestereo.common.computed_once import computed_once
+from activestereo.common.normal_matrix import inverse_normal_matrix
+from activestereo.diagnose.evidence import NuisancePrior, Observation
+from activestereo.diagnose.kept import FitCache, content_key, effect_content
+from activestereo.diagnose.pixels import DENSE, SCALES, AllPixels, LightMemory, Pixels, Sums, exposed
+from activestereo.effects import Effect, Light, Model, Parameter, Randomness, Stage
+from activestereo.effects.core.model import Nuisances
+
+# The step of a finite difference: this share of a parameter's typical value, or of a quarter of its distance from
+# neutral.
+_STEP = 0.02
+_DISTANCE_SHARE = 0.25
+# Deviation of a parameter's prior, in ranges: it only breaks ties.
+_PRIOR_RANGES = 3.0
+# Deviation of a measured black level's prior, as a share of the measured deviation.
+_HELD = 1e-3
+# Levenberg's damping: its start, its growth and fall, and where a fit gives up.
+_DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
+# Solutions whose images are remembered.
+_REMEMBERED = 3
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """The parameters of a model's deterministic effects, and of one candidate after them, as one vector theta.
+
+    pairs: (Effect, Parameter) of each entry of theta. start: theta at the start of fits.
+    """
+
+    base: Model
+    pairs: tuple[tuple[Effect, Parameter], ...]
+    start: np.ndarray
+
+    @classmethod
+    def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
+        """Makes the space of a model's deterministic effects, started at their values, and a candidate's, started at
+        neutral."""
+        fitted = [(e, values) for e, values in model.effects if e.randomness is Randomness.NONE]
+        pairs = [(e, p) for e, _ in fitted for p in e.parameters]
+        start = [values[p.name] for e, values in fitted for p in e.parameters]
+        if candidate is not None:
+            pairs += [(candidate, p) for p in candidate.parameters]
+            start += [p.neutral for p in candidate.parameters]
+        return cls(model, tuple(pairs), np.array(start, dtype=np.float64))
+
+    def of_parameters(self, name: str) -> np.ndarray:
+        """Returns one field of every parameter, [n]."""
+        return np.array([getattr(p, name) for _, p in self.pairs])
+
+    @property
+    def low(self) -> np.ndarray:
+        return self.of_parameters("low")
+
+    @property
+    def high(self) -> np.ndarray:
+        return self.of_parameters("high")
+
+    @property
+    def typical(self) -> np.ndarray:
+        return self.of_parameters("typical")
+
+    @property
+    def slope_step(self) -> np.ndarray:
+        return self.of_parameters("slope_step")
+
+    @property
+    def neutral(self) -> np.ndarray:
+        return self.of_parameters("neutral")
+
+    @property
+    def given(self) -> np.ndarray:
+        """Returns which parameters are choices, such as a set of surfaces, which no fit changes, bool [n]."""
+        return self.of_parameters("choice").astype(bool)
+
+    @property
+    def in_light(self) -> np.ndarray:
+        """Returns which parameters belong to effects on the light before the sensor, up to the lens, bool [n]."""
+        return np.array([e.stage <= Stage.OPTICS for e, _ in self.pairs], dtype=bool)
+
+    def model(self, theta: np.ndarray) -> Model:
+        """Returns the model with the parameters theta."""
+        chosen: dict[str, tuple[Effect, dict[str, float]]] = {}
+        for (e, p), value in zip(self.pairs, theta, strict=True):
+            chosen.setdefault(e.id, (e, {}))[1][p.name] = float(value)
+        model = self.base
+        for e, values in chosen.values():
+            model = model.with_effect(e, **values)
+        return model
+
+    def steps(self, theta: np.ndarray) -> np.ndarray:
+        """Returns finite-difference steps that stay in range."""
+        step = _STEP * np.maximum(self.typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
+        step = np.minimum(step, self.slope_step)
+        return np.where(theta + step > self.high, -step, step)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The result of a fit.
+
+    theta: effect parameters. phi: nuisances (see pixels.py). sums: normal equations at the solution.
+    """
+
+    space: ParameterSpace
+    theta: np.ndarray
+    phi: np.ndarray
+    sums: Sums
+    model: Model = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "model", self.space.model(self.theta))
+
+    @property
+    def effects(self) -> list[Effect]:
+        """The effects whose parameters were fitted."""
+        return list({e.id: e for e, _ in self.space.pairs}.values())
+
+    @property
+    def nuisances(self) -> Nuisances:
+        return Nuisances(*map(float, self.phi[:SCALES]))
+
+
+def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | None:
+    """Returns the cache key of a fit; None if the space holds an effect that a user wrote. observations: hash of the
+    images. values: further numbers and arrays on which the fit depends."""
+    effects = [effect_content(e) for e, _ in (*space.base.effects, *space.pairs)]
+    if None in effects:
+        return None
+    base = [tuple(values.items()) for _, values in space.base.effects]
+    names = [p.name for _, p in space.pairs]
+    return content_key(observations, effects, base, names, space.start, values)
+
+
+class ImageResidual(NamedTuple):
+    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light.
+    residual: measured minus expected, 0 at pixels where the scene is unknown."""
+
+    observation: Observation
+    expected: np.ndarray
+    projector: np.ndarray
+    residual: np.ndarray
+
+
+class Fitter:
+    """Fits models to given observations.
+
+    prior: of the nuisances. tiles: their number over all train observations. supersampled: False makes warps read
+    pixels only, which serves fast scans. memory: the cache that keeps fits, or None.
+    """
+
+    def __init__(
+        self,
+        observations: Sequence[Observation],
+        prior: NuisancePrior,
+        tiles: int,
+        supersampled: bool = True,
+        memory: FitCache | None = None,
+    ) -> None:
+        self.observations, self.memory = observations, memory
+        self._supersampled = supersampled
+        self.nuisance_prior = prior
+        self._tiles = tiles
+        self._lights = LightMemory(observations)
+        self._residuals: OrderedDict[int, tuple[Solution, list[ImageResidual]]] = OrderedDict()
+
+    @property
+    def materials(self) -> int:
+        """The number of materials with an albedo nuisance."""
+        return self.nuisance_prior.materials
+
+    @computed_once
+    def pixels(self) -> list[Pixels]:
+        """Returns the pixels that count in each observation."""
+        return [Pixels(o, self.materials) for o in self.observations]
+
+    def tile_pixels(self) -> np.ndarray:
+        """Returns the number of pixels that count in each tile."""
+        return np.bincount(np.concatenate([p.tile for p in self.pixels()]), minlength=self._tiles)
+
+    @computed_once
+    def _content(self) -> str:
+        return content_key(self.observations, self.nuisance_prior, self._tiles, self._supersampled)
+
+    def remembered(
+        self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
+    ) -> Mapping[str, np.ndarray]:
+        """Returns make(), or the cached result for the same observations, space and values."""
+        if self.memory is None:
+            return make()
+        return self.memory.once(fit_key(self._content(), space, *values), make)
+
+    def phi0(self, nuisances: Nuisances) -> np.ndarray:
+        known = self.nuisance_prior.black_dn
+        scales = nuisances.vector() if known is None else [*nuisances.vector()[:-1], known[0]]
+        return np.concatenate([scales, np.zeros(len(self.nuisance_prior.sigma))])
+
+    def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
+        """Returns the light of every observation under the parameters theta."""
+        model = space.model(theta)
+        return [self.light(model, i) for i in range(len(self.observations))]
+
+    def light(self, model: Model, i: int) -> Light:
+        """Returns the light of observation i under a model."""
+        return self._lights(model, i, self._supersampled)
+
+    def residuals(self, solution: Solution) -> list[ImageResidual]:
+        """Returns every observation under a solution. Those of the last few solutions are kept in memory."""
+        if id(solution) not in self._residuals:
+            self._residuals[id(solution)] = solution, self._residuals_of(solution)
+        self._residuals.move_to_end(id(solution))
+        while len(self._residuals) > _REMEMBERED:
+            self._residuals.popitem(last=False)
+        return self._residuals[id(solution)][1]
+
+    def _residuals_of(self, solution: Solution) -> list[ImageResidual]:
+        model = solution.model
+
+        def residual(i: int, o: Observation) -> ImageResidual:
+            light = self.light(model, i)
+            image = signal(model, o, light, solution.phi)
+            dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
+            residual = o.measured - image if o.view.known is None else np.where(o.view.known, o.measured - image, 0.0)
+            return ImageResidual(o, image, dots, residual)
+
+        return [residual(i, o) for i, o in enumerate(self.observations)]
+
+    def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
+        """Returns the weighted squared residuals of the pixels under (theta, phi), plus the squared nuisances in prior
+        deviations."""
+        model = space.model(theta)
+
+        def squares(pixels: Pixels, light: Light) -> float:
+            rest = pixels.measured - _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
+            return float(((rest * pixels.root_weight) ** 2).sum())
+
+        return sum(map(squares, self.pixels(), lights)) + float((self.sigmas(phi) ** 2).sum())
+
+    def sigmas(self, phi: np.ndarray) -> np.ndarray:
+        """Returns the distance of nuisances from their prior means, in prior deviations."""
+        return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
+
+    def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
+        """Returns the normal equations at (theta, phi). Columns: theta, then phi."""
+        n_theta = len(theta)
+        sums = Sums.of_size(n_theta + len(phi), self._tiles)
+        for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, n_theta):
+            sums.add(pixels, columns, residual, n_theta, phi)
+            if self._supersampled and n_theta:
+                sums.add_blocks(pixels, columns, residual, n_theta, phi)
+        return sums
+
+    def pixel_slopes(
+        self,
+        space: ParameterSpace,
+        theta: np.ndarray,
+        phi: np.ndarray,
+        lights: Iterable[Light],
+        n_theta: int,
+    ) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
+        """Yields, for each observation, (pixels, derivatives [n] by the first n_theta of theta, scales, black level and
+        focal lengths, residual [n])."""
+        steps = space.steps(theta)
+        models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
+        here = space.model(theta)
+
+        def one(seen: tuple[int, Pixels, Light]) -> tuple[Pixels, list[np.ndarray], np.ndarray]:
+            i, pixels, light = seen
+            image, scale_columns = exposed(here, pixels, light, phi, True)
+            columns = []
+            for j, model in enumerate(models):
+                if model is None:
+                    columns.append(np.zeros(image.shape))
+                    continue
+                moved = self.light(model, i) if space.in_light[j] else light
+                columns.append((exposed(model, pixels, moved, phi)[0] - image) / steps[j])
+            columns += scale_columns or []
+            none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
+            columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
+            return pixels, columns, pixels.measured - _moved(image, pixels, phi)
+
+        seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)))
+        yield from map(one, seen)  # keeps only one in memory
+
+    @staticmethod
+    def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:
+        """Returns the model with parameter j one step further; None if no fit changes it."""
+        return None if space.given[j] else space.model(np.where(np.arange(len(theta)) == j, theta + steps, theta))
+
+    def covariance(self, solution: Solution) -> np.ndarray:
+        """Returns the covariance of theta, [n][n], which does not assume independent pixels.
+
+        It is the sandwich over clusters of errors (Liang and Zeger 1986): blocks of a camera's image, repeats and
+        settings of one pose together. Errors of the scene measurement add to it, because priors hold the nuisances near
+        wrong values.
+        """
+        n = len(solution.theta)
+        rows, prior = self.inverse(solution)[:n], self.prior(n, solution.space)
+        prior[n + SCALES - 1] /= _HELD**2
+        pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
+        return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
+
+    def prior_sigmas(self, solution: Solution, base: Solution | None = None) -> float:
+        """Returns the largest distance of a nuisance from its prior mean, in stated deviations. With a base solution,
+        it is the largest excess over the base's distance."""
+        strain = np.abs(self.sigmas(solution.phi))
+        farthest = (strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0)
+        return float(farthest / np.sqrt(self.nuisance_prior.weighed_up))
+
+    def albedo_sigmas(self, solution: Solution, stated: float, farthest: int = 1) -> float:
+        """Returns the distance of the farthest albedo from the scene's, in stated deviations; farthest=2 is the second
+        one, and so on. It is 0 if there are fewer. Light and albedos share one factor, which is fixed so that the
+        median material reflects as stated."""
+        factors = np.append(1.0, 1.0 + solution.phi[DENSE : DENSE + self.materials])
+        sigmas = np.sort(np.abs(factors / np.median(factors) - 1.0)) / stated
+        return float(sigmas[-farthest]) if len(sigmas) > farthest else 0.0
+
+    def inverse(self, solution: Solution) -> np.ndarray:
+        """Returns the inverse of the normal matrix with its priors at a solution; rows and columns: theta, then phi."""
+        gram = solution.sums.gram + np.diag(self.prior(len(solution.theta), solution.space))
+        return inverse_normal_matrix(gram)
+
+    def solve(
+        self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
+    ) -> np.ndarray:
+        """Returns the damped Gauss-Newton step in (theta, phi)."""
+        pull = self.pull(phi, n_theta, space, theta)
+        gram, moment = sums.gram + np.diag(self.prior(n_theta, space)), sums.moment - pull
+        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
+        return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
+
+    def pull(self, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray) -> np.ndarray:
+        """Returns the gradient of the priors at (theta, phi): precision times offset."""
+        offset, black = np.where(space.given, 0.0, theta - space.neutral)[:n_theta], self.nuisance_prior.black_dn
+        scales = [*np.zeros(SCALES - 1), 0.0 if black is None else phi[SCALES - 1] - black[0]]
+        return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self.nuisance_prior.value])
+
+    def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
+        """Returns the precisions of the priors of (theta, phi): weak for effects, 0 for scales, and the nuisances' own.
+        A measured black level is held tightly, because a missing effect bends it by more than its deviation."""
+        known = self.nuisance_prior.black_dn
+        scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
+        width = _PRIOR_RANGES * (space.high - space.low)[:n_theta]
+        return np.concatenate([1.0 / width**2, scales, 1.0 / self.nuisance_prior.sigma**2])
+
+    def nuisance_fit(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, float]:
+        """Refits phi at fixed theta by one linear step; returns (phi, chi2 of the linear model)."""
+        sums, model = Sums.of_size(len(phi), self._tiles), space.model(theta)
+        lights = (self.light(model, i) for i in range(len(self.observations)))
+        for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, 0):
+            sums.add(pixels, columns, residual, 0, phi)
+        step = self.solve(sums, phi, 0, space, theta, 1e-9)
+        return phi + step, sums.total - 2.0 * step @ sums.moment + step @ sums.gram @ step
+
+    def refine(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
+    ) -> Solution:
+        """Fits from a start (theta, phi); returns the Solution. It stops after `iterations`, or when chi2 falls by less
+        than a share `tolerance`."""
+        make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
+        found = self.remembered(make, space, theta, phi, iterations, tolerance)
+        return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))
+
+    def _refined(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float
+    ) -> dict[str, np.ndarray]:
+        """Computes refine() and returns the solution as arrays."""
+        lights = self.lights(space, theta)
+        damping, n = _DAMPING, len(theta)
+        sums = self.linearise(space, theta, phi, lights)
+        chi2 = sums.total + float((self.sigmas(phi) ** 2).sum())
+        for _ in range(iterations):
+            step = self.solve(sums, phi, n, space, theta, damping)
+            moved = np.where(space.given, theta, np.clip(theta + step[:n], space.low, space.high))
+            trial_phi = phi + step[n:]
+            trial_lights = self.lights(space, moved) if space.in_light.any() else lights
+            value = self.chi2(space, moved, trial_phi, trial_lights)
+            if value >= chi2:
+                damping = max(damping * _DAMPING_STEP, _LEAST_RAISED)
+                if damping > _MOST_DAMPING:
+                    break
+                continue
+            done = chi2 - value < tolerance * chi2
+            theta, phi, lights, chi2 = moved, trial_phi, trial_lights, value
+            sums = self.linearise(space, theta, phi, lights)
+            damping = max(damping / _DAMPING_STEP, 1e-6)
+            if done:
+                break
+        return {"theta": theta, "phi": phi} | sums.as_arrays()
+
+
+def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
+    """Returns the expected image in DN, float64 [height][width]."""
+    pixels = AllPixels(observation)
+    image = _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
+    return image.reshape(observation.measured.shape)
+
+
+def _moved(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
+    """Returns the expected values [n] moved by focal lengths and geometry, clipped to the range if they move."""
+    o = pixels.observation
+    twists = phi[SCALES + o.geometry_places].astype(np.float32)
+    change = phi[SCALES + o.view.is_right] * pixels.focal_slope
+    if twists.any():
+        change = change + twists @ pixels.geometry_slopes
+    elif not np.any(change):
+        return image
+    moved = image + change
+    return np.clip(moved, 0.0, o.view.max_dn, out=moved)

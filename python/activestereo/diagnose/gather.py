@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gathers the evidence of a capture: images, their expected variances and tiles. Estimates both again under a model.
+
+A missing effect passes for noise and for misplaced edges. A dark signal that grows with temperature is not light, but
+photon transfer takes it for light. If it grows from one repeat to the next, it adds to their variance. The model found
+so far removes both.
+"""
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.capture.capture import SIDES, SPLITS, Capture
+from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.compare.measured_image import MeasuredImage
+from activestereo.compare.noise import (
+    NoiseModel,
+    by_repeats,
+    frame_noise_variances,
+    noise_at_other_gains,
+    noise_of_images,
+)
+from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
+from activestereo.compare.render import LayersOfFrames
+from activestereo.diagnose.evidence import (
+    TILE_PX,
+    Evidence,
+    Observation,
+    edge_discrepancy,
+    weight_of,
+)
+from activestereo.diagnose.fitter import ImageResidual
+from activestereo.diagnose.geometry import Geometry, focal_slopes, geometry_slopes
+from activestereo.effects import Model, View
+from activestereo.effects.core.scene_surfaces import scene_surfaces
+
+# Noise if neither repeats nor the two cameras tell it: the paper's gamma speckle (k = 60) and a read noise of 1 DN. It
+# never leads to a named effect.
+_ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
+# A material that covers less than this share of the train frames has no albedo nuisance.
+_SMALLEST_MATERIAL = 0.002
+# At most this share of an expected value is taken from the measurement itself.
+_MOST_MEASURED = 0.5
+NoiseVariances = dict[tuple[int, str], float]
+
+
+def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Geometry | None = None) -> Evidence:
+    """Makes the Evidence of a capture from its rendered layers {frame id: {side: Layers}}. Frames without layers are
+    left out.
+
+    seed: sets every random choice. geometry: the corrections that the capture already contains; None = none.
+    """
+    geometry = geometry or Geometry.as_stated(capture)
+    measured_images = _measured_images(capture, layers, seed)
+    train = [s for s in measured_images if s.frame.split == "train"]
+    seen = [(s.frame, s.layers, s.where_known()) for s in train]
+    nuisances = fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances
+    predicted = _predicted(train, nuisances)
+    noise, shown = noise_of_images(capture, measured_images, predicted, nuisances.black_dn)
+    noise_model = shown or NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
+    noise_variances = {key: variance for key, (variance, _) in noise.items()}
+    if shown is None:
+        noise_variances = {s.key: noise_model.image_variance(s) for s in measured_images}
+    tiles, count = _tiles(train)
+    material_of = _material_of(capture)
+    materials = _albedo_materials(train, material_of)
+    evidence = Evidence(
+        capture=capture,
+        train=(),
+        test=(),
+        nuisances=nuisances,
+        noise_model=noise_model,
+        noise_variances=noise_variances,
+        has_floor=shown is not None,
+        materials=len(materials),
+        tiles=count,
+        geometry=geometry,
+        seed=seed,
+    )
+    edge_discrepancy_m = edge_discrepancy(train, predicted, noise_model)
+    observed = _observed(evidence, measured_images, tiles, edge_discrepancy_m, material_of, materials)
+    of = {split: tuple(o for o in observed if o.frame.split == split) for split in SPLITS}
+    return replace(evidence, **of)
+
+
+def held_out(evidence: Evidence, capture: Capture, layers: LayersOfFrames) -> tuple[Observation, ...]:
+    """Makes observations of the frames that have layers, with the noise and the materials of the evidence's train
+    frames."""
+    images, noise = _measured_images(capture, layers, evidence.seed), evidence.noise_model
+    variances = {s.key: noise.image_variance(s) for s in images}
+    evidence, train = replace(evidence, noise_variances=variances | evidence.noise_variances), evidence.train
+    edge_discrepancy_m = edge_discrepancy(train, _predicted(train, evidence.nuisances), noise)
+    material_of = _material_of(evidence.capture)
+    return _observed(evidence, images, {}, edge_discrepancy_m, material_of, _albedo_materials(train, material_of))
+
+
+def _measured_images(capture: Capture, layers: LayersOfFrames, seed: int) -> list[MeasuredImage]:
+    return [
+        MeasuredImage(
+            f, side, View.of(capture, f, side, layers[f.id][side], seed), layers[f.id][side], capture.ir(f, side)
+        )
+        for f in capture.frames
+        for side in SIDES
+        if f.id in layers
+    ]
+
+
+def _predicted(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[tuple[int, str], np.ndarray]:
+    return {s.key: predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in images}
+
+
+def _observed(
+    evidence: Evidence,
+    images: Sequence[MeasuredImage],
+    tiles: Mapping[tuple[int, str], np.ndarray],
+    edge_discrepancy_m: float,
+    material_of: np.ndarray,
+    materials: Sequence[int],
+) -> tuple[Observation, ...]:
+    """Makes observations of images: adds weights, slopes and materials. tiles: each pixel's tile, of train images only.
+    edge_discrepancy_m, material_of, materials: as found on the train images."""
+    nuisances, noise_model, places = evidence.nuisances, evidence.noise_model, evidence.geometry.places()
+    expected = _expected(images, evidence.noise_variances, nuisances)
+    growing, moving = focal_slopes(images, nuisances), geometry_slopes(images, nuisances)
+
+    def observation(s: MeasuredImage) -> Observation:
+        tile = tiles.get(s.key)
+        index, seen = np.full(s.measured.shape, -1, np.int16), _materials(s, material_of)
+        for number, name in enumerate(materials):
+            index[seen == name] = number
+        return Observation(
+            s.frame,
+            s.side,
+            s.view,
+            s.layers,
+            s.measured,
+            weight_of(noise_model, edge_discrepancy_m, s, expected[s.key]),
+            np.full(s.measured.shape, -1, np.int32) if tile is None else tile,
+            index,
+            growing[s.key],
+            moving[s.key],
+            len(SIDES) + len(materials) + places[s.frame.id],
+            None if s.view.known is None else np.flatnonzero(s.view.known),
+        )
+
+    return tuple(map(observation, images))
+
+
+def _expected(
+    measured_images: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances
+) -> dict[tuple[int, str], np.ndarray]:
+    """Returns the expected values for the weights, DN: the model's prediction, mixed with the mean of repeated images.
+    The mean's share grows with the error of the prediction, up to half.
+
+    A weight that depends on its own pixel's noise biases fits downwards, since bright grains weigh too little. A
+    prediction that is as good as the noise allows is therefore used alone.
+    """
+    groups: dict[Hashable, list[MeasuredImage]] = {}
+    for s in measured_images:
+        key = (s.frame.repeat_group, s.side) if s.frame.repeat_group is not None else s.key
+        groups.setdefault(key, []).append(s)
+    expected: dict[tuple[int, str], np.ndarray] = {}
+    for group in groups.values():
+        images = [predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in group]
+        mean = np.mean([s.measured for s in group], axis=0)
+        noise = np.mean([noise_variances[s.key] for s in group])
+        square = np.mean([np.nanmean((s.where_known() - image) ** 2) for s, image in zip(group, images, strict=True)])
+        share = _MOST_MEASURED * max(0.0, 1.0 - noise / max(square, 1e-12))
+        expected |= {s.key: image + share * (mean - image) for s, image in zip(group, images, strict=True)}
+    return expected
+
+
+def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.ndarray], int]:
+    """Numbers the tiles of all train images; returns ({image key: each pixel's tile}, number of tiles)."""
+    first, out = 0, {}
+    for s in train:
+        height, width = s.measured.shape
+        rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
+        across = columns[-1] + 1
+        out[s.key] = (first + rows[:, None] * across + columns[None]).astype(np.int32)
+        first += (rows[-1] + 1) * across
+    return out, int(first)
+
+
+def _material_of(capture: Capture) -> np.ndarray:
+    """Returns the material of every surface, by the surface's number. All objects of one material share an albedo
+    error."""
+    return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
+
+
+def _materials(measured_image: MeasuredImage, material_of: np.ndarray) -> np.ndarray:
+    """Returns the material of each pixel's surface, [height][width]. A number that is no surface of the scene file
+    stays."""
+    surface = np.asarray(measured_image.layers.material).astype(np.int64)
+    known = surface < len(material_of)
+    return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
+
+
+def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -> list[int]:
+    """Returns the materials that cover enough of the train frames, largest first, without the largest one: its albedo
+    is part of the scales."""
+    images = [(_materials(s, material_of), s.view.known) for s in train]
+    seen = [material.ravel() if known is None else material[known] for material, known in images]
+    ids, counts = np.unique(np.concatenate(seen), return_counts=True)
+    order = np.argsort(-counts)
+    return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
+
+
+def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:
+    """Estimates noise and pixel weights of the train images again under a model, and returns the Evidence with them.
+    rows: the train images' residuals under the model."""
+    train, expected = evidence.train, {row.observation.key: row.expected for row in rows}
+    dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in train}
+    noise_model, variances = evidence.noise_model, evidence.noise_variances
+    lit_train = [replace(o, measured=o.measured - dark[o.key]) for o in train]
+    lit = {key: image - dark[key] for key, image in expected.items()}
+    if evidence.has_floor:
+        groups = by_repeats((o.frame, o.side, o.key) for o in train)
+        means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
+        no_noise = dark | {key: expected[key] - mean for keys, mean in means for key in keys}
+        own, found = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
+        if found is not None:
+            own_variances = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in own.items()}
+            noise_model, others = noise_at_other_gains(found, lit_train, lit)
+            variances = own_variances | others
+    edges_m = edge_discrepancy(lit_train, lit, noise_model)
+    weighed = tuple(replace(o, weight=weight_of(noise_model, edges_m, o, lit[o.key])) for o in train)
+    return replace(
+        evidence, train=weighed, noise_model=noise_model, noise_variances=evidence.noise_variances | variances,
+    )  # fmt: skip

@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds the poses of views and projector from the images and the poses that the capture states.
+
+The search is Gauss-Newton on the nuisances of a fit (fitter.py), first on blurred images. If the corrections change the
+images by more than a linear step allows, the capture is rendered again at the corrected poses. The prior stays around
+the stated poses, so that a later fit with an effect can take a correction back.
+
+Lens distortion is fitted along if the images ask for it. Otherwise focal lengths and poses would absorb a part of it.
+
+Rolling shutters, clocks and motion blur displace moving views, too. A moving view that would be corrected by far more
+than the views at rest keeps its stated pose, for an effect to explain.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from hashlib import blake2b
+from typing import Any
+
+import numpy as np
+
+from activestereo.capture.capture import SIDES, Capture
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.render import LayersOfFrames
+from activestereo.diagnose.evidence import Evidence, NuisancePrior, Observation, one_of_each_situation
+from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
+from activestereo.diagnose.gather import gather, held_out
+from activestereo.diagnose.geometry import TWIST, Geometry
+from activestereo.diagnose.goodness import design_effect
+from activestereo.diagnose.kept import capture_content, code_digest, content_key, effect_content
+from activestereo.diagnose.pixels import SCALES
+from activestereo.effects import Model, builtin
+from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.resample import blur
+
+# Least known share of a blurred pixel, against division by zero.
+_LEAST = 1e-6
+# The fields of a Geometry that the cache keeps.
+_FOUND = ("focal", "projector", "poses", "deviations", "misfit")
+# Blurs of the images, one round each. Dots are about a pixel wide.
+_BLURS_PX = (3.0, 0.0)
+_ITERATIONS = 4
+# Random share of the pixels that a search uses: they tell the rig's pose to a fiftieth of the noise.
+_PIXEL_SHARE, _SEED = 0.25, 13
+# Effects on this field of the engine are lenses that may be fitted along; the share of chi2 that one must remove.
+_LENS, _WORTH = "camera.distortion", 0.2
+# Lens parameters to try, in typical values; the scan uses every so manyth pixel of the chosen images.
+_SCANNED, _SCANNED_PIXEL = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0), 4
+# Images are rendered again if corrections change them by more than this share of the noise, root mean square.
+_LINEAR_SHARE = 0.1
+# A moving view may be off by so many times the error of the views at rest, and by so many stated deviations.
+_MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
+# A survey is never off by so many stated deviations: a misfitting model moves the rig to hide its error.
+_BELIEVED_SIGMAS = 10.0
+Render = Callable[[Capture], LayersOfFrames]
+
+
+def coarse(o: Observation, sigma_px: float) -> Observation:
+    """Returns the observation under a Gaussian blur of measured image, lights and slopes. Of the pixels, only every
+    sigma_px-th of every sigma_px-th row counts."""
+    known = o.view.known
+    share: np.ndarray | float = 1.0 if known is None else np.maximum(blur(known.astype(np.float32), sigma_px), _LEAST)
+
+    def seen(image: np.ndarray) -> np.ndarray:
+        inside = image if known is None else np.where(known, image, 0.0)
+        return blur(np.asarray(inside, dtype=np.float32), sigma_px) / share
+
+    direct, indirect, ambient, flat = (
+        seen(getattr(o.layers, name)).astype(np.float64) for name in ("direct", "indirect", "ambient", "flat")
+    )
+    step, (height, width) = max(1, round(sigma_px)), o.measured.shape
+    at = np.add.outer(np.arange(step // 2, height, step) * width, np.arange(step // 2, width, step)).ravel()
+    return replace(
+        o,
+        layers=Layers(direct, indirect, ambient, flat, o.layers.depth_m, o.layers.normal, o.layers.material),
+        measured=seen(o.measured).astype(np.float64),
+        focal_slope=seen(o.focal_slope),
+        geometry_slopes=np.stack([seen(slope) for slope in o.geometry_slopes]),
+        pick=at if known is None else at[known.ravel()[at]],
+    )
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One correction of the geometry. focal: relative changes of the focal lengths; twists: changes of poses as in
+    Geometry.twists(); deviations: standard errors of focal, then twists. misfit: pixels that count as one independent
+    pixel. left: mean square of the remaining residual, in units of the noise's variance."""
+
+    focal: np.ndarray
+    twists: np.ndarray
+    deviations: np.ndarray
+    misfit: float
+    left: float
+
+
+def gather_where_it_stands(
+    capture: Capture,
+    render: Render,
+    model: Model,
+    seed: int = 0,
+    memory: LayerCache | None = None,
+    rendered_by: object = None,
+    near: Evidence | None = None,
+) -> Evidence:
+    """Gathers the Evidence of the train frames with their geometry corrected. capture: as stated. render: returns a
+    capture's layers. model: the effects that are known already. memory: keeps the geometry for a second diagnosis;
+    rendered_by: all that decides the layers, for its key. near: the evidence from which to search on under another
+    model; it is returned itself if nothing must be rendered again."""
+    key = None if memory is None else _key(capture, model, seed, rendered_by, near)
+    known = None if memory is None or key is None else memory.get_arrays(key)
+    if known is not None:
+        found: dict[str, Any] = {name: known[f"geometry/{name}"] for name in _FOUND}
+        # The type must be the same as when it was found: keys of fits tell a number from an array.
+        geometry = replace(Geometry.as_stated(capture), **found | {"misfit": float(found["misfit"])})
+        if near is not None and _is_same(geometry, near.geometry):
+            return near
+        capture = geometry.capture()
+        return gather(capture, render(capture), seed, geometry)
+    if near is None:
+        evidence = _searched(gather(capture, render(capture), seed), render, model, _BLURS_PX)
+    else:
+        evidence = _searched(_start(near, capture, render, model), render, model, ())
+    if memory is not None and key is not None:
+        memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
+    return near if near is not None and _is_same(evidence.geometry, near.geometry) else evidence
+
+
+def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> Evidence:
+    """Returns the evidence from which to search on: near, or the one at the stated geometry if that fits better. A rig
+    that was searched without the model absorbs a part of the model's effects. It then moves dots beyond their width,
+    and so hides the effects."""
+    step = _step(near, model)
+    if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
+        return near
+    stated = gather(capture, render(capture), near.seed)
+    return stated if _step(stated, model).left < step.left else near
+
+
+def _is_same(a: Geometry, b: Geometry) -> bool:
+    return np.array_equal(a.focal, b.focal) and np.array_equal(a.twists(), b.twists())
+
+
+def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: Evidence | None) -> str | None:
+    """Returns the cache key of a geometry search; None if a part of the model is a user's own."""
+    effects = [(effect_content(effect), values) for effect, values in model.effects]
+    if any(content is None for content, _ in effects):
+        return None
+    start = None if near is None else (near.geometry.focal, near.geometry.twists())
+    return content_key("geometry", code_digest(), capture_content(capture), effects, seed, rendered_by, start)
+
+
+def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
+    """Searches the geometry by up to one step per blur and a last sharp step; returns the evidence rendered there.
+    Blurred images, which see further, are used only if the sharp ones need a correction."""
+
+    def again(geometry: Geometry) -> Evidence:
+        capture = geometry.capture()
+        return gather(capture, render(capture), evidence.seed, geometry)
+
+    step = _step(evidence, model)
+    if _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE:
+        for sigma_px in blurs_px:
+            step = _step(evidence, model, sigma_px)
+            evidence = _moved(evidence, step.focal, step.twists, again)
+        step = _step(evidence, model) if blurs_px else step
+        evidence = _moved(evidence, step.focal, step.twists, again)
+    return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
+
+
+def _moved(
+    evidence: Evidence, focal: np.ndarray, twists: np.ndarray, again: Callable[[Geometry], Evidence]
+) -> Evidence:
+    """Returns the evidence at the corrected geometry, made by again(geometry); itself if the images hardly change.
+    Moving poses that would be corrected by far more than the others go back to their stated place."""
+    twists, stated = twists.copy(), _pose_mask(_moving_beyond_others(evidence, twists))
+    twists[stated] = -evidence.geometry.twists()[stated]
+    if _change(evidence, focal, twists) < _LINEAR_SHARE:
+        return evidence
+    return again(evidence.geometry.moved(focal, twists))
+
+
+def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
+    """Returns one correction: from the train frames at rest, then of the poses that only moving frames have. Moving
+    frames affect no other unknown, because motion shows more than geometry."""
+    at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
+    fitted = {o.key for o in at_rest}
+    others, seen = [o for o in evidence.train if o.key not in fitted], _look(evidence, blur_px)
+    at_rest, others = list(map(seen, at_rest)), list(map(seen, others))
+    misfit = 1.0
+    prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
+    if np.abs(_drop_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
+        start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
+        misfit = _misfit(fitter, fitter.refine(start, start.start, phi0, 0))
+        prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
+    phi = solution.phi.copy()
+    variance = np.diag(fitter.inverse(solution))[len(solution.theta) + SCALES :].copy()
+    fitted_places, all_places = ({int(p) for o in group for p in o.geometry_places} for group in (at_rest, others))
+    own = np.array(sorted(all_places - fitted_places), dtype=np.intp)  # of poses that only moving frames have
+    if own.size:
+        moved, variance[own] = _own_step(evidence, others, prior, own, solution.space, solution.theta, phi, not blur_px)
+        phi[SCALES + own] += moved
+    focal, twists = np.split(_drop_albedos(phi[SCALES:], evidence), [len(SIDES)])
+    deviations = np.sqrt(_misfit(fitter, solution) * _drop_albedos(variance, evidence))
+    return _Step(focal, twists, deviations, misfit, solution.sums.total / fitter.tile_pixels().sum())
+
+
+def _own_step(
+    evidence: Evidence,
+    others: Sequence[Observation],
+    prior: NuisancePrior,
+    own: np.ndarray,
+    space: ParameterSpace,
+    theta: np.ndarray,
+    phi: np.ndarray,
+    supersampled: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns (step, variance) of the numbers at indices `own` of the prior, which only the observations `others`
+    depend on."""
+    in_one_tile = [replace(o, tile=np.zeros_like(o.tile)) for o in others]
+    fitter, at = Fitter(in_one_tile, prior, evidence.tiles, supersampled), len(theta) + SCALES + own
+    sums = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
+    precision = 1.0 / prior.sigma[own] ** 2
+    stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
+    inverse = np.linalg.inv(sums.gram[np.ix_(at, at)] + np.diag(precision))
+    return inverse @ (sums.moment[at] - precision * (phi[SCALES + own] - stated)), np.diag(inverse)
+
+
+def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model, render: Render) -> Evidence:
+    """Returns the evidence with its test frames at corrected poses, found under a solution's model and nuisances.
+    model: the solution's, with its effects' own functions. render: returns the layers of a capture's test frames."""
+    space, phi, unmoved = ParameterSpace.of(model), solution.phi, np.zeros(len(SIDES))
+    held = _pose_mask(evidence.geometry.held_out())
+    own = len(SIDES) + evidence.materials + np.flatnonzero(held)
+
+    def again(geometry: Geometry) -> Evidence:
+        capture = geometry.capture()
+        test = held_out(evidence, capture, render(capture))
+        return replace(evidence, capture=capture, geometry=geometry, test=test)
+
+    def step(there: Evidence, blur_px: float) -> tuple[np.ndarray, np.ndarray]:
+        twists, look = np.zeros(len(held)), _look(evidence, blur_px)
+        others = [look(o) for o in there.test if np.isin(o.geometry_places, own).any()]
+        prior = there.nuisance_prior()
+        twists[held], variance = _own_step(there, others, prior, own, space, space.start, phi, not blur_px)
+        return twists, variance
+
+    there = again(evidence.geometry)
+    if not held.any():
+        return there
+    twists, variance = step(there, 0.0)
+    if _change(there, unmoved, twists) >= _LINEAR_SHARE:
+        for sigma_px in _BLURS_PX:
+            there = _moved(there, unmoved, step(there, sigma_px)[0], again)
+        twists, variance = step(there, 0.0)
+        there = _moved(there, unmoved, twists, again)
+    deviations = there.geometry.deviations.copy()
+    deviations[len(SIDES) :][held] = np.sqrt(_misfit(fitter, solution) * variance)
+    return replace(there, geometry=replace(there.geometry, deviations=deviations))
+
+
+def _look(evidence: Evidence, blur_px: float) -> Callable[[Observation], Observation]:
+    """Returns a function that thins out an Observation for a geometry search: it blurs it, or for blur_px = 0 picks a
+    random part of its pixels."""
+    return partial(coarse, sigma_px=blur_px) if blur_px else partial(_random_pixels, seed=evidence.seed)
+
+
+def _random_pixels(o: Observation, seed: int) -> Observation:
+    """Returns the observation with a random part of its pixels, the same ones for all frames of one camera and pose."""
+    view = int.from_bytes(blake2b(o.side.encode() + o.frame.camera_to_world.tobytes(), digest_size=8).digest(), "big")
+    pool = np.arange(o.measured.size) if o.pick is None else o.pick
+    chosen = np.random.Generator(np.random.PCG64([_SEED, view, seed])).permutation(len(pool))
+    return replace(o, pick=np.sort(pool[chosen[: round(_PIXEL_SHARE * len(pool))]]))
+
+
+def _fit_at_rest(
+    evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
+) -> tuple[NuisancePrior, Fitter, Solution]:
+    """Fits the frames at rest with the likelihood divided by the misfit. If sharp images need a correction, it fits
+    again with a distorting lens, which may be the true cause."""
+    prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
+    fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px)
+    start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
+    solution = fitter.refine(start, start.start, phi0, _ITERATIONS)
+    moves = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
+    if not blur_px and _change(evidence, *moves) >= _LINEAR_SHARE:
+        solution = fitter.refine(*_lens_start(evidence, model, fitter, phi0), phi0, _ITERATIONS)
+    return prior, fitter, solution
+
+
+def _misfit(fitter: Fitter, solution: Solution) -> float:
+    """Returns the factor by which the likelihood counts too many pixels, from the scatter of the tiles' chi2."""
+    tiles, pixels = solution.sums.tile_chi2 > 0, fitter.tile_pixels()
+    design = design_effect(solution.sums.tile_chi2[tiles], pixels[tiles])
+    return design * max(1.0, solution.sums.total / pixels.sum())
+
+
+def _lens_start(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
+    """Returns the parameter space and start of the fit: the model's own, or with a lens if a scan finds that it helps.
+    A fit from neutral would not find the lens: the nuisances absorb its displacements and hold its parameters."""
+    space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
+    lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
+    picked = one_of_each_situation(evidence.train, evidence.seed)
+    seen = [replace(o, pick=np.arange(o.measured.size)[o.picked()][::_SCANNED_PIXEL]) for o in picked]
+    scan = Fitter(seen, fitter.nuisance_prior, evidence.tiles, supersampled=False)
+
+    def chi2(space: ParameterSpace, theta: np.ndarray) -> float:
+        return scan.nuisance_fit(space, theta, phi)[1]
+
+    found, least = (space, space.start), (1.0 - _WORTH) * chi2(space, space.start)
+    for lens in lenses:
+        with_lens = ParameterSpace.of(model, lens)
+        for i, p in enumerate(lens.parameters, len(space.start)):
+            for level in (m * p.typical for m in _SCANNED if p.low <= m * p.typical <= p.high):
+                theta = with_lens.start.copy()
+                theta[i] = level
+                if (value := chi2(with_lens, theta)) < least:
+                    found, least = (with_lens, theta), value
+    return found
+
+
+def _drop_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
+    """Returns the entries of the prior's vector for focal lengths and twists."""
+    return np.delete(stated, np.arange(evidence.materials) + len(SIDES))
+
+
+def standing(evidence: Evidence, solution: Solution) -> Geometry:
+    """Returns the geometry under a solution (the stated or rendered one if images hardly change between them)."""
+    focal, twists = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
+    geometry = evidence.geometry
+    if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _LINEAR_SHARE:
+        return Geometry.as_stated(geometry.stated)
+    return geometry if _change(evidence, focal, twists) < _LINEAR_SHARE else geometry.moved(focal, twists)
+
+
+def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
+    """Returns a mask [poses] of the moving frames' poses whose correction is far larger than those of frames at
+    rest."""
+    sigma = evidence.nuisance_prior().sigma[len(SIDES) + evidence.materials :]
+    strain = np.abs((evidence.geometry.twists() + twists) / sigma).reshape(-1, TWIST)[1:].max(axis=1)
+    moves = evidence.geometry.moving()
+    return moves & (strain > max(_MOVING_SIGMAS, _MOVING_RATIO * strain[~moves].max(initial=0.0)))
+
+
+def _pose_mask(chosen: np.ndarray) -> np.ndarray:
+    """Returns a mask of the numbers in Geometry.twists() that belong to the chosen poses. chosen: mask [poses]."""
+    return np.repeat(np.concatenate([[False], chosen]), TWIST)
+
+
+def _change(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> float:
+    """Returns the root mean square change by a step, in noise deviations, of the image that it changes most."""
+    stated = np.insert(np.concatenate([focal, twists]), [len(SIDES)] * evidence.materials, 0.0)
+    squares = []
+    for o in (*evidence.train, *evidence.test):
+        change = stated[int(o.view.is_right)] * o.focal_slope
+        change = change + np.tensordot(stated[o.geometry_places], o.geometry_slopes, axes=1)
+        squares.append(float((change**2 * o.weight).mean()))
+    return float(np.sqrt(max(squares)))

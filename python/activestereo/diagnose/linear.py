@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The images near a fit as a linear model, and the scores of a dictionary's columns by it.
+
+A are the nuisances' columns, with prior precision P and pull o; C are the columns and r is the residual, all in noise
+deviations. With X = A C' and K = (A A' + P)^-1 (Schur's complement),
+
+    information on the columns' coefficients    S = C C' - X' K X
+    their score                                 u = C (r - A' K (A r - o))
+
+Sums are kept apart by the surface that a pixel shows, so that an effect of some surfaces needs no columns of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.diagnose.evidence import Observation
+from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
+from activestereo.diagnose.pixels import SCALES, Cluster, Pixels, cluster_of, exposed
+from activestereo.effects import Model
+from activestereo.effects.core.surfaces import MOST_MATERIALS
+
+# The linear model uses so many pixels, and the first fit so many Gauss-Newton steps.
+_LOOKED_AT, _ROUNDS = 200_000, 3
+_SEED = 11
+Columns = NDArray[np.float32]
+# A surface with a smaller share of the pixels has no group of its own.
+_LEAST_SURFACE = 0.002
+Matrix = NDArray[np.float64]
+
+
+def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
+    """Returns the observations with a random part of their pixels, as many as fits need. All images of one view use the
+    same pixels, so that their light is computed once."""
+    share = min(1.0, _LOOKED_AT / max(sum(o.pixels for o in observations), 1))
+    views: dict[Cluster, int] = {}
+    out = []
+    for o in observations:
+        number = views.setdefault(cluster_of(o), len(views))
+        rng = np.random.Generator(np.random.PCG64([_SEED, seed, number]))
+        pool = np.arange(o.measured.size) if o.pick is None else o.pick
+        out.append(replace(o, pick=np.sort(rng.permutation(pool)[: max(1, round(share * len(pool)))])))
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The linear model at a solution, over the fitter's pixels [n] of all observations in a row.
+
+    nuisances: [k][n], derivatives by the parameters of the effects named so far, then scales, focal lengths, albedos
+    and geometry, in noise deviations per unit. precision, pull: of their priors. residual: [n], in noise deviations.
+    material: the scene's surface at each pixel. block: the image block of each pixel, shared by repeats, whose errors
+    vary together.
+    """
+
+    fitter: Fitter
+    solution: Solution
+    nuisances: Columns
+    precision: NDArray[np.float64]
+    pull: NDArray[np.float64]
+    residual: Columns
+    material: NDArray[np.int64]
+    block: NDArray[np.int64]
+
+    def images(self, model: Model) -> list[NDArray[np.float64]]:
+        """Returns each observation's expected DN [pixels] under a model and the solution's nuisances."""
+        pixels, phi = enumerate(self.fitter.pixels()), self.solution.phi
+        return [exposed(model, p, self.fitter.light(model, i), phi)[0] for i, p in pixels]
+
+    def change(self, model: Model, images: Sequence[NDArray[np.float64]]) -> Columns:
+        """Returns the change from the given images to those of a model, in noise deviations [n]. images: expected DN
+        [pixels] of each observation."""
+        changes = zip(self.fitter.pixels(), self.images(model), images, strict=True)
+        return np.concatenate([((new - old) * p.root_weight).astype(np.float32) for p, new, old in changes])
+
+
+def linearised(fitter: Fitter, solution: Solution) -> Linear:
+    """Makes the Linear model at a solution."""
+    space, theta, phi = solution.space, solution.theta, solution.phi
+    pixels, own, materials = fitter.pixels(), len(theta), fitter.materials
+    ends = np.cumsum([0, *(len(p.index) for p in pixels)])
+    A = np.zeros((own + len(phi), ends[-1]), np.float32)
+    residual = np.zeros(ends[-1], np.float32)
+    albedos = own + SCALES + 2
+    slopes = fitter.pixel_slopes(space, theta, phi, fitter.lights(space, theta), own)
+    for (p, columns, rest), first, end in zip(slopes, ends[:-1], ends[1:], strict=True):
+        block, weight = A[:, first:end], p.root_weight
+        for j, column in enumerate(columns):
+            block[j] = column * weight
+        glow = (columns[own] * phi[0] + columns[own + 1] * phi[1]) * weight
+        for m in range(materials):
+            block[albedos + m] = np.where(p.material == m, glow, 0.0)
+        block[own + SCALES + p.observation.geometry_places] = p.geometry
+        residual[first:end] = rest * weight
+    prior, pull = fitter.prior(own, space), fitter.pull(phi, own, space, theta)
+    surface = [p.gather(_surface(p.observation)) for p in pixels]
+    return Linear(fitter, solution, A, prior, pull, residual, np.concatenate(surface), _blocks(pixels))
+
+
+def fitted_model(fitter: Fitter, model: Model, phi: NDArray[np.float64]) -> Solution:
+    """Fits a model and the nuisances, starting from the model's parameters and phi."""
+    space = ParameterSpace.of(model)
+    return fitter.refine(space, space.start, phi, _ROUNDS)
+
+
+def _surface(o: Observation) -> NDArray[np.int64]:
+    material = o.view.material
+    return np.zeros(o.view.shape, np.int64) if material is None else np.asarray(material).astype(np.int64)
+
+
+def _blocks(pixels: Sequence[Pixels]) -> NDArray[np.int64]:
+    """Returns the number of each pixel's image block: blocks of one camera's images of one pose, temperature and
+    motion."""
+    out: list[NDArray[np.int64]] = []
+    known: dict[tuple[object, ...], int] = {}
+    first = 0
+    for p in pixels:
+        key, block = (*cluster_of(p.observation), p.observation.frame.temperature_c), p.block()
+        if key not in known:
+            known[key] = first
+            first += int(p.observation.measured.size)  # more than there are blocks
+        out.append(block + known[key])
+    return np.asarray(np.unique(np.concatenate(out), return_inverse=True)[1], dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Holds inner products over pixels for c columns, k nuisances and each group of pixels: one group for each large
+    surface, the last for the rest. gram [groups][c][c]: columns with columns; cross [groups][k][c]: nuisances with
+    columns; moment [groups][c]: columns with the residual after the nuisances' fit. by_block [groups][c][blocks],
+    nuisance_by_block [k][blocks]: the latter by image block.
+
+    surfaces: the number of each group's surface. inverse: K of this file's head. total: chi2 of that residual. pixels:
+    their number.
+    """
+
+    gram: Matrix
+    cross: Matrix
+    moment: Matrix
+    by_block: NDArray[np.float32]
+    nuisance_by_block: Matrix
+    surfaces: tuple[int, ...]
+    inverse: Matrix
+    total: float
+    pixels: int
+
+    def select(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix, Matrix]:
+        """Returns (information [c][c], score [c], score by image block [c][blocks]) of columns on some surfaces; None =
+        on all."""
+        groups: slice | list[int] = slice(None)
+        if surfaces is not None:
+            groups = [g for g, number in enumerate(self.surfaces) if number in surfaces]
+        X = self.cross[:, :, columns][groups].sum(0)
+        G = self.inverse @ X
+        information = self.gram[:, columns, columns][groups].sum(0) - X.T @ G
+        blocks = self.by_block[:, columns][groups].sum(0) - G.T @ self.nuisance_by_block
+        return information, self.moment[:, columns][groups].sum(0), blocks
+
+
+def scores(linear: Linear, columns: Columns) -> Scores:
+    """Computes the Scores of columns [c][n] by a linear model."""
+    A, r = linear.nuisances, linear.residual
+    K = (A @ A.T).astype(np.float64) + np.diag(linear.precision)
+    norm = np.sqrt(np.maximum(np.diag(K), 1e-300))
+    inverse = np.linalg.pinv(K / np.outer(norm, norm), rcond=1e-7, hermitian=True) / np.outer(norm, norm)
+    step = inverse @ ((A @ r).astype(np.float64) - linear.pull)
+    left = r - step.astype(np.float32) @ A
+    surfaces, group = _groups(linear.material)
+    blocks = int(linear.block.max()) + 1
+    sums = []
+    for g in range(len(surfaces) + 1):
+        here = np.flatnonzero(group == g)
+        here = here[np.argsort(linear.block[here], kind="stable")]
+        C, rest = columns[:, here], left[here]
+        by_block = np.zeros((len(columns), blocks), np.float32)
+        if here.size:
+            found, starts = np.unique(linear.block[here], return_index=True)
+            by_block[:, found] = np.add.reduceat(C * rest, starts, axis=1)
+        products = C @ C.T, A[:, here] @ C.T, C @ rest
+        sums.append((*(x.astype(np.float64) for x in products), by_block))
+    gram, cross, moment, by_block = (np.stack(x) for x in zip(*sums, strict=True))
+    total = float(r @ r - step @ ((A @ r) - linear.pull))
+    by_nuisance = [np.bincount(linear.block, a * left, minlength=blocks).astype(np.float64) for a in A]
+    nuisance_by_block = np.stack(by_nuisance)
+    return Scores(gram, cross, moment, by_block, nuisance_by_block, surfaces, inverse, total, len(r))
+
+
+def _groups(material: NDArray[np.int64]) -> tuple[tuple[int, ...], NDArray[np.int64]]:
+    """Returns (surfaces that are large enough, each pixel's group)."""
+    numbers, counts = np.unique(material, return_counts=True)
+    large = numbers[(counts > _LEAST_SURFACE * len(material)) & (numbers < MOST_MATERIALS)]
+    group = np.searchsorted(large, material)
+    inside = np.isin(material, large)
+    return tuple(map(int, large)), np.where(inside, group, len(large))

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Judges effects of temporal noise: noise that rows share, coarse digital steps, and photon transfer.
+
+The level of independent noise is a nuisance. Such terms are reported with their values. They count as missing only if
+the model states its noise, that is if it has a term of that kind already.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.compare.noise import Comb, by_repeats, comb_of, fit_terms, repeat_statistics, transfer_rows
+from activestereo.diagnose.evidence import Evidence, Observation
+from activestereo.diagnose.goodness import Z90, Interval, Limits, within_ranges
+from activestereo.diagnose.numbers import Numbers
+from activestereo.effects import Effect, Model
+from activestereo.effects.core.judging import Channel, CodeSteps, Lever, RandomTerm, SharedBy
+
+# Half of the 90 % quantile of chi-square with one degree of freedom.
+_LIKELIHOOD_DROP = 1.353
+# Deviations of a row's offset to try, in DN.
+_ROW_SIGMAS_DN = np.geomspace(1e-3, 20.0, 400)
+# How the variance of independent pixels grows: EMVA 1288's photon transfer, and a quadratic term for speckle.
+_TRANSFER = {
+    Lever.ONE: lambda gain, signal, square: np.ones_like(signal),
+    Lever.PHOTONS: lambda gain, signal, square: gain * signal,
+    Lever.SIGNAL: lambda gain, signal, square: square,
+}
+_NO_REPEATS = "the capture has no repeated frames of a static view"
+
+
+@dataclass(frozen=True)
+class NoiseTerm:
+    """An effect of temporal noise as fitted. nats: gain of log-likelihood. share: of the noise floor that it
+    explains."""
+
+    effect: Effect
+    parameters: dict[str, Interval]
+    nats: float
+    share: float
+
+
+@dataclass(frozen=True)
+class _NoiseFit:
+    """A fitted noise term. nats: gain of log-likelihood. variance: explained per pixel, DN^2. values: {parameter:
+    (value, low, high)}."""
+
+    nats: float
+    variance: float
+    values: dict[str, Limits]
+
+
+def noise_terms(
+    evidence: Evidence, given: Model, effects: Sequence[Effect], numbers: Numbers
+) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
+    """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
+    judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may state its
+    noise."""
+    floor, terms, unjudged = evidence.floor_variance(evidence.train), {}, {}
+    for effect in effects:
+        fit = _fit(effect, evidence, given, numbers)
+        if isinstance(fit, str):
+            unjudged[effect.id] = fit
+            continue
+        share = fit.variance / max(floor, fit.variance)
+        terms[effect.id] = NoiseTerm(effect, within_ranges(effect, fit.values), fit.nats, share)
+    return terms, unjudged
+
+
+def _fit(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> _NoiseFit | str:
+    """Returns the fit of an effect, or the reason why it was not judged."""
+    steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
+    if steps is not None:
+        return _comb(evidence, steps.parameter)
+    term, *more = effect.random_terms
+    if more:
+        return "the noise model is judged one term at a time, and its descriptor names several"
+    if not evidence.capture.repeats("train"):
+        return _NO_REPEATS
+    if term.shared_by is SharedBy.ROW:
+        return _rows(evidence.train, term.parameter, numbers.neighbours)
+    if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
+        return f"the noise model has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
+    return _transfer(term, evidence, given)
+
+
+def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
+    """Fits the step between the digital numbers that occur, for a converter with coarse steps. parameter: the step's
+    name."""
+    comb = comb_in(evidence)
+    if comb is None:
+        return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
+    step = comb.step_dn
+    limits = step, float(comb.steps_dn.min()) - 0.02, float(comb.steps_dn.max()) + 0.02
+    return _NoiseFit(comb.pixels * float(np.log(step)), step**2 * ROUNDING_VARIANCE, {parameter: limits})
+
+
+def comb_in(evidence: Evidence) -> Comb | None:
+    """Finds the coarse steps of the train images' digital numbers; None if all whole numbers occur."""
+    return comb_of((o.measured for o in evidence.train), evidence.capture.rig.max_dn)
+
+
+def _rows(observations: Sequence[Observation], parameter: str, largest_correlation: float) -> _NoiseFit | str:
+    """Fits an offset that each row of a frame shares, by the marginal likelihood of differences of repeats. Returns a
+    reason instead of a fit if neighbouring rows vary together."""
+    weight, moment, beside, both = [], [], 0.0, 0.0
+    groups = by_repeats((o.frame, o.side, o) for o in observations)
+    for first, second in (pair for group in groups for pair in pairwise(group)):
+        w = 0.5 * (first.weight + second.weight)
+        difference = (first.measured.astype(np.float64) - second.measured) / np.sqrt(2.0)
+        weight.append(w.sum(axis=1))
+        moment.append((w * difference).sum(axis=1))
+        beside += float(moment[-1][1:] @ moment[-1][:-1])
+        both += float(weight[-1][1:] @ weight[-1][:-1])
+    if not weight:
+        return _NO_REPEATS
+    A, B = np.concatenate(weight).astype(np.float64), np.concatenate(moment)
+    square = _ROW_SIGMAS_DN[:, None] ** 2
+    nats = 0.5 * (B**2 * square / (1.0 + square * A) - np.log1p(square * A)).sum(axis=1)
+    best = int(nats.argmax())
+    if nats[best] <= 0:
+        high = _ROW_SIGMAS_DN[nats > -_LIKELIHOOD_DROP].max(initial=_ROW_SIGMAS_DN[0])
+        return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, float(high))})
+    sigma = float(_ROW_SIGMAS_DN[best])
+    if beside > largest_correlation * both * sigma**2:
+        return "neighbouring rows vary together, as bands of light that flickers do"
+    inside = _ROW_SIGMAS_DN[nats > nats[best] - _LIKELIHOOD_DROP]
+    return _NoiseFit(float(nats[best]), sigma**2, {parameter: (sigma, float(inside[0]), float(inside[-1]))})
+
+
+def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit | str:
+    """Fits variance against mean of the repeated frames with and without a noise term. Other terms are fitted in both.
+    Returns the fit with its gain of likelihood in nats (0 if the model has no noise term), or why there is none."""
+    capture = evidence.capture
+    rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
+    if not rows:
+        return _NO_REPEATS
+    noise = [effect for effect, _ in model.effects if effect.channel is Channel.NOISE_MODEL]
+    independent = [t for effect in noise for t in effect.random_terms if t.shared_by is SharedBy.PIXEL]
+    stated = [t.lever for t in independent if t.lever in _TRANSFER]
+    others = [lever for lever in (stated or _TRANSFER) if lever is not term.lever]
+    black = evidence.nuisances.black_dn
+    without, _, _ = _fit_levers(rows, others, black)
+    misfit, value, error = _fit_levers(rows, [term.lever, *others], black)
+    # The coefficient is a variance; the parameter is a deviation, but for photons.
+    power = 1.0 if term.lever is Lever.PHOTONS else 0.5
+    low, high = (float(max(value + side * Z90 * error, 0.0) ** power) for side in (-1, 1))
+    mean = np.average([_column(term.lever, row[0], np.array(row[1]), np.array(row[2]), black) for row in rows])
+    nats = 0.5 * (without - misfit) if stated else 0.0
+    return _NoiseFit(float(nats), float(value * mean), {term.parameter: (float(value**power), low, high)})
+
+
+def _column(
+    lever: Lever, gain: float | np.ndarray, mean: np.ndarray, square: np.ndarray, black_dn: float
+) -> np.ndarray:
+    """Returns the variance that a noise term adds per unit of its coefficient, DN^2, at given means [n] and mean
+    squares [n] of DN. lever: the signal that the term grows with."""
+    signal = np.maximum(mean - black_dn, 0.0)
+    return _TRANSFER[lever](gain, signal, np.maximum(square - 2 * black_dn * mean + black_dn**2, 0.0))
+
+
+def _fit_levers(
+    rows: Sequence[tuple[float, ...]], levers: Sequence[Lever], black_dn: float
+) -> tuple[float, float, float]:
+    """Fits the variances of repeats by a sum of noise terms, one per lever. Returns (chi2, the first term's
+    coefficient, its standard error). rows: as in transfer_rows()."""
+    gain, mean, square, variance, weight = np.array(rows).T
+    target = variance - ROUNDING_VARIANCE
+    if not levers:
+        return float(((target * weight) ** 2).sum()), 0.0, 0.0
+    terms = np.stack([_column(lever, gain, mean, square, black_dn) for lever in levers], axis=1)
+    coefficients, chi2 = fit_terms(terms, target, weight)
+    design = terms * weight[:, None]
+    norm = np.maximum(np.sqrt((design**2).sum(axis=0)), 1e-300)
+    inverse = np.linalg.pinv((design / norm).T @ (design / norm), rcond=1e-12, hermitian=True)
+    scale = max(1.0, chi2 / max(len(target) - len(levers), 1))
+    return float(chi2), coefficients[0], float(np.sqrt(inverse[0, 0] * scale) / norm[0])

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes a search's outcome as diagnose.json holds it: the ranking, the sets, and the numbers behind the verdict."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from activestereo.diagnose.fields import field_parameters
+from activestereo.diagnose.goodness import Interval, design_effect, intervals
+from activestereo.diagnose.numbers import Numbers
+from activestereo.diagnose.search import Name, Outcome, Round
+from activestereo.diagnose.verdict import missing, probability_right
+from activestereo.effects import Effect, Parameter
+from activestereo.effects.core.surfaces import material_numbers
+
+_SHOWN = 12
+Parameters = Mapping[str, Interval]
+Json = dict[str, object]
+
+
+def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
+    """Returns a parameter as found. A choice of surfaces also gets the names of their materials; no name means all."""
+    names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
+    return found.as_json() | names
+
+
+def parameters_of(outcome: Outcome, name: Name) -> Parameters:
+    """Returns a named effect's parameters with 90 % intervals."""
+    if name.field is not None:
+        return field_parameters(name.effect, name.field)
+    if name.id in outcome.noise:
+        return outcome.noise[name.id].parameters
+    return intervals(outcome.fitter, outcome.solution, name.effect)
+
+
+def ranking_of(
+    outcome: Outcome, numbers: Numbers, verdict_is_effect: bool, name_of: Callable[[int], str]
+) -> list[Json]:
+    """Returns the ranking: the named effects in order, then all effects that this recording cannot tell from them, then
+    fitted effects by gain, then the rest by score, highest first. name_of: gives a material's name for its number."""
+    entries: dict[str, Json] = {}
+    pixels, known = _pixels(outcome), _known(outcome, numbers)
+
+    def add(effect: Effect, gain: float, nats: float, p: float, found: Parameters, same: list[str]) -> None:
+        if effect.id in entries:
+            return
+        entries[effect.id] = {
+            "effect": effect.id,
+            "family": effect.family,
+            "finding": effect.finding,
+            "channel": "noise" if effect.id in outcome.noise else "infrared",
+            "score_nats": nats,
+            "confidence": p,
+            "explained_share": _explained(outcome, gain),
+            "gain_reduced_chi2": gain,
+            "parameters": {q.name: parameter_json(q, found[q.name], name_of) for q in effect.parameters},
+            "equivalent": same,
+        }
+
+    for name in outcome.names:
+        own = outcome.noise.get(name.id)
+        nats = _nats(outcome, name.gain) if own is None else own.nats
+        same = [other for other in name.members if other != name.id]
+        add(name.effect, name.gain, nats, known * name.members[name.id], parameters_of(outcome, name), same)
+    for name in outcome.names:
+        for member, p in name.members.items():
+            if name.seen is not None and member in name.seen.fits:
+                _add_fit(outcome, name.seen, member, known * p, [m for m in name.members if m != member], add)
+    rivals = outcome.rounds[:1] + outcome.rounds[-1:]  # beside no named effect, and beside all of them
+    for seen in rivals if verdict_is_effect else reversed(rivals):
+        for member in sorted(seen.fits, key=lambda m: seen.fits[m].chi2):
+            _add_fit(outcome, seen, member, 0.0, [], add)
+    for candidate in list(outcome.rounds[0].candidates.values())[:_SHOWN]:
+        effect, line = candidate.best.atom.effect, candidate.best.values()
+        found = {q.name: Interval(line[q.name], q.low, q.high, q.unit) for q in effect.parameters}
+        nats = max(candidate.evidence, 0.0) / max(1.0, _design(outcome))
+        add(effect, candidate.gain / pixels, nats, 0.0, found, [])
+    for term in outcome.noise.values():
+        add(term.effect, 0.0, term.nats, 0.0, term.parameters, [])
+    return list(entries.values())
+
+
+def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[str], add: Callable[..., None]) -> None:
+    fit, pixels = seen.fits[member].solution, _pixels(outcome)
+    effect = fit.effects[-1]
+    own = fit.theta[len(fit.theta) - len(effect.parameters) :]
+    found = {q.name: Interval(float(v), q.low, q.high, q.unit) for q, v in zip(effect.parameters, own, strict=True)}
+    gain = (seen.chi2 - fit.sums.total) / pixels
+    add(effect, gain, _nats(outcome, gain), p, found, same)
+
+
+def _nats(outcome: Outcome, gain: float) -> float:
+    """Returns the gain of the profile log-likelihood by a fall of the first round's mean square (noise variances). The
+    noise's scale is free: the residual of every model counts as noise."""
+    pixels = _pixels(outcome)
+    left = max(1.0 - gain * pixels / outcome.rounds[0].chi2, 1e-3)
+    return -0.5 * pixels / _design(outcome) * float(np.log(left))
+
+
+def _design(outcome: Outcome) -> float:
+    return design_effect(outcome.solution.sums.tile_chi2, outcome.fitter.tile_pixels())
+
+
+def _known(outcome: Outcome, numbers: Numbers) -> float:
+    """Returns the probability that the effects named (or that none is missing) are right."""
+    is_named = bool(outcome.names)
+    return probability_right(missing(outcome.rest, is_named, numbers), is_named)
+
+
+def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
+    """Returns {"named": {id: p}, "none": p, "something_else": p}, which add up to 1."""
+    known = _known(outcome, numbers)
+    first = outcome.names[0].members if outcome.names else {}
+    total = sum(first.values())
+    named = {name: known * p / total for name, p in first.items()}
+    return {"named": named, "none": known - sum(named.values()), "something_else": 1.0 - known}
+
+
+def sets_of(outcome: Outcome) -> list[Json]:
+    """Returns [{effects, probabilities, rivals}] for each named effect. effects: those that this recording cannot tell
+    apart, likeliest first. rivals: {effect: share of the error that it explains} of other fitted effects, the best
+    first."""
+    return [
+        {"effects": list(n.members), "probabilities": list(n.members.values()), "rivals": _rivals(outcome, n)}
+        for n in outcome.names
+    ]
+
+
+def _rivals(outcome: Outcome, name: Name) -> dict[str, float]:
+    if name.seen is None:
+        return {}
+    gains = {id: (name.seen.chi2 - fit.chi2) / _pixels(outcome) for id, fit in name.seen.fits.items()}
+    others = {id: _explained(outcome, gain) for id, gain in gains.items() if id not in name.members}
+    return dict(sorted(others.items(), key=lambda other: -other[1]))
+
+
+def _pixels(outcome: Outcome) -> int:
+    return sum(o.pixels for o in outcome.fitter.observations)
+
+
+def _explained(outcome: Outcome, gain: float) -> float:
+    """Returns the share of the error beyond noise that a fall of the mean square explains, at most 1. Error and noise
+    are those of the first round, under whose weights the fits are: noise is no more than the best of them leaves."""
+    first = outcome.rounds[0]
+    noise = min([_pixels(outcome), *(fit.chi2 for fit in first.fits.values())])
+    return min(gain * _pixels(outcome) / max(first.chi2 - noise, 1e-9), 1.0)
+
+
+def judging_of(outcome: Outcome) -> dict[str, Any]:
+    """Returns the numbers that the verdict rests on, and the scores, fits and draws of each round."""
+    rounds = [
+        {
+            "floor": seen.floor, "structure": seen.structure, "gain": seen.gain, "chance": seen.chance,
+            "lines": {name: c.gain / seen.chi2 for name, c in list(seen.candidates.items())[:_SHOWN]},
+            "fits": {name: f.chi2 / seen.chi2 for name, f in seen.fits.items()},
+            "draws": {name: share for name, (share, _) in seen.fields.items()},
+        }
+        for seen in outcome.rounds
+    ]  # fmt: skip
+    return vars(outcome.rest) | {"rounds": rounds}

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits the few likely effects beside the model, from starts that their scores and points of the dictionary give.
+
+Effects of surfaces, air and lamps are fitted to images that the engine renders of them: their image functions are
+formulas. Around a fit the engine renders the effect, then again with each parameter one step further. The random
+numbers are the same, so that differences show the effect and not the noise. These differences then replace the formula,
+linear in its parameters.
+
+A formula of the response is one family of curves; sensors have others (Grossberg and Nayar 2003, What is the space of
+camera response functions?). A residual that depends on a pixel's value alone belongs to the response: a free curve is
+fitted beside the formula that found it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import ImageKey
+from activestereo.common.computed_once import computed_once
+from activestereo.diagnose.dictionary import Atom
+from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution, fit_key
+from activestereo.diagnose.kept import content_key
+from activestereo.diagnose.linear import linearised
+from activestereo.diagnose.pixels import SCALES
+from activestereo.diagnose.selection import Candidate
+from activestereo.effects import Effect, Light, Model, Stage, View, known_differences
+
+# Rounds of rendering and fitting, and steps of each fit. A difference steps by this share of the typical value or of
+# the parameter's own distance. A round moves a parameter by at most so many steps, and is the last below a half.
+_RENDER_ROUNDS, _RENDER_STEPS = 2, 4
+_STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
+_TRUSTED, _SETTLED = 6.0, 0.5
+_Images = Mapping[ImageKey, np.ndarray]
+# Nodes of the piecewise linear curve, evenly spaced in the logarithm of the value; steps of the fit with it.
+_NODES, _CURVE_STEPS = 10, 4
+# Fits take a few steps on few images from the best start, and from a second one with this part of its gain, unless the
+# first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2
+# hardly falls; the others are only measured there.
+_STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
+# An effect whose formula was never measured may miss this share of its squared signature.
+_UNMEASURED = 1.0 / 3.0
+
+
+class Rendering(Protocol):
+    """Renders a capture's train frames under a model, with the same random numbers in every call: light (direct,
+    indirect, ambient), float32 [3][height][width]."""
+
+    def __call__(self, model: Model) -> _Images: ...
+
+
+@dataclass(frozen=True)
+class _Rendered:
+    """Replaces an effect's formula by rendered images: its change of the light [3][height][width] at parameters theta,
+    and the slopes of that change by each parameter ({} if it has none)."""
+
+    effect: Effect
+    theta: np.ndarray
+    change: _Images
+    slopes: tuple[_Images, ...]
+
+    def emulated(self) -> Effect:
+        """Returns the effect with these images as its image function; neutral amplitudes change nothing."""
+        return replace(self.effect, apply=self._apply)
+
+    @computed_once
+    def content(self) -> str:
+        """Returns a hash of the images, for a FitCache."""
+        return content_key(self.theta, self.change, self.slopes)
+
+    def _apply(self, light: Light, view: View, **values: float) -> Light:
+        given, key = np.array([values[p.name] for p in self.effect.parameters]), (view.frame.id, view.side)
+        amplitudes = [v == p.neutral for p, v in zip(self.effect.parameters, given, strict=True) if p.neutral == 0.0]
+        if all(amplitudes):
+            return light
+        change = self.change[key]
+        for away, slope in zip(given - self.theta, self.slopes, strict=True):
+            if away and slope:
+                change = change + away * slope[key]
+        images = zip((light.direct, light.indirect, light.ambient), change, strict=True)
+        direct, indirect, ambient = (np.maximum(old + new, 0.0) for old, new in images)
+        return replace(light, direct=direct, indirect=indirect, ambient=ambient)
+
+
+def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> Solution:
+    """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the new
+    fit, or `start` if it is no better."""
+    effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
+    without = rendering(Model())
+
+    def change(values: np.ndarray) -> _Images:
+        named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
+        images = rendering(Model().with_effect(effect, **named))
+        return {key: image - without[key] for key, image in images.items()}
+
+    best, theta, phi = start, start.theta, start.phi
+    for _ in range(_RENDER_ROUNDS):
+        here, steps = change(theta[own]), _steps(effect, theta[own])
+        slopes: list[_Images] = []
+        for j, step in enumerate(steps):
+            there = change(np.where(np.arange(len(steps)) == j, theta[own] + step, theta[own])) if step else {}
+            slopes.append({key: (image - here[key]) / step for key, image in there.items()})
+        emulated = _Rendered(effect, theta[own].copy(), here, tuple(slopes)).emulated()
+        pairs = tuple((emulated if e.id == emulated.id else e, p) for e, p in start.space.pairs)
+        solution = fitter.refine(replace(start.space, pairs=pairs), theta, phi, _RENDER_STEPS)
+        best = min(best, solution, key=lambda s: s.sums.total)
+        reach = np.abs(steps)
+        moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
+        is_settled = (np.abs(moved - theta[own]) <= _SETTLED * reach).all()
+        theta, phi = np.concatenate([solution.theta[: own.start], moved]), solution.phi
+        if is_settled:
+            break
+    return best
+
+
+def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
+    """Returns steps of differences inside the range; 0 for choices and for parameters that the engine lacks."""
+    out = []
+    for p, v in zip(effect.parameters, values, strict=True):
+        step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)
+        out.append(0.0 if p.choice or not p.in_engine else -step if v + step > p.high else step)
+    return np.array(out)
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A response effect followed by a curve that adds `added` DN at signals of `nodes` DN above black, linear
+    between."""
+
+    effect: Effect
+    nodes: NDArray[np.float64]
+    added: NDArray[np.float64]
+
+    def bent(self) -> Effect:
+        """Returns the effect with the curve added; neutral parameters change nothing."""
+        return replace(self.effect, apply=self._apply)
+
+    @computed_once
+    def content(self) -> str:
+        """Returns a hash of the curve, for a FitCache."""
+        return content_key(self.nodes, self.added)
+
+    def _apply(self, signal: NDArray[np.float64], view: View, **values: float) -> NDArray[np.float64]:
+        if values == self.effect.neutral_values:
+            return signal
+        value = self.effect.apply(signal, view, **values)
+        return np.asarray(value + np.interp(value, self.nodes, self.added))
+
+
+def is_response(effect: Effect) -> bool:
+    """Returns whether an effect is a response curve that all pixels share."""
+    return effect.stage is Stage.READOUT and effect.is_pointwise
+
+
+def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
+    """Adds a free correction curve to the last named effect if it is a response curve, and fits again; other fits are
+    returned unchanged."""
+    if not solution.effects or not is_response(solution.effects[-1]):
+        return solution
+    effect = solution.effects[-1]
+    linear, own = linearised(fitter, solution), len(solution.theta)
+    pixels = fitter.pixels()
+    weight = np.concatenate([p.root_weight for p in pixels])
+    measured = np.concatenate([p.measured for p in pixels])
+    value = measured - linear.residual / np.maximum(weight, 1e-12) - solution.phi[SCALES - 1]
+    nodes = np.geomspace(max(np.quantile(value, 0.02), 1.0), pixels[0].observation.view.max_dn, _NODES)
+    curve = np.stack([np.interp(value, nodes, row) * weight for row in np.eye(_NODES)]).astype(np.float32)
+    columns = np.concatenate([linear.nuisances[own:], curve])
+    gram = (columns @ columns.T).astype(np.float64)
+    prior = np.concatenate([linear.precision[own:], np.full(_NODES, 1e-3)])
+    pull = np.concatenate([linear.pull[own:], np.zeros(_NODES)])
+    norm = np.sqrt(np.diag(gram) + prior)
+    moment = (columns @ linear.residual - pull) / norm
+    step = np.linalg.lstsq((gram + np.diag(prior)) / np.outer(norm, norm), moment, rcond=1e-9)[0] / norm
+    bent = _Curve(effect, nodes, step[-_NODES:]).bent()
+    values = next(values for e, values in solution.model.effects if e is effect)
+    space = ParameterSpace.of(solution.model.with_effect(bent, **values))
+    return fitter.refine(space, space.start, solution.phi, _CURVE_STEPS)
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A fit of an effect beside a model. rendered: whether images that the engine rendered replaced the effect's
+    formula."""
+
+    solution: Solution
+    rendered: bool = False
+
+    @property
+    def chi2(self) -> float:
+        return self.solution.sums.total
+
+
+def refits(
+    fitter: Fitter,
+    scored: Fitter,
+    model: Model,
+    phi: np.ndarray,
+    chosen: Sequence[Candidate],
+    base_chi2: float,
+    rendering: Rendering | None,
+    workers: int,
+) -> dict[str, Refit]:
+    """Fits each chosen effect beside a model, one at a time; returns {effect: Refit}. scored: fits few images, for the
+    first steps. phi: nuisances to start from. base_chi2: chi2 of the model alone. rendering: renders what changes the
+    path of light in place of its formula; None keeps the formulas."""
+    starts = {c.best.atom.effect.id: c.starts for c in chosen}
+    spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
+    base = ParameterSpace.of(model)
+    base_of_few = scored.nuisance_fit(base, base.start, phi)[1]
+
+    def fit(space: ParameterSpace) -> Solution:
+        return _from_starts(scored, space, starts[_name(space)], phi, base_of_few)
+
+    first = _side_by_side(scored, fit, spaces, workers)
+    gains = {name: base_of_few - f.chi2 for name, f in first.items()}
+
+    def settled(space: ParameterSpace) -> Solution:
+        name = _name(space)
+        is_close = gains[name] >= _CLOSE * max(gains.values())
+        s = first[name].solution
+        return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 0, _TOLERANCE)
+
+    found = _side_by_side(fitter, settled, spaces, workers)
+    most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
+    for name, f in found.items():
+        effect = f.solution.effects[-1]
+        if rendering is not None and effect.engine is not None and Stage.MEDIUM <= effect.stage <= Stage.SURFACE:
+            if base_chi2 - f.chi2 > (1.0 - formula_error(effect, _UNMEASURED)) * most:
+                rendered = fitted_to_renders(fitter, f.solution, rendering)
+                found[name] = Refit(rendered, rendered is not f.solution)
+    return found
+
+
+def formula_error(effect: Effect, otherwise: float) -> float:
+    """Returns the share of an effect's squared signature that its formula misses, as measured against the engines;
+    `otherwise` if it was never measured."""
+    measured = known_differences().get(effect.id)
+    return otherwise if measured is None else min(measured**2, _UNMEASURED)
+
+
+def _name(space: ParameterSpace) -> str:
+    """Returns the id of the effect that is fitted."""
+    return space.pairs[-1][0].id
+
+
+def _side_by_side(
+    fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
+) -> dict[str, Refit]:
+    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in `workers` processes."""
+    if fitter.memory is not None:
+        fitter.memory.make_ahead(fit, [space for space in spaces if fit_key("", space) is not None], workers)
+    return {_name(space): Refit(fit(space)) for space in spaces}
+
+
+def _from_starts(
+    fitter: Fitter,
+    space: ParameterSpace,
+    starts: Sequence[tuple[Atom, Mapping[str, float]]],
+    phi: np.ndarray,
+    base_chi2: float,
+) -> Solution:
+    """Fits an effect from several starts and from neutral; returns the best fit. Each start is evaluated once, and only
+    the promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks.
+    Each fit begins at the nuisances of its start: far from them a step may fail. base_chi2: chi2 at neutral."""
+    effect = space.pairs[-1][0]
+    own = len(space.start) - len(effect.parameters)
+    thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for _, start in starts]
+
+    def look() -> dict[str, np.ndarray]:
+        fits = [fitter.nuisance_fit(space, theta, phi) for theta in thetas]
+        return {"phi": np.array([fitted for fitted, _ in fits]), "chi2": np.array([chi2 for _, chi2 in fits])}
+
+    looked = fitter.remembered(look, space, thetas, phi)
+    seen, phis = np.append(looked["chi2"], base_chi2), [*looked["phi"], phi]
+    thetas, atoms = [*thetas, space.start], [*(atom for atom, _ in starts), None]
+    best, *others = np.argsort(seen)
+    gain, fit = base_chi2 - seen, fitter.refine(space, thetas[best], phis[best], _STEPS)
+    left = fit.sums.total - sum(o.pixels for o in fitter.observations)
+    if left < _NOTHING * (base_chi2 - fit.sums.total):
+        return fit
+    rivals = [k for k in others if gain[k] > _RIVAL * gain[best] and (effect.starts or atoms[k] is not atoms[best])]
+    rivals = [fitter.refine(space, thetas[k], phis[k], _STEPS) for k in rivals[: None if effect.starts else 1]]
+    return min([fit, *rivals], key=lambda f: f.sums.total)

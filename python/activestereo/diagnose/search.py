@@ -1,0 +1,489 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search: score all effects, fit the few that matter, name the best as missing, and repeat until none passes.
+
+One dictionary of image changes serves all rounds. After an effect is named the weights are estimated again, because it
+had passed for noise and misplaced edges. The rig's geometry is measured again too.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import SIDES, ImageKey
+from activestereo.diagnose.dictionary import Atom, atoms_of, carried, columns_of, first_shapes, numbered, start_images
+from activestereo.diagnose.evidence import Evidence, one_of_each_situation
+from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, has_sparse_draws
+from activestereo.diagnose.fitter import Fitter, ImageResidual, ParameterSpace, Solution
+from activestereo.diagnose.gather import weighed_again
+from activestereo.diagnose.goodness import design_effect, local_structure, occam_nats
+from activestereo.diagnose.linear import Columns, Linear, fitted_model, linearised, scores, some_pixels
+from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
+from activestereo.diagnose.pixels import SCALES
+from activestereo.diagnose.refit import Refit, formula_error, is_response, refit_free_curve, refits
+from activestereo.diagnose.selection import (
+    Candidate,
+    calibrated,
+    candidates,
+    credible,
+    freed,
+    gain_beyond,
+    gain_by_chance,
+    stand_ins,
+)
+from activestereo.diagnose.settings import Settings
+from activestereo.diagnose.verdict import Remainder
+from activestereo.effects import Effect, Model, Stage, builtin
+from activestereo.effects.core.judging import Channel, CodeSteps, Lever
+
+# The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
+# its score. Beyond so many times the needed gain, chance and random fields need no check.
+_FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
+# Effects lead the first look if one shape gains this part of the best one's gain.
+_LEADS = 0.1
+# A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
+_SETTLING, _SETTLED = 8, 1e-4
+# Steps of a fit from each narrow peak of a named effect. Rivals with this part of a name's gain may take its place.
+_PEAK, _NEAR_SWAP = 3, 0.6
+# The penalty of a random field's parameters, nats, in place of occam_nats().
+_OF_A_FIELD = -3.0
+# Albedos may be off by so many stated deviations where a named effect changes their meaning.
+_AS_STATED = 0.01
+# A noise term is named only if it is this share of the noise.
+_NOISE_SHARE = 0.1
+Fields = dict[str, tuple[float, FieldFit]]
+
+
+@dataclass(frozen=True)
+class Round:
+    """Holds the results of one round of the search, by effect id: candidates (scores), fields (random fields) and fits.
+    chi2, structure: of the residual before the round. members: {effect: probability} of the effects that fit alike.
+    gain: fall of chi2 by the best effect; floor, chance: the falls that it must exceed. All three are shares of
+    chi2."""
+
+    candidates: dict[str, Candidate]
+    fields: Fields
+    chi2: float
+    floor: float
+    structure: float
+    fits: dict[str, Refit] = field(default_factory=dict)
+    members: dict[str, float] = field(default_factory=dict)
+    gain: float = 0.0
+    chance: float = 0.0
+
+
+@dataclass(frozen=True)
+class Name:
+    """An effect that the search named as missing. members: {effect: probability} of all that this recording cannot tell
+    apart, the effect first. gain: fall of the mean squared residual, in noise variances. missed: share of the gain that
+    the effect's formula may have failed to explain. field: fit of its random field, or None. seen: the round that named
+    it; None if repeated frames showed it."""
+
+    effect: Effect
+    members: dict[str, float]
+    gain: float
+    missed: float = 0.0
+    field: FieldFit | None = None
+    seen: Round | None = None
+
+    @property
+    def id(self) -> str:
+        return self.effect.id
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a search. first, solution: fits without and with the named effects, on a random part of the pixels.
+    rows: residuals of all train images under `solution`, less the predicted random fields. noise: {effect: fitted noise
+    term}. unjudged: {effect: reason}. rest: the numbers behind the verdict."""
+
+    evidence: Evidence
+    fitter: Fitter
+    first: Solution
+    solution: Solution
+    rows: tuple[ImageResidual, ...]
+    names: tuple[Name, ...]
+    noise: dict[str, NoiseTerm]
+    unjudged: dict[str, str]
+    rest: Remainder
+    rounds: tuple[Round, ...]
+
+
+class Search:
+    """Searches for the effects that a given model lacks."""
+
+    def __init__(
+        self, evidence: Evidence, given: Model, effects: Sequence[Effect], settings: Settings | None = None
+    ) -> None:
+        settings, known = settings or Settings(workers=1), {e.id for e, _ in given.effects}
+        self._given, self._effects = given, [e for e in effects if e.id not in known]
+        self._settings, self._numbers, self._rendering = settings, settings.numbers, settings.rendering
+        self._names: list[Name] = []
+        self._drawn: dict[ImageKey, np.ndarray] = {}
+        self._needless: set[str] = set()
+        self._rounds: list[Round] = []
+        self._measured = evidence
+        self._use_evidence(evidence)
+        self._first = self._solution = fitted_model(self._fitter, given, self._fitter.phi0(evidence.nuisances))
+        self._rows = self._whole.residuals(self._solution)
+        self._noise, self._unjudged = self._name_noise()
+        has_steps = any(isinstance(j, CodeSteps) for n in self._names for j in n.effect.judged)
+        self._comb = comb_in(evidence) if has_steps else None
+        self._rounded: dict[ImageKey, NDArray[np.float64]] = {}
+        self._less_rounding()
+        self._structure = self._structure_before = local_structure(self._rows)
+
+    def run(self) -> Outcome:
+        """Adds the best effect to the model until no further effect passes the tests, then returns the Outcome."""
+        linear = linearised(self._scored, self._solution)
+        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
+        made_by = self._settings.workers, self._settings.memory
+        atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
+        columns = self._columns(linear, atoms)
+        while self._name_one(linear, [a for a in atoms if self._is_open(a.effect)], columns):
+            before = linear.fitter
+            self._drop_needless()
+            linear = linearised(self._scored, self._solution)
+            columns = carried(columns, before, self._scored)
+            self._widen_last_set(linear, atoms, columns)
+            self._structure = local_structure(self._rows)
+        explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
+        drawn = sum(n.gain for n in self._names if n.field is not None)
+        left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
+        is_full = sum(n.seen is not None for n in self._names) >= self._numbers.most_names
+        parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
+        in_images = sum(n.seen is not None and n.field is None for n in self._names)
+        rest = Remainder(*parts, names=max(1, in_images), is_full=is_full)
+        return Outcome(
+            self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names),
+            self._noise, self._unjudged, rest, tuple(self._rounds),
+        )  # fmt: skip
+
+    def _columns(self, linear: Linear, atoms: Sequence[Atom]) -> Columns:
+        """Computes the dictionary: one shape of each effect, then all shapes of those that lead, for the first words,
+        then the others."""
+        columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
+        known: dict[int, Atom] = {}
+
+        def compute(chosen: Iterable[Atom]) -> None:
+            new = [atom for atom in chosen if atom.first not in known]
+            made = columns_of(linear, numbered(new), self._settings.workers, self._settings.memory)
+            for atom, alone in zip(new, numbered(new), strict=True):
+                columns[atom.columns()], known[atom.first] = made[alone.columns()], atom
+
+        def look() -> dict[str, Candidate]:
+            seen = np.concatenate([columns[atom.columns()] for atom in known.values()])
+            return candidates(numbered(list(known.values())), scores(linear, seen), self._pixels)
+
+        compute(first_shapes(atoms))
+        if known and (found := look()):
+            least = _LEADS * max(c.gain for c in found.values())
+            compute(atom for atom in atoms if found.get(atom.effect.id) and found[atom.effect.id].gain > least)
+            self._settings.says(f"looks like {', '.join(list(look())[:3])}")
+        compute(atoms)
+        return columns
+
+    @property
+    def _pixels(self) -> int:
+        return sum(o.pixels for o in self._fitter.observations)
+
+    @property
+    def _chi2(self) -> float:
+        return self._solution.sums.total
+
+    @property
+    def _excess(self) -> float:
+        return self._chi2 / self._pixels - 1.0
+
+    def _name_noise(self) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
+        """Fits the effects of temporal noise to repeated frames, and names those that are significant. Returns
+        ({effect: fitted noise term}, {effect: why it was not judged})."""
+        effects = [e for e in self._effects if e.channel is Channel.NOISE_MODEL]
+        terms, unjudged = noise_terms(self._measured, self._given, effects, self._numbers)
+        chance = np.log(len(self._effects) / self._numbers.alpha)
+        for term in terms.values():
+            if term.nats > chance and term.share > _NOISE_SHARE:
+                self._names.append(Name(term.effect, {term.effect.id: 1.0}, 0.0))
+        return terms, unjudged
+
+    def _strain(self) -> float:
+        """Returns the largest move of a pose, focal length or albedo by the named effects, in stated deviations. If air
+        or surface effects are named it is 0, because they change the meaning of an albedo. If no effect is named, it is
+        the second largest albedo's distance, since one albedo may be measured wrong."""
+        if not self._names:
+            return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
+        if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
+            return 0.0
+        return self._fitter.prior_sigmas(self._solution, self._first)
+
+    def _use_evidence(self, evidence: Evidence) -> None:
+        """Replaces the evidence, and makes new fitters: of all train pixels, of a random part, and of this part in one
+        image of each situation, for scores and first steps."""
+        self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
+        self._whole = Fitter(evidence.train, *sized)
+        self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
+        few = one_of_each_situation(self._fitter.observations, share=1.0)
+        self._scored = Fitter(few, *sized, memory=self._settings.memory)
+
+    def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
+        """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether one was
+        named. atoms, columns: all trial shapes of effects and their image changes."""
+        numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
+        formulas = [n.effect for n in self._names if n.id in in_model]
+        linear = freed(linear, formulas, numbers.formula_error)
+        seen = scores(linear, columns)
+        found = candidates(atoms, seen, self._pixels)
+        if found and not self._rounds:
+            self._say_own_ranks(found)
+        floor = self._floor()
+        by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
+        fields: Fields = {}
+        if by_line < _CLEAR * floor or self._names:
+            unnamed = filter(self._is_open, self._effects)
+            fields = fields_of(unnamed, self._rows, float(self._solution.phi[SCALES - 1]), numbers)
+        # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
+        # images of one camera share.
+        drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
+        fields = {name: f for name, f in fields.items() if f[0] * self._chi2 > drawn * self._pixels}
+        by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
+        now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
+        self._rounds.append(now)
+        if sum(n.seen is not None for n in self._names) == numbers.most_names or max(by_line, by_draws) < floor:
+            return False
+        fits = self._fits(found)
+        now = self._rounds[-1] = replace(now, fits=fits)
+        left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
+        for name, (share, _) in fields.items():
+            # Draws leave no structure, unless neighbouring pixels share them.
+            may_be = self._structure < numbers.structure or has_extended_draws(self._effect(name))
+            if may_be and self._chi2 * share > self._missed([n.missed for n in self._names]):
+                left[name] = self._chi2 * (1.0 - share)
+        if not left:
+            return False
+        # Offsets of all places can imitate outliers, which come first where they are more than an error of these.
+        best = min(left, key=lambda name: left[name])
+        if best in fields and all(term.lever is Lever.ONE for term in self._effect(best).random_terms):
+            least = numbers.formula_error * (self._chi2 - left[best])
+            sparse = (n for n in left if n in fields and has_sparse_draws(self._effect(n)))
+            left = {n: left[n] for n in sparse if self._chi2 - left[n] > least} or left
+        members = self._members(left, fits)
+        name = next(iter(members))
+        gain = self._chi2 - left[name]
+        chance = gain_by_chance(atoms, seen, numbers.alpha) if gain < _CLEAR * floor else 0.0
+        now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
+        if gain < max(floor, chance):
+            return False
+        effect = self._effect(name)
+        missed = numbers.formula_error
+        if name in fits and not (fits[name].rendered or is_response(effect)):
+            missed = max(2.0 * missed, formula_error(effect, missed))
+        field = fields[name][1] if name not in fits else None
+        named = Name(effect, members, gain / self._pixels, missed, field, now)
+        self._names.append(named)
+        if named.field is not None:  # its predicted draws are taken off the images
+            pairs = zip(self._rows, named.field.residuals, strict=True)
+            self._take_off({row.observation.key: row.residual - rest for row, rest in pairs})
+            self._fit_again(self._solution)
+        elif self._accept(fits[name].solution):
+            self._swap_last()
+        return True
+
+    def _widen_last_set(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> None:
+        """Adds effects to the last named one's set that can imitate a part of its image change (stand_ins()). Together
+        they get the probability 1 - Numbers.credible."""
+        name = self._names[-1] if self._names else None
+        if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
+            return
+        kin = [a for a in atoms if a.effect.family == name.effect.family and a.effect.id not in name.members]
+        others = [a for a in kin if self._is_open(a.effect)]
+        rows = np.concatenate([columns[:0], *(columns[atom.columns()] for atom in others)])
+        floor = self._floor() / self._pixels
+        if more := stand_ins(linear, name.effect, numbered(others), rows, floor, self._numbers):
+            left_out = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
+            kept = {member: p * self._numbers.credible for member, p in name.members.items()}
+            self._names[-1] = replace(name, members=kept | left_out)
+
+    def _say_own_ranks(self, found: Mapping[str, Candidate]) -> None:
+        """Reports the rank of each user's own effect by its score."""
+        best = max(c.gain for c in found.values())
+        for rank, (name, c) in enumerate(found.items(), 1):
+            if builtin().get(name) is not c.best.atom.effect:
+                shares = f"{100 * c.gain / self._chi2:.1f} % of the error, the best one {100 * best / self._chi2:.1f} %"
+                self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
+
+    def _floor(self) -> float:
+        """Returns the fall of chi2 that an effect needs to be named: a share of chi2 beyond noise, with a minimum."""
+        return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
+
+    def _is_another(self, linear: Linear, fit: Refit) -> bool:
+        """Returns whether a fit explains more than errors of the named effects' formulas can. Either its gain exceeds
+        these errors, or the part of its gain that they cannot imitate does. The second counts only for another family:
+        the error of a distortion's formula is a distortion."""
+        if self._chi2 - fit.chi2 > self._missed([n.missed for n in self._names]):
+            return True
+        if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
+            return False
+        usual = self._numbers.formula_error
+        own = [usual if n.field else min(usual, formula_error(n.effect, usual)) for n in self._names]
+        beyond = gain_beyond(linear, fit.solution) * self._pixels / len(linear.residual)
+        return beyond > max(self._floor(), self._missed(own))
+
+    def _missed(self, shares: Sequence[float]) -> float:
+        """Returns the fall of chi2 that the named effects' formulas may have missed. shares: of each effect's gain."""
+        return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
+
+    def _effect(self, name: str) -> Effect:
+        return next(e for e in self._effects if e.id == name)
+
+    def _is_open(self, effect: Effect) -> bool:
+        """Returns whether an effect may still be named. One that was dropped stays out, so that the search ends."""
+        return effect.id not in self._needless | {n.id for n in self._names}
+
+    def _fits(self, found: dict[str, Candidate]) -> dict[str, Refit]:
+        most = max((c.gain for c in found.values()), default=0.0)
+        chosen = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
+        model, phi = self._solution.model, self._solution.phi
+        return refits(
+            self._fitter, self._scored, model, phi, chosen, self._chi2, self._rendering, self._settings.workers
+        )
+
+    def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
+        """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: chi2 that
+        each effect leaves. Fast formulas of effects are not exact, so odds count in units of their error: the
+        measured one or the usual one, with equal weight."""
+        best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
+        solution = fits[best].solution if best in fits else self._solution
+        design = design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
+        nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
+
+        def occam(fit: Refit | None, design: float) -> float:
+            if fit is None:
+                return _OF_A_FIELD
+            return occam_nats(self._fitter, fit.solution, fit.solution.effects[-1], design)
+
+        def logs(names: Iterable[str], missed: float) -> dict[str, float]:
+            unit = max(1.0, missed * nats[best])
+            return {name: nats[name] / unit + occam(fits.get(name), design * unit) for name in names}
+
+        question = credible(logs(nats, share), 1.0 - self._numbers.alpha)
+        measured = max(formula_error(e, share) for e in self._effects if e.id in question)
+        sharp = credible(logs(question, min(measured, share)), 1.0)
+        both = {name: float(np.log(p + sharp.get(name, 0.0))) for name, p in question.items()}
+        return calibrated(credible(both, self._numbers.credible))
+
+    def _accept(self, fit: Solution) -> bool:
+        """Continues the search from a fit with one more named effect: estimates the poses and the weights again under
+        it, and refits. Returns whether the poses changed."""
+        evidence = before = self._evidence
+        if self._settings.located is not None and not evidence.geometry.is_as_stated():
+            there, self._rendering = self._settings.located(restore_functions(fit.model, self._effects), evidence)
+            if there is not evidence:  # its images still hold the draws taken off before
+                evidence = self._less_draws(there, self._drawn)
+                self._use_evidence(evidence)
+                phi = np.append(fit.phi[:SCALES], np.zeros(len(fit.phi) - SCALES))
+                fit = self._fitter.refine(fit.space, fit.theta, phi, _SETTLING, _SETTLED)
+        self._use_evidence(evidence)
+        rows = self._whole.residuals(fit)
+        self._use_evidence(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
+        self._fit_again(self._refit_at_peaks(fit))
+        self._less_rounding()
+        return evidence is not before
+
+    def _less_rounding(self) -> None:
+        """Subtracts the mean rounding error of coarse digital steps from the images, as the current fit predicts it.
+        Frames of one view share this error, so it would look like an effect of light."""
+        if self._comb is None:
+            return
+        noise, rounded = self._evidence.noise_model, {}
+        for o, expected, *_ in self._rows:
+            rounded[o.key] = self._comb.mean_error(expected, noise.variance(expected, o.frame.gain))
+        more = {key: image - self._rounded.get(key, 0.0) for key, image in rounded.items()}
+        self._rounded = rounded
+        self._take_off(more)
+        self._fit_again(self._solution)
+
+    def _swap_last(self) -> None:
+        """Replaces the effect named last by a rival of its round that explains clearly more after the poses were
+        corrected. The earlier poses, found without the rival, had absorbed a part of its image change."""
+        name = self._names[-1]
+        assert name.seen is not None
+        model, fits = self._solution.model.without_effect(name.id), []
+        for rival in (f.solution for id, f in name.seen.fits.items() if id != name.id):
+            if name.seen.chi2 - rival.sums.total > _NEAR_SWAP * name.gain * self._pixels:
+                effect, values = next((e, v) for e, v in rival.model.effects if e.id == rival.effects[-1].id)
+                space = ParameterSpace.of(model.with_effect(effect, **values))
+                fits.append(self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED))
+        best = min(fits, key=lambda f: f.sums.total, default=self._solution)
+        gain = name.gain + (self._chi2 - best.sums.total) / self._pixels
+        if gain > (1.0 + self._numbers.formula_error) * name.gain:
+            effect = self._effect(best.effects[-1].id)
+            self._names[-1] = replace(name, effect=effect, members={effect.id: 1.0}, gain=gain)
+            self._accept(best)
+
+    def _refit_at_peaks(self, fit: Solution) -> Solution:
+        """Refits earlier effects that have several narrow likelihood peaks (Effect.starts) at their best peak beside
+        the effect named last; returns the fit."""
+        for effect in [e for e in fit.effects[:-1] if e.starts is not None]:
+            without = fitted_model(self._fitter, fit.model.without_effect(effect.id), fit.phi)
+            own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
+            fits = [self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)]
+            assert effect.starts is not None
+            for start in effect.starts(start_images(linearised(self._fitter, without))):
+                values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, fit.theta, strict=True)]
+                theta = np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta)
+                fits.append(self._fitter.refine(fit.space, theta, fit.phi, _PEAK))
+            fit = min(fits, key=lambda f: f.sums.total)
+        return fit
+
+    def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
+        """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""
+        self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
+        self._use_evidence(self._less_draws(self._evidence, drawn))
+
+    @staticmethod
+    def _less_draws(evidence: Evidence, drawn: Mapping[ImageKey, np.ndarray]) -> Evidence:
+        train = tuple(replace(o, measured=o.measured - drawn.get(o.key, 0.0)) for o in evidence.train)
+        return replace(evidence, train=train)
+
+    def _fit_again(self, fit: Solution) -> None:
+        start, prior = ParameterSpace.of(self._given), self._evidence.nuisance_prior()
+        without = self._fitter
+        if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):  # albedos would take its place
+            albedos = slice(len(SIDES), len(SIDES) + prior.materials)
+            sigma = prior.sigma.copy()
+            sigma[albedos] *= _AS_STATED
+            observations, tiles = self._fitter.observations, self._evidence.tiles
+            without = Fitter(observations, replace(prior, sigma=sigma), tiles, memory=self._settings.memory)
+        fits = (
+            lambda: self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED),
+            lambda: without.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED),
+        )
+        if self._settings.memory is not None:
+            self._settings.memory.make_ahead(lambda make: make(), fits, self._settings.workers)
+        settled, self._first = (make() for make in fits)
+        self._solution = refit_free_curve(self._fitter, settled)
+        self._rows = self._whole.residuals(self._solution)
+        if not any(n.field is not None for n in self._names):
+            self._structure_before = local_structure(self._whole.residuals(self._first))
+
+    def _drop_needless(self) -> None:
+        """Drops named effects, weakest first, if chi2 without them rises by too little to name them. Random fields
+        and noise stay."""
+        for name in sorted(self._names, key=lambda n: n.gain):
+            if name.field is not None or name.seen is None:
+                continue
+            space, without = ParameterSpace.of(self._solution.model.without_effect(name.id)), self._first
+            if len(space.pairs) > len(without.space.pairs):
+                without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED)
+            if without.sums.total - self._chi2 < self._numbers.least_excess * self._pixels:
+                self._names.remove(name)
+                self._needless.add(name.id)
+                self._solution = without
+                self._rows = self._whole.residuals(without)
+
+
+def restore_functions(model: Model, candidates: Sequence[Effect]) -> Model:
+    """Returns the model with its effects' own image functions in place of rendered ones."""
+    own = {e.id: e for e in candidates}
+    return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))

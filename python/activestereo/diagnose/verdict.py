@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gives the verdict and its probability from the error that is explained, the error that is left and its structure."""
+
+from dataclasses import dataclass
+
+from activestereo.diagnose.numbers import Numbers
+
+EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
+# How often first names were right in training cases of the benchmark suite that hide something, outside of the library
+# too: of generations 50525 and 81119, when test frames counted once, and 82612, by missing() as it is. A set of
+# black_level and dark_signal counts as right where the truth is one of the two.
+# (upper end of missing(), first names that were right, all first names)
+_COUNTED = ((0.5, 264, 264), (1.0, 30, 31), (2.0, 5, 16), (float("inf"), 3, 22))
+# The same for searches without a name: they are right if a case hides nothing, or less than counts as detectable.
+_NONE_COUNTED = ((1.0, 239, 245), (float("inf"), 0, 7))
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """The numbers of a verdict, in noise variances unless stated otherwise.
+
+    explained: the fall of the mean square by all named effects; drawn: its part by random draws. left: the mean square
+    above the noise. structure, structure_before: of the residual with and without named effects (goodness.py).
+    strain: how far a named effect moves the rig or an albedo from its stated value, in stated deviations; if none is
+    named, the second farthest albedo. test_explained, test_left: explained and left on test frames, None if they tell
+    nothing. names: how many effects of expected images are named, at least 1. is_full: whether the search reached its
+    largest number of names.
+    """
+
+    explained: float
+    left: float
+    structure: float
+    structure_before: float
+    strain: float = 0.0
+    drawn: float = 0.0
+    test_explained: float | None = None
+    test_left: float | None = None
+    names: int = 1
+    is_full: bool = False
+
+
+def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
+    """Returns the remaining error in units of the error that may remain: beyond 1 an effect is still missing.
+
+    If none is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
+    their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
+    Beside other effects the structure must be a small part of what one name took of the first one, for formulas are not
+    exact; names that share out an effect of no library leave more. No more error may be left than is explained in
+    expected images, neither on train nor on test frames. Test frames must confirm either case; beside a named effect
+    they count twice as much as train frames.
+    """
+    if rest.is_full:
+        return float("inf")
+    is_tested, test_left = rest.test_left is not None, max(rest.test_left or 0.0, 0.0)
+    test_explained = rest.test_explained or 0.0
+    unconfirmed = test_left / max(test_explained, numbers.scene_error)
+    in_images = rest.explained - rest.drawn
+    if not is_named or in_images < numbers.least_excess:
+        structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
+        return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
+    structure = max(rest.structure, 0.0)
+    structure *= min(1.0, rest.names * structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
+    train = max(structure, rest.left / max(in_images, numbers.structure))
+    beside = train / 2.0 + unconfirmed if is_tested else train
+    return max(beside, rest.strain / numbers.strain, test_left / max(test_explained, numbers.structure))
+
+
+def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:
+    """Returns EFFECT, NONE, UNKNOWN or UNDETERMINED. is_named: whether an effect was named. has_floor: whether the
+    noise was measured."""
+    if not is_named and not has_floor:
+        return UNDETERMINED
+    if missing(rest, is_named, numbers) > 1.0:
+        return UNKNOWN
+    return EFFECT if is_named else NONE
+
+
+def probability_right(beyond: float, is_named: bool) -> float:
+    """Returns the probability that the effect named first (or that none is missing) is right, by Laplace's rule of
+    succession. beyond: the result of missing()."""
+    counted = _COUNTED if is_named else _NONE_COUNTED
+    right, all_of_them = next((right, n) for limit, right, n in counted if beyond <= limit)
+    return (right + 1) / (all_of_them + 2)
