@@ -28,10 +28,11 @@ _IR_ALBEDO = 0.5
 
 @dataclass(frozen=True)
 class HeightField:
-    """A measured surface. share: part of the depth image that it covers. frames: number of repeats whose median it
-    is."""
+    """A measured surface in world axes. camera_to_world: of the left camera that saw it. share: part of the depth image
+    that it covers. frames: number of repeats whose median it is."""
 
     mesh: Mesh
+    camera_to_world: NDArray[np.float64]
     share: float
     frames: int
 
@@ -40,20 +41,18 @@ def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2
     """Makes the surface, in world axes, from all frames at the pose of a frame; None: the first frame with depth.
     step_px: pixels between its vertices. Raises ValueError if no such frame has depth, or if hardly any of it is
     measured."""
-    with_depth = [f for f in capture.frames if f.depth_path is not None and frame_id in (None, f.id)]
+    known = [f for f in capture.frames if f.depth_path is not None]
+    with_depth = [f for f in known if frame_id in (None, f.id)]
     if not with_depth:
         which = "every frame" if frame_id is None else f"frames[id={frame_id}] is not there or"
         raise ValueError(f"{capture.path}: {which} has no depth: record the depth stream, too")
     pose = with_depth[0].camera_to_world
-    repeats = [
-        f for f in capture.frames if f.depth_path is not None and np.allclose(f.camera_to_world, pose, atol=1e-9)
-    ]
+    repeats = [f for f in known if np.allclose(f.camera_to_world, pose, atol=1e-9)]
     # 1. The median of each pixel's measured values; 0 where fewer than half of the frames have one.
     stack = np.array([capture.depth(frame) for frame in repeats], dtype=np.float64)
-    known = stack > 0
-    often = known.sum(axis=0) * 2 > len(repeats)
+    often = (stack > 0).sum(axis=0) * 2 > len(repeats)
     depth = np.zeros(stack.shape[1:])
-    depth[often] = np.nanmedian(np.where(known, stack, np.nan)[:, often], axis=0)
+    depth[often] = np.nanmedian(np.where(stack > 0, stack, np.nan)[:, often], axis=0)
     smooth = median_filter(depth, _MEDIAN_PX)
     depth = np.where((depth > 0) & (np.abs(smooth - depth) < _JUMP * depth), smooth, depth)
     # 2. Triangles of neighbours that belong to one surface.
@@ -76,22 +75,20 @@ def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2
     used, triangles = np.unique(triangles, return_inverse=True)
     own = normals[used] / np.maximum(np.linalg.norm(normals[used], axis=1, keepdims=True), 1e-30)
     uvs = np.stack([u / depth.shape[1], v / depth.shape[0]], axis=-1).reshape(-1, 2)[used]
-    return HeightField(Mesh.from_arrays(points[used], own, uvs, triangles.reshape(-1, 3)), float(share), len(repeats))
+    mesh = Mesh.from_arrays(points[used], own, uvs, triangles.reshape(-1, 3))
+    return HeightField(mesh, pose, float(share), len(repeats))
 
 
-def write_height_field(path: Path, field: HeightField, capture: Capture, pose: NDArray[np.float64]) -> None:
-    """Writes a scene file with the surface and, at `pose`, the camera that measured it."""
+def write_height_field(path: Path, field: HeightField, capture: Capture) -> None:
+    """Writes a scene file with the surface and the camera that measured it."""
     writer = GltfWriter("activestereo calibrate scene")
     gray = {"baseColorFactor": [_IR_ALBEDO] * 3 + [1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
     material = writer.add_material(
-        "measured surface",
-        pbrMetallicRoughness=gray,
-        doubleSided=True,
-        extras={"ir_albedo": _IR_ALBEDO},
+        "measured surface", pbrMetallicRoughness=gray, doubleSided=True, extras={"ir_albedo": _IR_ALBEDO},
         extensions={"KHR_materials_specular": {"specularFactor": 0.0}},
-    )
+    )  # fmt: skip
     writer.add_placed_mesh("measured surface", field.mesh, material, np.eye(4))
     camera = capture.rig.left
     angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
-    writer.add_camera("camera", pose, angle, camera.width / camera.height)
+    writer.add_camera("camera", field.camera_to_world, angle, camera.width / camera.height)
     writer.write(path)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parses and runs the command line `activestereo COMMAND`, and prints every failure as one line. Each command has a
-file of its own here; _COMMANDS lists them."""
+"""Parses and runs the command line `activestereo COMMAND`, and prints every failure as one line. _COMMANDS lists the
+commands' files."""
 
 import argparse
 import io
@@ -21,16 +21,24 @@ if "numpy" not in sys.modules:
 
 import activestereo  # before numpy
 from activestereo.cli import doctor
-from activestereo.cli.arguments import CommandError, Finding
-from activestereo.cli.exit_codes import FAILURE, FINDING, FINE, READER_GONE, STOPPED, USAGE
-from activestereo.cli.parser import Parser
+from activestereo.cli.arguments import (
+    FAILURE,
+    FINDING,
+    FINE,
+    READER_GONE,
+    STOPPED,
+    USAGE,
+    CommandError,
+    Finding,
+    Parser,
+)
 from activestereo.common.own_files import outside_allowed
 from activestereo.common.shown import PlainStream, printable
 
-# Commands in the order of --help, each a file of this package.
+# Files of this package, in the order of their commands in --help.
 _COMMANDS = (
-    "demo", "simulate", "view", "presets", "depth", "pair", "depth_quality", "compare", "diagnose", "add", "model",
-    "calibrate", "import_capture", "overlay", "effect", "benchmark", "generate", "resense", "doctor",
+    "demo", "simulate", "view", "presets", "depth", "pair", "depth_quality", "compare", "diagnose", "model",
+    "calibrate", "import_capture", "overlay", "effect", "benchmark", "generate", "doctor",
 )  # fmt: skip
 
 # Printed without a command; README.md has the same table.
@@ -73,8 +81,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command given by `arguments` (None for sys.argv) and returns its exit status, a constant of
-    exit_codes.py."""
+    """Runs the command given by `arguments` (None for sys.argv) and returns its exit status, one of EXIT_CODES."""
     if "_ARGCOMPLETE" in os.environ:  # a shell asks for completions, and the process ends here
         import argcomplete
 

@@ -1,30 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines argument types and options that several commands share. A wrong text raises an error that says how to write
-it."""
+"""Defines the parser of all commands, whose errors are one line with the nearest known name, and the argument types and
+options that several commands share."""
+
+from __future__ import annotations
 
 import argparse
 import json
 import math
+import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from textwrap import wrap
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 
 from activestereo.common.baseline import unit_question
 from activestereo.common.input_files import read_json_object
 from activestereo.common.limits import camera_matrix_fault
-from activestereo.common.nearest import unknown
+from activestereo.common.nearest import did_you_mean, nearest, unknown
 from activestereo.common.output_files import check_target, finite
 from activestereo.common.parameter import RENDER
 from activestereo.common.pose import rigid_fault
+from activestereo.common.shown import printable
+from activestereo.report.screen import COLUMNS, Step, command, screen
 
-if TYPE_CHECKING:
-    from activestereo.report.screen import Step
+# The exit status of every command; examples/guide/command_line.md explains them to users.
+FINE = 0
+FINDING = 1  # the command did its work and found a fault in its subject
+USAGE = 2  # an option or a file is wrong
+FAILURE = 3  # the device or the program failed
+STOPPED = 130  # from the keyboard: 128 + SIGINT
+READER_GONE = 141  # of a pipe: 128 + SIGPIPE
+EXIT_CODES = FINE, FINDING, USAGE, FAILURE, STOPPED, READER_GONE
 
 # The main parser's subparsers; each command's add_parser() adds one.
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
-_MAX_BOUNCES = next(p for p in RENDER if p.name == "max_bounces")
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+_MAX_BOUNCES = next(p.default for p in RENDER if p.name == "max_bounces")
 
 
 class CommandError(Exception):
@@ -33,6 +47,122 @@ class CommandError(Exception):
 
 class Finding(Exception):
     """Reports that a check found a fault in its subject. Its text is the one line that the user sees."""
+
+
+class Help(argparse.RawDescriptionHelpFormatter):
+    """Keeps a description's own line breaks, but rewraps paragraphs, lists and commands that are wider than the
+    terminal."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        parts: list[list[str]] = []  # paragraphs and list entries; a blank line is a part of its own
+        for line in text.splitlines():
+            first = parts[-1][0] if parts else ""
+            is_prose = _indent(line) == 0 == _indent(first)
+            if first and line and (is_prose or _indent(line) >= _hang(first) > 0):
+                parts[-1].append(line)
+            else:
+                parts.append([line])
+        return "\n".join(line for part in parts for line in _filled(part))
+
+
+def _filled(part: Sequence[str]) -> list[str]:
+    if max(map(len, part)) <= COLUMNS:
+        return list(part)
+    start, hang = _indent(part[0]), _hang(part[0])
+    text = " ".join(line.strip().removesuffix("\\").rstrip() for line in part)
+    if text.startswith("activestereo "):
+        lines = wrap(text, COLUMNS - start - 2, subsequent_indent="    ", break_long_words=False)
+        return [" " * start + line + " \\" * (line is not lines[-1]) for line in lines]
+    return wrap(
+        text, COLUMNS, initial_indent=" " * start, subsequent_indent=" " * hang, break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip())
+
+
+def _hang(line: str) -> int:
+    """Returns the column at which a list entry's continuation lines start; 0 for plain prose."""
+    entry = re.match(r" +\S+(?: \S+)*?  +(?=\S)", line)
+    return entry.end() if entry else _indent(line) + 2 * line.startswith(" ")
+
+
+class Parser(argparse.ArgumentParser):
+    """Extends argparse: errors suggest the nearest known command or option, and --help hides rare options."""
+
+    def __init__(self, *, formatter_class: Any = Help, **own: Any) -> None:
+        super().__init__(formatter_class=formatter_class, **own)
+        self._rare: list[Any] = []  # groups that --help-all alone shows
+
+    def rare_group(self, title: str, description: str | None = None) -> argparse._ArgumentGroup:
+        """Returns a new group for rare options: --help prints its title alone, --help-all its options."""
+        if not self._rare:
+            self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show all options, also the rare ones")
+        self._rare.append(self.add_argument_group(title, description))
+        return self._rare[-1]
+
+    def format_help(self, with_rare: bool = False) -> str:
+        if with_rare or not self._rare:
+            return super().format_help()
+        usual, formatter = [group for group in self._action_groups if group not in self._rare], self._get_formatter()
+        own = [action for group in usual for action in group._group_actions]
+        formatter.add_usage(self.usage, [a for a in self._actions if a in own], self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        for group in usual:
+            formatter.start_section(group.title)
+            formatter.add_text(group.description)
+            formatter.add_arguments(group._group_actions)
+            formatter.end_section()
+        return f"{formatter.format_help()}\nmore (--help-all): {', '.join(group.title for group in self._rare)}\n"
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(USAGE, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parses as argparse does, but reports unknown options first; argparse would report missing arguments before
+        them."""
+        self._refuse_unknown_options(args or ())
+        found, rest = super().parse_known_args(args, namespace)
+        if rest and self._subparsers is None:  # the error names this command, not the whole program
+            self.error(f"unrecognized arguments: {' '.join(rest)}")
+        return found, rest
+
+    def _refuse_unknown_options(self, arguments: Sequence[str]) -> None:
+        own = takewhile(lambda a: a != "--", arguments)
+        if self._subparsers is not None:  # the command's own parser checks the options after it
+            own = takewhile(lambda a: a.startswith("-"), own)
+        known = [name for name in self._option_string_actions if name.startswith("--")]
+        nameless = {f"--{action.dest}": action.metavar or action.dest for action in self._get_positional_actions()}
+        for argument in own:
+            name = argument.partition("=")[0]
+            if name.startswith("--") and " " not in name and not any(other.startswith(name) for other in known):
+                meant = nearest(name, [*nameless, *known])
+                if meant in nameless:
+                    self.error(f"unknown option {name}; {nameless[meant]} is given as a word alone, without {name}")
+                self.error(f"unknown option {name}{did_you_mean(name, known)}")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            what = "command" if action.dest == "command" else "choice"
+            raise argparse.ArgumentError(action, unknown(what, value, map(str, action.choices)))
+
+
+class _HelpAll(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        assert isinstance(parser, Parser)
+        parser._print_message(parser.format_help(with_rare=True), sys.stdout)
+        parser.exit()
+
+
+def add_command(
+    commands: Commands, name: str, summary: str, text: str, run: Callable[[argparse.Namespace], None] | None = None
+) -> Parser:
+    """Adds a command with its help and returns its parser. run: what does the work; None where subcommands do."""
+    parser = commands.add_parser(name, help=summary, description=text)
+    parser.set_defaults(run=run)
+    return parser
 
 
 def numbers(text: str, counts: Sequence[int], what: str) -> np.ndarray:
@@ -56,16 +186,14 @@ def camera_matrix(text: str) -> np.ndarray:
     if len(values) == 4:
         values = np.array([values[0], 0, values[2], 0, values[1], values[3], 0, 0, 1])
     k = values.reshape(3, 3)
-    fault = camera_matrix_fault(k)
-    if fault is not None:
+    if fault := camera_matrix_fault(k):
         raise argparse.ArgumentTypeError(f"'{text}' {fault}")
     return k
 
 
 def transform(text: str) -> np.ndarray:
     matrix = numbers(text, (16,), "a transform").reshape(4, 4)
-    fault = rigid_fault(matrix)
-    if fault is not None:
+    if fault := rigid_fault(matrix):
         raise argparse.ArgumentTypeError(f"the transform {fault}")
     return matrix
 
@@ -119,8 +247,7 @@ def baseline(text: str) -> float:
     value = positive(text)
     if value == 0.0:
         raise argparse.ArgumentTypeError("must be larger than 0 metres")
-    question = unit_question(value)
-    if question is not None:
+    if question := unit_question(value):
         raise argparse.ArgumentTypeError(question)
     return value
 
@@ -181,8 +308,8 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
         "help": "samples per pixel%s (default: 64 up to 848x480, fewer of larger images)",
     }),
     "max_bounces": (("--max-bounces",), {
-        "type": integer_from(0), "default": _MAX_BOUNCES.default, "metavar": "N",
-        "help": f"surface interactions after the first (default: {_MAX_BOUNCES.default})",
+        "type": integer_from(0), "default": _MAX_BOUNCES, "metavar": "N",
+        "help": f"surface interactions after the first (default: {_MAX_BOUNCES})",
     }),
     "seed": (("--seed",), {"type": integer_from(0), "default": 0, "metavar": "N", "help": "%s (default: 0)"}),
     "unit": (("--unit",), {
@@ -232,11 +359,9 @@ def check_paper(args: argparse.Namespace) -> None:
             check_out_file(path)
 
 
-def print_section(args: argparse.Namespace, section: str, text: str, *after: "Step") -> None:
+def print_section(args: argparse.Namespace, section: str, text: str, *after: Step) -> None:
     """Prints the section of a model.json (args.out) that a calibration has written: as JSON under --json, else as
     `text` and commands to run next. text: its first line is the summary; after: the commands; none: `model show`."""
-    from activestereo.report.screen import command, screen
-
     if args.json:
         print_json(read_json_object(args.out).get(section, []))
         return

@@ -6,8 +6,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import Commands, add_shared, carried, integer_from, make_folder, print_json
+from activestereo.cli import arguments as cli
 from activestereo.common.input_files import read_json
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.report.screen import Figure, command, screen
 
 _MOST_BARS = 6
 
@@ -26,37 +28,6 @@ example:
   activestereo benchmark sim-to-real scores.csv networks.csv --real lab
 """
 
-
-def add_parser(commands: Commands) -> None:
-    text = "measure how well simulated depth stands for real depth"
-    benchmarks = commands.add_parser("benchmark", help=text)
-    kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
-    add_realism(kinds)
-    text = "measure how well simulated depth ranks methods as real depth does"
-    parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT)
-    parser.add_argument("scores", type=Path, nargs="+", metavar="SCORES.csv", help="a table of scores")
-    parser.add_argument("--real", default="real", metavar="WORLD", help="the world of reality (default: real)")
-    add_shared(parser, seed="of the resampled views", json=True, verbose="the table of all worlds, in Markdown")
-    parser.set_defaults(run=_run)
-
-
-def _run(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.sim_to_real import agreement_table, agreements, closest, read_scores
-    from activestereo.report.screen import Figure, screen
-
-    found = agreements(read_scores(args.scores), args.real, args.seed)
-    if args.json:
-        print_json({key: {world: own.as_json() for world, own in worlds.items()} for key, worlds in found.items()})
-        return
-    sentence, best = closest(found, args.real)
-    rows = sorted(
-        ((w, c, own) for c, worlds in found.items() for w, own in worlds.items()), key=lambda row: row[0] != best
-    )
-    figures = [Figure(f"{w}, {c}", str(own.pearson), max(own.pearson.value, 0.0)) for w, c, own in rows[:_MOST_BARS]]
-    notes = ["above: Pearson's correlation with the real scores over the methods, 95 %"]
-    print(screen(sentence, figures, notes, details="\n".join(agreement_table(found)), verbose=args.verbose))
-
-
 _REALISM_TEXT = """\
 How close simulated depth comes to a camera's: captures with a scene's model, as
 'calibrate world' or 'calibrate scene' make them, are simulated in nine ways: clean
@@ -74,17 +45,39 @@ examples:
 """
 
 
-def add_realism(kinds: Commands) -> None:
+def add_parser(commands: cli.Commands) -> None:
+    benchmarks = cli.add_command(commands, "benchmark", "measure how well simulated depth stands for real depth", "")
+    kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
     text = "measure how close kinds of simulated depth come to a real camera's"
-    parser = kinds.add_parser("realism", help=text, description=_REALISM_TEXT)
+    parser = cli.add_command(kinds, "realism", text, _REALISM_TEXT, _run_realism)
     text = "a capture's folder, or with =DIR the device's depth of it"
     parser.add_argument("captures", nargs="+", type=_capture, metavar="CAPTURE[=DIR]", help=text)
-    add_shared(parser, out=True, device=True, seed="of all noise")
+    cli.add_shared(parser, out=True, device=True, seed="of all noise")
     parser.add_argument("--sensor", default="d415", metavar="NAME", help="the camera's preset (default: d415)")
     text = "rays per pixel (default: 16)"
-    parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
-    add_shared(parser, json=True)
-    parser.set_defaults(run=_run_realism)
+    parser.add_argument("--samples-per-pixel", type=cli.integer_from(1), default=16, metavar="N", help=text)
+    cli.add_shared(parser, json=True)
+    text = "measure how well simulated depth ranks methods as real depth does"
+    parser = cli.add_command(kinds, "sim-to-real", text, _TEXT, _run)
+    parser.add_argument("scores", type=Path, nargs="+", metavar="SCORES.csv", help="a table of scores")
+    parser.add_argument("--real", default="real", metavar="WORLD", help="the world of reality (default: real)")
+    cli.add_shared(parser, seed="of the resampled views", json=True, verbose="the table of all worlds, in Markdown")
+
+
+def _run(args: argparse.Namespace) -> None:
+    from activestereo.benchmarks.sim_to_real import agreement_table, agreements, closest, read_scores
+
+    found = agreements(read_scores(args.scores), args.real, args.seed)
+    if args.json:
+        cli.print_json({key: {world: own.as_json() for world, own in worlds.items()} for key, worlds in found.items()})
+        return
+    sentence, best = closest(found, args.real)
+    rows = sorted(
+        ((w, c, own) for c, worlds in found.items() for w, own in worlds.items()), key=lambda row: row[0] != best
+    )
+    figures = [Figure(f"{w}, {c}", str(own.pearson), max(own.pearson.value, 0.0)) for w, c, own in rows[:_MOST_BARS]]
+    notes = ["above: Pearson's correlation with the real scores over the methods, 95 %"]
+    print(screen(sentence, figures, notes, details="\n".join(agreement_table(found)), verbose=args.verbose))
 
 
 def _capture(text: str) -> tuple[Path, Path | None]:
@@ -94,20 +87,18 @@ def _capture(text: str) -> tuple[Path, Path | None]:
 
 def _run_realism(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.realism import DEVICE, HOLES, board, verdicts, write_board
-    from activestereo.common.progress_bar import ProgressBar
-    from activestereo.report.screen import Figure, command, screen
 
-    make_folder(args.out)
+    cli.make_folder(args.out)
     with ProgressBar(f"{len(args.captures)} captures in nine ways") as bar:
         found = board(args.captures, args.sensor, args.samples_per_pixel, args.seed, args.device, bar)
     write_board(found, args.out, {"sensor": args.sensor, "samples": args.samples_per_pixel, "seed": args.seed})
     if args.json:
-        print_json(read_json(args.out / "realism.json"))
+        cli.print_json(read_json(args.out / "realism.json"))
         return
     holes = found.rows[HOLES]
     closest = sorted((m for m in holes if m != DEVICE), key=lambda method: -holes[method].value)[:_MOST_BARS]
     figures = [Figure(f"{HOLES}, {m}", f"{holes[m].value:.2f}", holes[m].value) for m in closest]
     sentence, *notes = verdicts(found)
     first = args.captures[0][0]
-    step = command("diagnose", first, *carried(args, "device"), "-o", args.out / first.name)
+    step = command("diagnose", first, *cli.carried(args, "device"), "-o", args.out / first.name)
     print(screen(f"{len(found.views)} views, {sentence}.", figures, notes, [step], args.out / "realism.html"))

@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo calibrate noise | pattern | rig`: measures a real camera's frames into sections of
-model.json."""
+"""Implements `activestereo calibrate`: measures a real camera's frames into sections of model.json, an object's
+materials, and, of views with depth, a scene or a capture for the lab."""
+
+from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from activestereo.cli import calibrate_scene, calibrate_world
-from activestereo.cli.arguments import CommandError, add_shared, camera_matrix, check_out_file, print_section
+from activestereo.capture.capture import read_capture
+from activestereo.cli import arguments as cli
+from activestereo.common.input_files import read_json_object
+from activestereo.common.output_files import write_text
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.report.screen import command, screen
 
 _TEXT = """\
 Measures a real camera. Each part replaces its own section of model.json, and
@@ -101,20 +110,71 @@ example:
   activestereo calibrate drift captures/warm_up --temperatures asic.csv -o model.json
 """
 
+_MATERIALS = """\
+What an object of the capture's scene is made of: roughness, metallic, specular,
+transmission and infrared albedo of each of its parts, into the section materials of
+model.json under the materials' names. The object's pose must be known (see overlay);
+what lies around it, such as the table, keeps the scene's materials, which tell how
+bright the lights are. Rig and pattern are those of model.json, where it has them
+already. Put lamps whose place you measured into the capture's "lights".
 
-def add_parser(commands: argparse._SubParsersAction) -> None:
-    parser = commands.add_parser(
-        "calibrate", help="measure a real camera: frames become sections of model.json", description=_TEXT
+Infrared images with the projector on are needed; with it off, and colour images, tell
+more. What the pictures do not determine is named and not written. The clean way: two
+or three poses, a matt table of known albedo, the object large in the picture.
+
+example:
+  activestereo calibrate materials captures/desk --object cup -o model.json
+"""
+
+_SCENE = """\
+A scene where no geometry exists: the surface that one pose of the camera measured, as
+a mesh with one albedo, and the camera. Its repeats give the median. The command warns
+of what such a scene cannot tell: place the parts that you have CAD files of.
+
+example:
+  activestereo calibrate scene captures/desk -o desk.gltf
+"""
+
+_WORLD = """\
+A camera and a room from views with depth, without wall, rig or repeats: camera, poses,
+dots, exposures and albedo, each with 90 % intervals and a picture in CAPTURE/measured.
+
+RECORDING is a capture that 'activestereo import' made: two or more pairs of one device,
+dots on, each with depth in the left camera's pixels (the device's own or a laser's).
+Views that overlap make the scene; all others tell of pattern and camera, too. Record a
+static room, turn the camera by 10 to 30 degrees between views, keep a third of the
+picture, and leave exposure where no dot is white. --test holds views out whole: of them
+only pose and exposure are measured. --keep leaves what you know better as it is.
+
+example:
+  activestereo import views/ --sensor d415 --k 899.5,899.5,639.5,359.5 \\
+      --baseline 0.055 --depth laser --depth-scale 0.001 -o rec
+  activestereo calibrate world rec --test 2 -o capture
+  activestereo compare capture
+  activestereo diagnose capture
+"""
+_STEPS = {
+    "camera": "focal length, centre, baseline and rows from overlapping views, or a board that stands in them",
+    "poses": "where overlapping views were taken from, by their depth",
+    "dots": "the projector's dots and place from any scenes with depth",
+    "exposure": "each frame's exposure, the black level and the lens's falloff from views of known poses",
+    "albedo": "the scene: surfaces under their albedo and the room's light, from views of known poses and exposures",
+}
+_STEP_OF = {"dots": "pattern"}
+
+
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(
+        commands, "calibrate", "measure a real camera: frames become sections of model.json", _TEXT
     )
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
-    noise = _part(parts, "noise", "the imager's temporal noise from repeats", _NOISE)
+    noise = _section_part(parts, "noise", "the imager's temporal noise from repeats", _NOISE, "imager", _noise)
     noise.add_argument("frames", type=Path, metavar="FRAMES", help="repeats of static views")
     noise.add_argument("--dark", type=Path, metavar="FRAMES", help="repeats without light")
-    noise.set_defaults(run=_run_noise)
-    pattern = _part(parts, "pattern", "the projector's dots from frames of a flat wall", _PATTERN)
+    text = "the projector's dots from frames of a flat wall"
+    pattern = _section_part(parts, "pattern", text, _PATTERN, "pattern", _pattern)
     pattern.add_argument("frames", type=Path, metavar="WALL_FRAMES", help="capture whose repeat groups look at a wall")
-    pattern.set_defaults(run=_run_pattern)
-    rig = _part(parts, "rig", "both cameras' calibration from frames of a board", _RIG)
+    rig = _section_part(parts, "rig", "both cameras' calibration from frames of a board", _RIG, "rig", _rig)
     text = "folder with left/ and right/, PNG files of equal names"
     rig.add_argument("frames", type=Path, metavar="BOARD_FRAMES", help=text)
     text = "9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01 (metres)"
@@ -122,94 +182,177 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     rig.add_argument("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw")
     rig.add_argument("--rectified", action="store_true", help="the images are rectified: no lens distortion is fitted")
     text = "the device's own K of both rectified cameras, held"
-    rig.add_argument("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help=text)
-    rig.set_defaults(run=_run_rig)
-    drift = _part(parts, "drift", "what moves with temperature, from frames of a warm-up", _DRIFT)
+    rig.add_argument("--k", type=cli.camera_matrix, metavar="FX,FY,CX,CY", help=text)
+    text = "what moves with temperature, from frames of a warm-up"
+    drift = _section_part(parts, "drift", text, _DRIFT, "effects", _drift)
     drift.add_argument("frames", type=Path, metavar="FRAMES", help="capture of a still scene, some frames without dots")
     drift.add_argument("--temperatures", type=Path, metavar="FILE", help="CSV of seconds,celsius")
-    drift.set_defaults(run=_run_drift)
-    calibrate_scene.add_parts(parts)
-    calibrate_world.add_parts(parts)
+    scene = cli.add_command(parts, "scene", "a measured depth map as a scene", _SCENE, _run_scene)
+    scene.add_argument("capture", type=Path, metavar="CAPTURE", help="capture with depth")
+    text = "frame of the pose (default: first with depth)"
+    scene.add_argument("--frame", type=cli.integer_from(0), metavar="ID", help=text)
+    text = "pixels between points (default: 2)"
+    scene.add_argument("--step", type=cli.integer_from(1), default=2, metavar="PX", help=text)
+    scene.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=".gltf or .glb")
+    materials = _section_part(parts, "materials", "what an object is made of", _MATERIALS, "materials", _materials)
+    text = "capture whose scene has the object at its place"
+    materials.add_argument("capture", type=Path, metavar="CAPTURE", help=text)
+    materials.add_argument("--object", required=True, metavar="NAME", help="the object's name in the scene")
+    cli.add_shared(materials, device=True)
+    world = cli.add_command(parts, "world", "a camera and a room from views with depth", _WORLD, _run_world)
+    text = "print what it tells, from which size, and what to record for all else; RECORDING: calibrate world's capture"
+    world.add_argument("--plan", action="store_true", help=text)
+    text = "a step whose part of the capture stays as it is; repeatable"
+    world.add_argument("--keep", choices=tuple(_STEPS)[:-1], action="append", default=[], help=text)
+    for name, summary in _STEPS.items():
+        text = f"One step of calibrate world: {summary}.\nThe rest of the capture stays as it is."
+        cli.add_command(parts, name, summary, text, _run_world).set_defaults(plan=False)
+    for step in (parts.choices[name] for name in ("world", *_STEPS)):
+        step.add_argument("recording", type=Path, metavar="RECORDING", help="capture of views with depth")
+        text, needed = "the new capture, which must not exist", step is not world
+        step.add_argument("-o", "--out", required=needed, type=Path, metavar="DIR", help=text)
+        text = "frame to hold out; repeatable"
+        step.add_argument("--test", type=cli.integer_from(0), action="append", default=[], metavar="ID", help=text)
+        cli.add_shared(step, seed="same seed, same result", json=True, verbose="all steps")
 
 
-def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:
-    parser = parts.add_parser(name, help=summary, description=text)
+def _section_part(
+    parts: cli.Commands, name: str, summary: str, text: str, section: str, measure: Callable[..., Any]
+) -> cli.Parser:
+    """Adds a calibration that replaces a section of model.json. measure(args, progress): returns the measured
+    SensorModel, a text on it, and perhaps the command to run next."""
+    parser = cli.add_command(parts, name, summary, text, _run_section)
+    parser.set_defaults(section=section, measure=measure)
     text = "model.json; made if it is not there, else one section is replaced"
     parser.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=text)
-    add_shared(parser, seed="same seed, same result", json=True, verbose="all that was measured")
+    cli.add_shared(parser, seed="same seed, same result", json=True, verbose="all that was measured")
     return parser
 
 
-def _run_noise(args: argparse.Namespace) -> None:
-    from activestereo.calibrate.emva1288 import Emva1288, calibrate_emva1288, is_emva1288
-    from activestereo.calibrate.noise import Noise, calibrate_noise
-    from activestereo.common.progress_bar import ProgressBar
+def _run_section(args: argparse.Namespace) -> None:
     from activestereo.model.write import replace_sections
 
-    check_out_file(args.out)
-    measured: Emva1288 | Noise
+    cli.check_out_file(args.out)
+    with ProgressBar(f"calibrating {args.part}") as bar:
+        model, text, *steps = args.measure(args, bar)
+    replace_sections(args.out, model, keep_rig=args.part == "pattern")
+    cli.print_section(args, args.section, text, *steps)
+
+
+def _noise(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
+    from activestereo.calibrate.emva1288 import calibrate_emva1288, is_emva1288
+    from activestereo.calibrate.noise import calibrate_noise
+
     if is_emva1288(args.frames):
-        with ProgressBar("reading frames") as bar:
-            measured = calibrate_emva1288(args.frames, args.dark, bar)
-    else:
-        with ProgressBar("fitting noise") as bar:
-            measured = calibrate_noise(args.frames, args.dark, args.seed, bar)
-    replace_sections(args.out, measured.model())
-    print_section(args, "imager", measured.summary())
+        camera = calibrate_emva1288(args.frames, args.dark, bar)
+        return camera.model(), camera.summary()
+    noise = calibrate_noise(args.frames, args.dark, args.seed, bar)
+    return noise.model(), noise.summary()
 
 
-def _run_drift(args: argparse.Namespace) -> None:
+def _drift(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
     from activestereo.calibrate.drift import calibrate_drift
-    from activestereo.model.write import replace_sections
 
-    check_out_file(args.out)
     drift = calibrate_drift(args.frames, args.temperatures)
-    replace_sections(args.out, drift.model())
-    print_section(args, "effects", drift.summary())
+    return drift.model(), drift.summary()
 
 
-def _run_pattern(args: argparse.Namespace) -> None:
+def _pattern(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
     from activestereo.calibrate.pattern import calibrate_pattern
-    from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
-    from activestereo.model.write import replace_sections
 
-    check_out_file(args.out)
+    pattern = calibrate_pattern(args.frames, bar, read_model(args.out) if args.out.is_file() else None)
+    return pattern.model(), pattern.summary()
+
+
+def _materials(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
+    from activestereo.calibrate.materials import calibrate_materials
+    from activestereo.model import read_model
+
     model = read_model(args.out) if args.out.is_file() else None
-    with ProgressBar("finding dots") as bar:
-        pattern = calibrate_pattern(args.frames, bar, model)
-    replace_sections(args.out, pattern.model(), keep_rig=True)
-    print_section(args, "pattern", pattern.summary())
+    found = calibrate_materials(args.capture, args.object, args.seed, args.device, model, bar)
+    same = cli.carried(args, "seed", "device")
+    step = command("compare", args.capture, "--model", args.out, *same, "-o", args.out.with_suffix(""))
+    return found.model(), found.summary(), step
 
 
-def _run_rig(args: argparse.Namespace) -> None:
+def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
+    """Calibrates the rig, and writes a picture of the corners' coverage and, with --robot, the camera's place on the
+    gripper beside the model."""
     from activestereo.calibrate.boards import Board
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
     from activestereo.calibrate.rig import calibrate_rig, write_coverage
-    from activestereo.common.output_files import replace_file
-    from activestereo.common.progress_bar import ProgressBar
-    from activestereo.model.write import replace_sections
 
-    check_out_file(args.out)
-    robot = None if args.robot is None else read_poses(args.robot)
-    with ProgressBar("calibrating") as bar:
-        result = calibrate_rig(args.frames, Board.parse(args.board), not args.rectified and args.k is None, args.k, bar)
-    hand = None
-    if robot is not None:
-        named = {Path(name).stem: pose for name, pose in robot.items()}
-        both = [name for name in result.board_to_left if Path(name).stem in named]
-        if not both:
-            raise CommandError(
-                f"{args.robot}: names no frame of {args.frames / 'left'}, such as {next(iter(result.board_to_left))}"
-            )
-        hand = hand_eye([named[Path(name).stem] for name in both], [result.board_to_left[name] for name in both])
-    replace_sections(args.out, result.model())
-    written = [args.out.with_suffix(".coverage.png")]
-    write_coverage(written[0], result)
-    text = result.summary()
-    if hand is not None:
+    robot = {} if args.robot is None else {Path(name).stem: pose for name, pose in read_poses(args.robot).items()}
+    has_lens = not args.rectified and args.k is None
+    result = calibrate_rig(args.frames, Board.parse(args.board), has_lens, args.k, bar)
+    text, written = result.summary(), [args.out.with_suffix(".coverage.png")]
+    both = [name for name in result.board_to_left if Path(name).stem in robot]
+    if robot and not both:
+        frames = f"{args.frames / 'left'}, such as {next(iter(result.board_to_left))}"
+        raise cli.CommandError(f"{args.robot}: names no frame of {frames}")
+    if robot:
+        hand = hand_eye([robot[Path(name).stem] for name in both], [result.board_to_left[name] for name in both])
         written.append(args.out.with_suffix(".hand_eye.json"))
-        content = (json.dumps(hand.as_json(), indent=1) + "\n").encode()
-        replace_file(written[1], lambda file: file.write(content))
+        write_text(written[1], json.dumps(hand.as_json(), indent=1) + "\n")
         text += f"\n{hand.summary()}"
-    print_section(args, "rig", f"{text}\nalso written: {', '.join(map(str, written))}")
+    write_coverage(written[0], result)
+    return result.model(), f"{text}\nalso written: {', '.join(map(str, written))}"
+
+
+def _run_scene(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.height_field import NOTE, height_field, write_height_field
+
+    if args.out.suffix not in (".gltf", ".glb"):
+        raise cli.CommandError(f"{args.out}: -o is the name of a .gltf or .glb file")
+    cli.check_out_file(args.out)
+    capture = read_capture(args.capture)
+    field = height_field(capture, args.frame, args.step)
+    write_height_field(args.out, field, capture)
+    triangles = len(field.mesh.indices.reshape(-1, 3))
+    found = f"{triangles} triangles from {field.frames} frames: {100 * field.share:.0f} % of the image is a surface"
+    step = command("simulate", args.out, "-o", args.out.with_suffix(""))
+    print(screen(f"{args.out}: {found}.", (), [NOTE], [step]))
+
+
+def _print_plan(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.world.cells import Room
+    from activestereo.diagnose.room.names import score_room
+    from activestereo.diagnose.room.plan import plan_of, plan_text
+    from activestereo.effects import builtin
+    from activestereo.effects.core.room_light import is_measured_room
+
+    capture = read_capture(args.recording)
+    if not is_measured_room(capture):
+        raise cli.CommandError(f"{args.recording}: is no measured room: make one with calibrate world")
+    plan = plan_of(score_room(Room(capture), tuple(builtin().values())))
+    if args.json:
+        cli.print_json([asdict(r) for r in plan])
+    else:
+        print(plan_text(plan))
+
+
+def _run_world(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.world.world import STEPS, calibrate_world
+
+    if args.plan:
+        _print_plan(args)
+        return
+    if args.out is None:
+        raise cli.CommandError("-o is missing: the folder of the new capture")
+    if args.out.exists():
+        raise cli.CommandError(f"{args.out} exists already: a calibration writes a new folder")
+    steps: tuple[str, ...] = (_STEP_OF.get(args.part, args.part),)
+    if args.part == "world":
+        kept = {_STEP_OF.get(name, name) for name in args.keep}
+        steps = tuple(step for step in STEPS if step not in kept)
+    with ProgressBar(f"measuring {args.recording.name}") as bar:
+        lines = calibrate_world(args.recording, args.out, steps, args.test, args.seed, bar)
+    if args.json:
+        cli.print_json(read_json_object(args.out / "capture.json")["measured"])
+        return
+    sentence = f"{args.out}: {', '.join(steps)} measured, each with a picture."
+    same = args.out, *cli.carried(args, "seed")
+    leads = [command(name, *same, "-o", f"{args.out}_{name}") for name in ("diagnose", "compare")]
+    notes = [note for line in lines for note in line.splitlines()]
+    print(screen(sentence, (), notes, leads, args.out / "measured", verbose=args.verbose))

@@ -5,10 +5,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import SAME_RUN, add_shared, carried, check_paper, make_folder, print_json
+from activestereo.capture.capture import Capture, read_capture
+from activestereo.cli import arguments as cli
+from activestereo.common.phases import Phases
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.report.screen import command
 
 if TYPE_CHECKING:
-    from activestereo.capture.capture import Capture
     from activestereo.effects import Effect
 
 _TEXT = """\
@@ -35,34 +38,27 @@ examples:
 """
 
 
-def add_parser(commands: argparse._SubParsersAction) -> None:
-    parser = commands.add_parser("compare", help="compare the simulator with a measured capture", description=_TEXT)
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "compare", "compare the simulator with a measured capture", _TEXT, run)
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
-    add_shared(parser, out=True)
-    add_shared(parser, model="model.json: its effects act inside of the engines (default: none)")
-    add_shared(parser, effects=", where the model has some", samples=True, max_bounces=True)
-    add_shared(parser, seed="same seed, same pictures", device=True, pdf=True)
-    add_shared(
-        parser, csv="the errors of each frame and camera", json=True, verbose="errors of both splits and the fit"
-    )
-    parser.set_defaults(run=run)
+    cli.add_shared(parser, out=True)
+    cli.add_shared(parser, model="model.json: its effects act inside of the engines (default: none)")
+    cli.add_shared(parser, effects=", where the model has some", samples=True, max_bounces=True)
+    cli.add_shared(parser, seed="same seed, same pictures", device=True, pdf=True)
+    cli.add_shared(parser, csv="the errors of each frame and camera", json=True)
+    cli.add_shared(parser, verbose="errors of both splits and the fit")
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.capture.capture import read_capture
-
-    make_folder(args.out)
-    check_paper(args)
+    cli.make_folder(args.out)
+    cli.check_paper(args)
     capture = read_capture(args.capture)  # a bad capture fails before half a second of imports
 
-    from activestereo.common.phases import Phases
-    from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import PHASES, compare
     from activestereo.compare.model_file import library
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
-    from activestereo.report.screen import command
     from activestereo.report.summary import comparison_screen, is_near_noise
     from activestereo.report.write import WRITING, WRITING_S, write_report
 
@@ -77,7 +73,7 @@ def run(args: argparse.Namespace) -> None:
         )  # fmt: skip
         is_found = args.model is not None and is_near_noise(comparison.scores)
         name, folder = ("simulate", "simulated") if is_found else ("diagnose", "diagnosis")
-        same = "--model", args.model, *own, *carried(args, *SAME_RUN)
+        same = "--model", args.model, *own, *cli.carried(args, *cli.SAME_RUN)
         next_step = command(name, args.capture, *same, "-o", args.out / folder)
         phases.begin(WRITING)
         write_report(comparison, args.out, effects=effects, progress=phases, steps=[next_step])
@@ -87,13 +83,13 @@ def run(args: argparse.Namespace) -> None:
             write_comparison_pdf(args.pdf, comparison)
         phases.end()
     if args.json:
-        print_json(comparison.scores)
+        cli.print_json(comparison.scores)
         return
     usage = LayerCache().usage_text()
     print(comparison_screen(comparison.scores, next_step, args.out / "report.html", usage, args.verbose))
 
 
-def _model_arguments(args: argparse.Namespace, capture: "Capture", effects: "dict[str, Effect]") -> dict[str, Any]:
+def _model_arguments(args: argparse.Namespace, capture: Capture, effects: "dict[str, Effect]") -> dict[str, Any]:
     """Returns compare()'s arguments for the model of --model: effects and calibration. Outside measured rooms they
     include the scene measurement and the render engines.
 

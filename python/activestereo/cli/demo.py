@@ -11,7 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder
+import numpy as np
+
+from activestereo.cli import arguments as cli
+from activestereo.common.input_files import read_json_object
+from activestereo.common.progress_bar import ProgressBar
 
 _TEXT = """\
 Shows in about a minute on two free cores what the project does, each step with the
@@ -27,32 +31,32 @@ command that does it alone:
 """
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "demo", help="simulate, hide an effect, find it, and open the report", description=_TEXT
-    )
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "demo", "simulate, hide an effect, find it, and open the report", _TEXT, run)
     text = "new folder for the results (default: out/demo)"
     parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR", help=text)
-    add_shared(parser, seed="another one hides another effect")
+    cli.add_shared(parser, seed="another one hides another effect")
     parser.add_argument("--no-browser", action="store_true", help="tell the report's place only")
-    add_shared(parser, device=True)
-    parser.set_defaults(run=run)
+    cli.add_shared(parser, device=True)
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.common.input_files import read_json_object
+    from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture
     from activestereo.scene_io.example_scene import write_table_top
 
     capture = args.out / "capture"
     if capture.exists():
-        raise CommandError(f"{capture} exists already: give another --out")
-    make_folder(args.out)
+        raise cli.CommandError(f"{capture} exists already: give another --out")
+    cli.make_folder(args.out)
     scene, report = args.out / "table_top.gltf", args.out / "report"
     write_table_top(scene)
     device = ["--device", str(args.device)]
     simulated = str(args.out / "simulated")
     _run_step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
-    secret = _render_hidden_effect(args, capture)
+    print("\n== 2 of 3: a small capture is rendered with an effect hidden in it", flush=True)
+    secret = str(np.random.Generator(np.random.PCG64([args.seed, 73])).choice(list(HIDDEN)))
+    with ProgressBar("rendering the capture") as bar:
+        write_example_capture(capture, args.device, args.seed, bar, hidden=secret)
     _run_step(args, 3, ["diagnose", str(capture), "--no-refine", "--out", str(report), *device])
     print(f"\n{_outcome(secret, read_json_object(report / 'diagnose.json'))}")
     page = (report / "report.html").resolve()
@@ -83,17 +87,3 @@ def _outcome(secret: str, diagnosis: Mapping[str, Any]) -> str:
         f"hidden: {secret}, {parameter} {value:.3g}\n"
         f"found: {is_found}, {'; '.join(names) or 'the verdict is ' + diagnosis['verdict']}"
     )
-
-
-def _render_hidden_effect(args: argparse.Namespace, capture: Path) -> str:
-    """Renders the demo's capture with a hidden effect that args.seed chooses. Returns the effect's id."""
-    import numpy as np
-
-    from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture
-    from activestereo.common.progress_bar import ProgressBar
-
-    print("\n== 2 of 3: a small capture is rendered with an effect hidden in it", flush=True)
-    secret = str(np.random.Generator(np.random.PCG64([args.seed, 73])).choice(list(HIDDEN)))
-    with ProgressBar("rendering the capture") as bar:
-        write_example_capture(capture, args.device, args.seed, bar, hidden=secret)
-    return secret

@@ -1,32 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo depth`: computes depth from an image pair, and warns of exchanged cameras or cut-off
-depth."""
+"""Implements `activestereo depth`: computes depth from an image pair, warns of exchanged cameras or cut-off depth, and
+matches every infrared pair of a recording again."""
 
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Mapping
+from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.cli import depth_recording
-from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder, print_json
-from activestereo.cli.depth_maps import (
-    add_depth_maps,
-    matching_line,
-    matching_words,
-    stage_table,
-    wanted_maps,
-    write_maps,
+import simsense
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import read_capture
+from activestereo.capture.images import read_gray, read_image_array
+from activestereo.cli import arguments as cli
+from activestereo.cli import sensor_options as options
+from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
+from activestereo.common.input_files import read_json_object
+from activestereo.common.output_files import (
+    replace_file,
+    write_depth_png,
+    write_ply,
+    write_png,
+    write_text,
+    written_together,
 )
-from activestereo.cli.engine_options import add_matching, given_parameters
-from activestereo.cli.import_calibration import RectifiedPair, folder_device, rectified_pair
 from activestereo.common.parameter import MATCHER, RIG
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.report.lettering import write_figure
+from activestereo.report.screen import Figure, command, screen
 
 if TYPE_CHECKING:
-    import simsense
+    from activestereo.camera.advanced_mode import AdvancedSettings
+    from activestereo.camera.advanced_mode.matcher import PairMatcher
+    from activestereo.capture.importers.pairs import Pair
 
 # Settings for real pictures, tuned on pairs with truth (tests/bench/README.md, "Pairs with truth"). The engine's
 # defaults, those of the published SimSense, err more on both kinds of pictures.
@@ -38,15 +50,9 @@ PROFILES: dict[str, dict[str, Any]] = {
         "subpixel": "equiangular_summed", "median_size": 5, "uniqueness_ratio": 5,
     },
 }  # fmt: skip
-
-
-def profile(name: str, bits: int) -> dict[str, Any]:
-    """Returns the depth engine's parameters of a profile in PROFILES, scaled for images of `bits` bits per pixel."""
-    found = dict(PROFILES.get(name, {}))
-    if "p2_full_gradient_dn" in found:
-        found["p2_full_gradient_dn"] <<= bits - 8  # PROFILES states it in 8-bit counts
-    return found
-
+_RUN = "depth.json"
+_SEARCHED_PAIRS = 4
+_GOALS = ("fill", "noise", "truth")
 
 _TEXT = """\
 Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
@@ -71,86 +77,77 @@ example, a RealSense D435's pair; a D415's recording under other settings:
 """
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser("depth", help="compute depth from an image pair", description=_TEXT)
+def profile(name: str, bits: int) -> dict[str, Any]:
+    """Returns the depth engine's parameters of a profile in PROFILES, scaled for images of `bits` bits per pixel."""
+    found = dict(PROFILES.get(name, {}))
+    if "p2_full_gradient_dn" in found:
+        found["p2_full_gradient_dn"] <<= bits - 8  # PROFILES states it in 8-bit counts
+    return found
+
+
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "depth", "compute depth from an image pair", _TEXT, run)
     text = "left image, 8-bit or 16-bit gray; or .npy; or, alone, a recording: a folder of PNG files or a bag"
     parser.add_argument("left", type=Path, metavar="LEFT.png|RECORDING", help=text)
     text = "right image of the same size; rows are aligned"
     parser.add_argument("right", type=Path, nargs="?", metavar="RIGHT.png", help=text)
-    add_shared(parser, calibration=" in place of --k", rectified=True, k=" of both images", k_right=True)
-    add_shared(parser, baseline=", where no file tells it")
-    add_shared(parser, out={"required": False})
-    depth_recording.add_options(parser)
-    add_shared(parser, json=True, verbose="how it was matched, and times of the stages")
-    text = (
-        "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
-        "textured things, engine for the engine's own defaults (default: active)"
-    )
+    cli.add_shared(parser, calibration=" in place of --k", rectified=True, k=" of both images", k_right=True)
+    cli.add_shared(parser, baseline=", where no file tells it")
+    cli.add_shared(parser, out={"required": False})
+    recordings = "recordings", "One argument in place of LEFT and RIGHT: a folder or a bag."
+    add = parser.add_argument_group(*recordings).add_argument
+    text = "advanced-mode settings of a D400, as Intel's Viewer writes them (default: the camera's own)"
+    add("--settings", type=Path, metavar="FILE.json", help=text)
+    text = "look for settings: most fill at the same noise, least noise at the same fill, or least error beside "
+    text += "--truth; writes them for the camera"
+    add("--search", nargs=2, metavar=("fill|noise|truth", "FILE.json"), help=text)
+    text = "16-bit depth of the same pairs in millimetres, by name in order of the pairs: a folder of PNG files"
+    add("--truth", type=Path, metavar="DIR", help=text)
+    text = "the camera whose matcher and nominal figures are taken (default: d415)"
+    add("--sensor", default="d415", metavar="NAME", help=text)
+    cli.add_shared(parser, json=True, verbose="how it was matched, and times of the stages")
+    text = "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
+    text += "textured things, engine for the engine's own defaults (default: active)"
     parser.add_argument("--profile", choices=("engine", *PROFILES), default="active", help=text)
-    text = (
-        "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo doctor' (default: "
-        "none, the CPU)"
-    )
-    parser.add_argument("--device", metavar="auto|cpu|N", help=text)
-    add_depth_maps(add_matching(parser, PROFILES["active"]))
-    parser.set_defaults(run=run)
+    text = "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo doctor' "
+    parser.add_argument("--device", metavar="auto|cpu|N", help=f"{text}(default: none, the CPU)")
+    options.add_matching(parser, PROFILES["active"])
 
 
 def run(args: argparse.Namespace) -> None:
-    if args.right is None:
-        depth_recording.run(args)
-        return
+    _run_recording(args) if args.right is None else _run_pair(args)
+
+
+def _run_pair(args: argparse.Namespace) -> None:
+    from activestereo.report.overview import colored, depth_span, matching_figure
+
     needed = ("out",) if args.calibration else ("k", "baseline", "out")
     missing = [option for option in needed if getattr(args, option) is None]
     if missing:
-        raise CommandError(
-            f"a pair of images needs {', '.join(f'--{option}' for option in missing)}"
-            + (" (or --calibration FILE)" if "k" in missing or "baseline" in missing else "")
-        )
+        or_file = " (or --calibration FILE)" if "k" in missing or "baseline" in missing else ""
+        raise cli.CommandError(f"a pair of images needs {', '.join(f'--{option}' for option in missing)}{or_file}")
     if args.settings or args.search or args.truth:
-        raise CommandError("--settings, --search and --truth are for recordings, not for a pair")
-    from activestereo.capture.images import read_image_array
-
+        raise cli.CommandError("--settings, --search and --truth are for recordings, not for a pair")
     left, right = (read_image_array(path, key="image") for path in (args.left, args.right))
     if left.shape != right.shape:
         sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))
-        raise CommandError(f"the images differ in size: {args.left} and {args.right} are {sizes}")
+        raise cli.CommandError(f"the images differ in size: {args.left} and {args.right} are {sizes}")
     if left.dtype != right.dtype:
-        bits = " and ".join(str(8 * image.itemsize) for image in (left, right))
-        raise CommandError(f"the images differ in depth: {args.left} and {args.right} have {bits} bits")
-    size = left.shape[1], left.shape[0]
-    cameras = rectified_pair(folder_device(args, size)[0], *size)
-    engine = _make_engine(args, cameras, left)
-    make_folder(args.out)
-    from activestereo.common.progress_bar import ProgressBar
-
-    with ProgressBar(f"matching {left.shape[1]}x{left.shape[0]}") as bar:
-        result = engine.compute(left, right, ("depth", "disparity", "points", *wanted_maps(args)), progress=bar)
-    _write(args, left, right, result)
-    _report(args, cameras, engine, result["depth"], depth_hints(cameras, engine, left, right, result))
-
-
-def _make_engine(args: argparse.Namespace, cameras: RectifiedPair, left: np.ndarray) -> simsense.Engine:
-    import simsense
-
+        depths = " and ".join(str(8 * image.itemsize) for image in (left, right))
+        raise cli.CommandError(f"the images differ in depth: {args.left} and {args.right} have {depths} bits")
     height, width = left.shape
+    cameras = rectified_pair(folder_device(args, (width, height))[0], width, height)
     left_camera, right_camera = (simsense.Camera(width, height, K) for K in (cameras.left_K, cameras.right_K))
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -cameras.baseline_m
     bits = 8 * left.itemsize  # the matcher uses all bits of 8-bit and of 16-bit images
-    options = profile(args.profile, bits) | given_parameters(args, MATCHER, RIG)
-    # A Vulkan device is opened only on request, so that a plain call needs no driver.
-    device = args.device or ("auto" if options.get("back_end") == "vulkan" else "host")
-    return simsense.Engine(
-        simsense.Device(device), left_camera, right_camera, left_to_right, rectified=True, bit_depth=bits, **options
+    given = profile(args.profile, bits) | options.given_parameters(args, MATCHER, RIG)
+    engine = simsense.Engine(
+        _device(args, given), left_camera, right_camera, left_to_right, rectified=True, bit_depth=bits, **given
     )
-
-
-def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]) -> None:
-    from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png, written_together
-    from activestereo.report.lettering import write_figure
-    from activestereo.report.overview import colored, depth_span, matching_figure
-
+    cli.make_folder(args.out)
+    with ProgressBar(f"matching {width}x{height}") as bar:
+        result = engine.compute(left, right, ("depth", "disparity", "points", *options.wanted_maps(args)), progress=bar)
     depth, disparity = result["depth"], result["disparity"]
     with written_together(args.out) as out:
         write_depth_png(out / "depth.png", depth)
@@ -159,30 +156,29 @@ def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result
         shown = np.where(disparity > 0, disparity, 0.0)
         write_png(out / "disparity.png", colored(shown, depth_span(shown), "turbo"))
         write_ply(out / "cloud.ply", result["points"][depth > 0])
-        write_maps(out, {name: result[name] for name in wanted_maps(args)})
+        options.write_maps(out, {name: result[name] for name in options.wanted_maps(args)})
         title = f"Depth from {args.left.name} and {args.right.name}"
         write_figure(out / "overview.png", matching_figure(title, left, right, disparity, depth))
-
-
-def _report(
-    args: argparse.Namespace, cameras: RectifiedPair, engine: simsense.Engine, depth: np.ndarray, hints: list[str]
-) -> None:
-    from activestereo.report.screen import command, screen
-
+    hints = depth_hints(cameras, engine, left, right, result)
     valid = depth[depth > 0]
     share, median_m = valid.size / depth.size, float(np.median(valid)) if valid.size else None
     stages_ms = {"depth": dict(engine.stage_times)}
     if args.json:
         found = {"measured_share": share, "median_depth_m": median_m, "hints": hints}
-        print_json({"matching": matching_words(engine), "stages_ms": stages_ms} | found)
+        cli.print_json({"matching": options.matching_words(engine), "stages_ms": stages_ms} | found)
         return
     middle = "" if median_m is None else f", in the median {median_m:.3f} m"
-    sentence = f"{100.0 * share:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels have depth{middle}."
+    sentence = f"{100.0 * share:.1f} % of {width}x{height} pixels have depth{middle}."
     K = ",".join(f"{value:.10g}" for value in cameras.left_K[[0, 1, 0, 1], [0, 1, 2, 2]])
     rig = "--k", K, "--baseline", f"{cameras.baseline_m:.10g}", "-o", args.out / "pair"
     leads = [] if cameras.offset_px else [command("pair", args.left, args.right, *rig)]
-    details = f"{matching_line(engine)}\n{stage_table(stages_ms)}"
+    details = f"{options.matching_line(engine)}\n{options.stage_table(stages_ms)}"
     print(screen(sentence, (), hints, leads, args.out / "overview.png", details, args.verbose))
+
+
+def _device(args: argparse.Namespace, given: Mapping[str, Any]) -> simsense.Device:
+    """Opens --device. A Vulkan device is opened only on request, so that a plain call needs no driver."""
+    return simsense.Device(args.device or ("auto" if given.get("back_end") == "vulkan" else "host"))
 
 
 # The cameras are exchanged if the exchanged pair matches _TIMES as many pixels and at least _LEAST_FILL of the image.
@@ -220,3 +216,189 @@ def depth_hints(
             shares = f"{100 * other:.1f} % instead of {100 * fill:.1f} %"
             hints.append(f"hint: exchanged, the images give {shares}: is LEFT the right camera's image?")
     return hints
+
+
+def _run_recording(args: argparse.Namespace) -> None:
+    """Matches all pairs of the recording, or under --search looks for better settings, and prints the result."""
+    from activestereo.camera.advanced_mode import AdvancedSettings, read_settings
+
+    settings = AdvancedSettings({}) if args.settings is None else read_settings(args.settings)
+    if args.search is not None:
+        _search(args, settings)
+        return
+    if args.out is None:
+        raise cli.CommandError("the following arguments are required: -o/--out")
+    recording, out = args.left.resolve(), args.out.resolve()
+    is_inside = recording in (out, *out.parents) if recording.is_dir() else out == recording.parent
+    if is_inside:
+        told = "lies in the recording, which is never written: choose a folder outside of it"
+        raise cli.CommandError(f"--out {args.out} {told}")
+    _match(args, settings)
+
+
+def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
+    from activestereo.capture.importers.pairs import recorded_pairs
+
+    first = _chosen_pairs(args.left, [0])[0]
+    cameras, assumed = _geometry(args, first)
+    cli.make_folder(args.out)
+    matcher = _matcher(args, settings, cameras, first)
+    done = {path.stem for path in args.out.glob("*.png")}
+    facts = {  # all depth images of one folder share them
+        "recording": args.left.name, "size": [first.left.shape[1], first.left.shape[0]],
+        "K": cameras.left_K.ravel().tolist(), "offset_px": cameras.offset_px, "baseline_m": cameras.baseline_m,
+        "table": asdict(matcher.table), "settings": dict(settings.values),
+        "matcher": {name: value for name, value in matcher.parameters.items() if name != "frame_index"},
+    }  # fmt: skip
+    _same_run(args.out / _RUN, bool(done), facts)
+    fills, count = dict[str, float](), max(1, _count(args.left))
+    with ProgressBar(f"matching {args.left.name}") as bar:
+        for pair in recorded_pairs(args.left, lambda name: name not in done):
+            image = matcher.image(pair.left, pair.right)
+            write_png(args.out / f"{pair.name}.png", image)
+            fills[pair.name] = float(np.mean(image > 0))
+            bar(min(1.0, (len(done) + len(fills)) / count))
+    number, share = len(fills), sum(fills.values()) / len(fills) if fills else None
+    unmapped = settings.unmapped()
+    if args.json:
+        found = {"pairs": number, "done_before": len(done), "measured_share": share, "unmapped": unmapped}
+        cli.print_json(found | {"assumed": assumed, "out": str(args.out)})
+        return
+    notes = [f"without effect here: {', '.join(unmapped)}"] if unmapped else []
+    notes += [f"assumed: {line}" for line in assumed]
+    before = f", {len(done)} were there already" if done else ""
+    measured = "" if share is None else f"; {100 * share:.1f} % of the pixels have depth"
+    sentence = f"{number} pair{'' if number == 1 else 's'} matched{before}{measured}. 16-bit depth is in {args.out}."
+    order = sorted(fills, key=lambda name: fills[name])
+    told = (("least", order[0]), ("most", order[-1])) if number > 1 else ()
+    figures = [Figure(f"{which}: {name}", f"{100 * fills[name]:.1f} %", fills[name]) for which, name in told]
+    steps = [command("view", args.left)]
+    if args.settings is None:
+        steps.insert(0, command(*args.given, "--search", "noise", args.out / "quiet.json"))
+    print(screen(sentence, figures, notes, steps, args.out / _RUN, verbose=args.verbose))
+
+
+def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
+    """Returns the recording's rectified cameras, and lines that state the assumptions about them."""
+    from activestereo.capture.importers.bag import is_bag, read_calibration
+    from activestereo.capture.importers.realsense_text import DeviceText
+
+    height, width = first.left.shape
+    assumed: list[str] = []
+    if is_bag(args.left):
+        device = own_device(args, args.left, (width, height)) or read_calibration(args.left, args.baseline)
+    elif (stated := args.left / "capture.json").is_file():
+        rig = read_capture(args.left).rig
+        own = DeviceText.of_pair(stated, (rig.left, rig.right), rig.left_to_right)
+        device = own_device(args, stated, (width, height)) or own
+    else:
+        device, assumed = folder_device(args, (width, height))
+    return rectified_pair(device, width, height), assumed
+
+
+def _count(recording: Path) -> int:
+    """Returns the number of infrared pairs in a folder of images or a bag."""
+    from activestereo.capture.importers.bag import count_pairs, is_bag
+    from activestereo.capture.importers.realsense_folder import frame_files
+
+    return count_pairs(recording) if is_bag(recording) else len(frame_files(recording))
+
+
+def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: RectifiedPair, pair: Pair) -> PairMatcher:
+    from activestereo.camera.advanced_mode.matcher import PairMatcher
+    from activestereo.camera.plan import matcher_parameters
+
+    base = matcher_parameters(StereoDepthSensorConfig(args.sensor))
+    overrides = options.given_parameters(args, MATCHER, RIG)
+    K, device = (cameras.left_K, cameras.right_K), _device(args, overrides)
+    return PairMatcher(K, cameras.baseline_m, pair.left, settings, base, overrides, device)
+
+
+def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
+    """Checks that a folder's earlier depth images are of a run with these facts, and writes them to `path` if it is
+    new. Raises CommandError for other facts, or PNG files (has_images) without the file."""
+    text = json.dumps(facts, indent=1, default=str)
+    if path.is_file():
+        before = read_json_object(path)
+        if differing := [name for name, value in json.loads(text).items() if before.get(name) != value]:
+            told = f"holds depth of another run ({', '.join(differing)} differ): choose another folder"
+            raise cli.CommandError(f"{path.parent}: {told}")
+        return
+    if has_images:
+        raise cli.CommandError(f"{path.parent}: holds PNG files and no {_RUN}: choose another folder")
+    write_text(path, text + "\n")
+
+
+def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
+    from activestereo.camera.advanced_mode import write_settings
+    from activestereo.camera.advanced_mode.search import score, search
+
+    goal, out = args.search[0], Path(args.search[1])
+    if goal not in _GOALS:
+        raise cli.CommandError(f"--search {goal}: expected one of {', '.join(_GOALS)}")
+    if (goal == "truth") != (args.truth is not None):
+        raise cli.CommandError("--search truth needs --truth DIR, and --truth nothing else")
+    cli.check_out_file(out)
+    last = _count(args.left) - 1  # the chosen pairs spread over the whole recording
+    chosen = sorted({round(share * last) for share in np.linspace(0.0, 1.0, _SEARCHED_PAIRS)})
+    pairs = _chosen_pairs(args.left, chosen)
+    cameras, assumed = _geometry(args, pairs[0])
+    truths = [] if args.truth is None else _truths(args, chosen, cameras, pairs[0].left.shape)
+    matcher = _matcher(args, settings, cameras, pairs[0])
+
+    def evaluate(tried: AdvancedSettings) -> Any:
+        matcher.set_settings(tried)
+        return score([matcher.disparity(pair.left, pair.right) for pair in pairs], truths)
+
+    with ProgressBar(f"searching on {len(pairs)} pairs") as bar:
+        best, before, after = search(goal, settings, evaluate, bar)
+    write_settings(out, best)
+    if args.json:
+        changed = {name: value for name, value in best.values.items() if settings.values.get(name) != value}
+        cli.print_json({"before": asdict(before), "after": asdict(after), "changed": changed, "assumed": assumed})
+        return
+    figures = []
+    for name, found in (("before", before), ("after", after)):
+        wrong = "" if args.truth is None else f", wrong or unmeasured {100 * found.wrong:.2f} %"
+        said = f"measured {100 * found.fill:.2f} %, noise {found.noise_px:.3f} px{wrong}"
+        figures.append(Figure(name, said, {"fill": found.fill, "noise": found.noise_px, "truth": found.wrong}[goal]))
+    words = list(args.given)
+    at = next(place for place, word in enumerate(words) if len(word) > 3 and "--search".startswith(word))
+    del words[at : at + 3]
+    steps = [command(*words, "--settings", out, "-o", out.with_suffix(""))]
+    sentence = f"{out}: the best settings for {goal} that {len(pairs)} pairs tell."
+    print(screen(sentence, figures, [f"assumed: {line}" for line in assumed], steps, verbose=args.verbose))
+
+
+def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
+    from activestereo.capture.importers.bag import is_bag
+    from activestereo.capture.importers.pairs import recorded_pairs
+    from activestereo.capture.importers.trajectory import refuse_foreign
+
+    if not recording.is_dir() and not is_bag(recording):
+        refuse_foreign(recording)
+        raise cli.CommandError(f"{recording}: is neither a folder nor a bag; of a pair of images give both")
+    places = iter(range(chosen[-1] + 1))
+    pairs = list(islice(recorded_pairs(recording, lambda name: next(places, -1) in chosen), len(chosen)))
+    if not pairs:
+        raise cli.CommandError(f"{recording}: no infrared pair: its two streams have no images of one time")
+    return pairs
+
+
+def _truths(
+    args: argparse.Namespace, chosen: list[int], cameras: RectifiedPair, shape: tuple[int, ...]
+) -> list[np.ndarray]:
+    """Reads the true depth of the chosen pairs as disparities in pixels, float32 [height][width], NaN where unknown.
+    chosen: the pairs' numbers in the recording; shape: (height, width)."""
+    files = sorted(args.truth.glob("*.png"))
+    if len(files) <= chosen[-1]:
+        raise cli.CommandError(
+            f"--truth {args.truth}: has {len(files)} PNG files, the recording {chosen[-1] + 1} pairs"
+        )
+    out = []
+    for place in chosen:
+        depth_m = 0.001 * read_gray(files[place], (shape[1], shape[0]), "truth").astype(np.float64)
+        with np.errstate(divide="ignore"):
+            disparity = cameras.focal_baseline_px_m / depth_m - cameras.offset_px
+        out.append(np.where(depth_m > 0, disparity, np.nan).astype(np.float32))
+    return out

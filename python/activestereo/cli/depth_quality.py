@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, check_out_file, positive, print_json
+from activestereo.capture.images import read_gray
+from activestereo.cli import arguments as cli
 from activestereo.common.input_files import checked_file
 from activestereo.common.output_files import write_text
 
@@ -33,43 +34,39 @@ FARTHEST_M = 1e6
 _COARSE_STEP_PX = 0.05
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "depth-quality", help="measure depth maps of a flat target by Intel's metrics", description=_TEXT
-    )
+def add_parser(commands: cli.Commands) -> None:
+    text = "measure depth maps of a flat target by Intel's metrics"
+    parser = cli.add_command(commands, "depth-quality", text, _TEXT, run)
     parser.add_argument("depth", type=Path, nargs="+", metavar="DEPTH", help="depth maps of one size: PNG or .npy")
     text = "camera matrix of the depth maps in pixels; or short: fx,fy,cx,cy"
-    add_shared(parser, k={"required": True, "metavar": "fx,0,cx,0,fy,cy,0,0,1", "help": text})
-    add_shared(parser, baseline={"required": True})
+    cli.add_shared(parser, k={"required": True, "metavar": "fx,0,cx,0,fy,cy,0,0,1", "help": text})
+    cli.add_shared(parser, baseline={"required": True})
     text = "true distance of the target along the optical axis, metres"
-    parser.add_argument("--truth", type=positive, metavar="M", help=text)
+    parser.add_argument("--truth", type=cli.positive, metavar="M", help=text)
     text = "centred part of height and width, 0..1 (default %(default)s)"
-    parser.add_argument("--roi", type=positive, default=0.4, metavar="FRACTION", help=text)
+    parser.add_argument("--roi", type=cli.positive, default=0.4, metavar="FRACTION", help=text)
     text = "metres per step of a PNG (default %(default)s)"
-    parser.add_argument("--unit", type=positive, default=0.001, metavar="M", help=text)
+    parser.add_argument("--unit", type=cli.positive, default=0.001, metavar="M", help=text)
     parser.add_argument("--disparity", action="store_true", help="the .npy files hold disparities, pixels")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE", help="write the metrics there too, as JSON")
-    add_shared(parser, json=True)
-    parser.set_defaults(run=run)
+    cli.add_shared(parser, json=True)
 
 
 def run(args: argparse.Namespace) -> None:
     from activestereo.compare.depth_quality import depth_quality, quality_table, region_of
 
     if args.roi > 1:
-        raise CommandError(f"--roi is {args.roi:g}: a fraction of the image, 0..1")
+        raise cli.CommandError(f"--roi is {args.roi:g}: a fraction of the image, 0..1")
     if args.out is not None:
-        check_out_file(args.out)
+        cli.check_out_file(args.out)
     frames = _read_all(args)
     quality = depth_quality(frames, args.k, args.baseline, args.truth, region_of(frames.shape[1:], args.roi))
     metrics = {"frames": len(frames)} | {n: None if np.isnan(v) else v for n, v in asdict(quality).items()}
     if args.json:
-        print_json(metrics)
+        cli.print_json(metrics)
     else:
-        print(
-            f"{len(frames)} frame{'s' if len(frames) > 1 else ''} of {frames.shape[2]}x{frames.shape[1]}, "
-            f"central {100 * args.roi:.0f} %"
-        )
+        count, (height, width) = f"{len(frames)} frame{'s' * (len(frames) > 1)}", frames.shape[1:]
+        print(f"{count} of {width}x{height}, central {100 * args.roi:.0f} %")
         print(quality_table(quality))
         if hint := _steps(args, frames):
             print(hint)
@@ -97,34 +94,32 @@ def _read_all(args: argparse.Namespace) -> np.ndarray:
     if args.disparity:
         pngs = [path for path in args.depth if path.suffix != ".npy"]
         if pngs:
-            raise CommandError(f"{pngs[0]}: --disparity is for .npy files of pixels")
+            raise cli.CommandError(f"{pngs[0]}: --disparity is for .npy files of pixels")
         focal_baseline = args.k[0, 0] * args.baseline
         parts = [np.where(part > 0, focal_baseline / np.where(part > 0, part, 1.0), 0.0) for part in parts]
     for path, part in zip(args.depth, parts, strict=True):
         if part.shape[1:] != parts[0].shape[1:]:
-            sizes = (f"{p.shape[2]}x{p.shape[1]}" for p in (parts[0], part))
-            raise CommandError(
-                f"the depth maps differ in size: {args.depth[0]} is {next(sizes)}, {path} is {next(sizes)}"
-            )
+            first, other = (f"{p.shape[2]}x{p.shape[1]}" for p in (parts[0], part))
+            raise cli.CommandError(f"the depth maps differ in size: {args.depth[0]} is {first}, {path} is {other}")
     return np.concatenate(parts)
 
 
 def _read(path: Path, unit_m: float) -> np.ndarray:
     """Reads a depth file (.png or .npy) as metres, [frames, height, width]. unit_m: metres per unit of the file."""
     if path.suffix != ".npy":
-        from activestereo.capture.images import read_gray
-
         return read_gray(path, key="depth")[None] * unit_m
     try:
         # Memory-mapped, so that a header that claims more than the file holds fails before memory is allocated.
         depth = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, OverflowError, EOFError) as error:
-        raise CommandError(f"{path}: cannot be read as a .npy array: {error}") from error
+        raise cli.CommandError(f"{path}: cannot be read as a .npy array: {error}") from error
     if depth.ndim not in (2, 3) or depth.dtype.kind not in "fiu":
-        raise CommandError(
+        raise cli.CommandError(
             f"{path}: is {depth.dtype} {depth.shape}, expected numbers [height, width] or [frames, height, width]"
         )
     metres = np.nan_to_num(depth.reshape(-1, *depth.shape[-2:]), posinf=0.0, neginf=0.0)
     if metres.size and np.abs(metres).max() > FARTHEST_M:
-        raise CommandError(f"{path}: holds a depth of {np.abs(metres).max():g} m, at most {FARTHEST_M:g} m is a depth")
+        raise cli.CommandError(
+            f"{path}: holds a depth of {np.abs(metres).max():g} m, at most {FARTHEST_M:g} m is a depth"
+        )
     return metres

@@ -11,32 +11,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import (
-    SAME_RUN,
-    Commands,
-    add_shared,
-    carried,
-    check_paper,
-    integer_from,
-    make_folder,
-    positive_share,
-    print_json,
-    share,
-)
-from activestereo.cli.parser import Help
+from activestereo.cli import arguments as cli
+from activestereo.common.output_files import write_text
+from activestereo.common.phases import Phases
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.report.screen import Step, command
 
 if TYPE_CHECKING:
-    from activestereo.common.progress_bar import ProgressBar
     from activestereo.diagnose import Diagnosis
-    from activestereo.report.screen import Step
 
 _TEXT = """\
 Finds out which physical effects the model of a capture lacks. Every effect of the
 library is scored on the train frames beside projector scale, ambient scale, black
 level, albedos and the rig's geometry; the likeliest few are fitted, and the best is
 named. Then noise, weights and geometry are measured again beside it, and the search
-goes on until nothing passes: a name is no chance among all effects (--alpha {alpha})
-and removes {least_share} of the squared error above the noise or more (--least-share).
+goes on until nothing passes: a name is no chance among all effects (--alpha 0.01)
+and removes 0.05 of the squared error above the noise or more (--least-share).
 Temporal noise is judged on repeats, the depth engine on the device's disparity. Test
 frames serve once, for the held-out figures, which are those of compare; without test
 frames they are of frames left out in turn.
@@ -67,44 +57,31 @@ Every number that decides: python/activestereo/diagnose/README.md.
 _STOPPED = "stopped.txt"
 
 
-class _HelpWithNumbers(Help):
-    """Formats help whose {alpha} and {least_share} are filled in late, because the table of these numbers is slow to
-    load."""
-
-    def _format_text(self, text: str) -> str:
-        from activestereo.diagnose.numbers import NUMBERS
-
-        return super()._format_text(text.format(alpha=f"{NUMBERS.alpha:g}", least_share=f"{NUMBERS.least_share:g}"))
-
-
-def add_parser(commands: Commands) -> None:
+def add_parser(commands: cli.Commands) -> None:
     text = "rank which physical effect is missing from a capture's model"
-    parser = commands.add_parser("diagnose", help=text, description=_TEXT, formatter_class=_HelpWithNumbers)
+    parser = cli.add_command(commands, "diagnose", text, _TEXT, run)
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
-    add_shared(parser, out=True)
-    add_shared(parser, model="model.json to start from (default: no effects)")
+    cli.add_shared(parser, out=True)
+    cli.add_shared(parser, model="model.json to start from (default: no effects)")
     text = "a room of calibrate world of the same unit when it was good, best of the same views; repeatable"
     parser.add_argument("--reference", type=Path, metavar="CAPTURE", action="append", default=[], help=text)
-    add_shared(parser, effects=", ranked beside the built-in ones")
+    cli.add_shared(parser, effects=", ranked beside the built-in ones")
     text = "do not fit what surfaces, air and lights do to kuafu's own images, which saves their renders"
     parser.add_argument("--no-refine", dest="refine", action="store_false", help=text)
-    parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
+    parser.add_argument("--alpha", type=cli.positive_share, metavar="P", help="probability of a name by chance")
     text = "least share of the squared error above the noise (of depth: of the disparity's error) that a name removes"
-    parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
+    parser.add_argument("--least-share", type=cli.share, metavar="SHARE", help=text)
     text = "search in images averaged over NxN pixels (default: 1 up to 848x480, more for larger images)"
-    parser.add_argument("--bin", type=integer_from(1), metavar="N", help=text)
-    add_shared(parser, samples=" of what is told, as of compare; the search takes half")
-    add_shared(parser, max_bounces=True, seed="same seed, same answer")
+    parser.add_argument("--bin", type=cli.integer_from(1), metavar="N", help=text)
+    cli.add_shared(parser, samples=" of what is told, as of compare; the search takes half")
+    cli.add_shared(parser, max_bounces=True, seed="same seed, same answer")
     text = "processes that fit (default: one per core)"
-    parser.add_argument("--workers", type=integer_from(1), metavar="N", help=text)
-    add_shared(parser, device=True, pdf=True, csv="the ranking, a row for each parameter", json=True)
-    add_shared(parser, verbose="the ranking, the depth's error, times")
-    parser.set_defaults(run=run)
+    parser.add_argument("--workers", type=cli.integer_from(1), metavar="N", help=text)
+    cli.add_shared(parser, device=True, pdf=True, csv="the ranking, a row for each parameter", json=True)
+    cli.add_shared(parser, verbose="the ranking, the depth's error, times")
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.common.phases import Phases
-    from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.engine_prediction import EngineImages, engines_of
     from activestereo.compare.model_file import library
@@ -117,8 +94,8 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.report.write import WRITING, WRITING_S, write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
 
-    make_folder(args.out)
-    check_paper(args)
+    cli.make_folder(args.out)
+    cli.check_paper(args)
     effects = library(*args.effects)
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
@@ -139,7 +116,7 @@ def run(args: argparse.Namespace) -> None:
         written = _paper(args, diagnosis)
         phases.end()
     if args.json:
-        print_json(diagnosis.result)
+        cli.print_json(diagnosis.result)
         return
     taken = ", ".join(f"{phase} {seconds:.0f} s" for phase, seconds in phases.taken_s.items())
     details = "\n".join([*written, taken, LayerCache().usage_text()])
@@ -149,18 +126,16 @@ def run(args: argparse.Namespace) -> None:
 def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
     """Returns the commands to run next: check or use the found model, diagnose again with the stub effect, or view the
     capture."""
-    from activestereo.report.screen import command
-
     own = [word for file in args.effects for word in ("--effects", file)]
     if diagnosis.stub:
         stub = ("--effects", args.out / "effect_stub.py", "-o", args.out / "again")
-        how = carried(args, "alpha", "least_share", "bin", "workers", *SAME_RUN)
+        how = cli.carried(args, "alpha", "least_share", "bin", "workers", *cli.SAME_RUN)
         how += [word for folder in args.reference for word in ("--reference", folder)]
         how += [] if args.refine else ["--no-refine"]
         return [command("diagnose", args.capture, "--model", args.model, *own, *how, *stub)]
     if diagnosis.sensor_model is None:
-        return [command("view", args.capture, *carried(args, "device"))]
-    model = "--model", args.out / "model.json", *own, *carried(args, *SAME_RUN)
+        return [command("view", args.capture, *cli.carried(args, "device"))]
+    model = "--model", args.out / "model.json", *own, *cli.carried(args, *cli.SAME_RUN)
     return [
         command("compare", args.capture, *model, "-o", args.out / "after", label="check"),
         command("simulate", args.capture, *model, "-o", args.out / "simulated", label="use"),
@@ -171,7 +146,6 @@ def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
 def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
     """Wraps a diagnosis: Ctrl-C writes a note into `folder` on the kept results and on how to continue. A block that
     ends normally removes the note of an earlier run."""
-    from activestereo.common.output_files import write_text
     from activestereo.compare.cache import default_cache_folder
 
     note = folder / _STOPPED

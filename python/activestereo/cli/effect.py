@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, Finding, add_shared, check_out_file, print_json
+from activestereo.cli import arguments as cli
+from activestereo.common.output_files import write_text
 from activestereo.common.shown import printable
+from activestereo.report.lettering import write_figure
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -51,28 +53,23 @@ The exit status is 0 where all laws hold, else 1.
 """
 
 
-def add_parser(commands: argparse._SubParsersAction) -> None:
-    parser = commands.add_parser("effect", help="list physical effects, check your own", description=_TEXT)
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "effect", "list physical effects, check your own", _TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    listing = actions.add_parser("list", help="the built-in effects")
+    listing = cli.add_command(actions, "list", "the built-in effects", "", run_list)
     text = "the whole documentation page, examples/effects/README.md"
     listing.add_argument("--markdown", action="store_true", help=text)
-    add_shared(listing, json=True)
-    listing.set_defaults(run=run_list)
-    check = actions.add_parser("check", help="try the laws, and columns against the sensor", description=_CHECK)
+    cli.add_shared(listing, json=True)
+    check = cli.add_command(actions, "check", "try the laws, and columns against the sensor", _CHECK, run_check)
     check.add_argument("effects", nargs="*", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     check.add_argument("--all", action="store_true", help="all built-in effects")
-    check.add_argument(
-        "-o", "--out", type=Path, metavar="FILE",
-        help="differences as JSON; python/activestereo/effects/differences.json is the page's",
-    )  # fmt: skip
-    add_shared(check, device=True, json=True)
-    check.set_defaults(run=run_check)
-    show = actions.add_parser("show", help="draw what an effect does", description=_SHOW)
+    text = "differences as JSON; python/activestereo/effects/differences.json is the page's"
+    check.add_argument("-o", "--out", type=Path, metavar="FILE", help=text)
+    cli.add_shared(check, device=True, json=True)
+    show = cli.add_command(actions, "show", "draw what an effect does", _SHOW, run_show)
     show.add_argument("effects", nargs="+", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="picture.png, or page.html")
-    add_shared(show, device=True, json=True)
-    show.set_defaults(run=run_show)
+    cli.add_shared(show, device=True, json=True)
 
 
 def run_list(args: argparse.Namespace) -> None:
@@ -80,23 +77,21 @@ def run_list(args: argparse.Namespace) -> None:
     from activestereo.effects.core.catalogue import as_json, page, table
 
     if args.json:
-        print_json(as_json(builtin()))
-        return
-    print(
-        page(builtin(), known_differences()) if args.markdown else table(builtin()), end="" if args.markdown else "\n"
-    )
+        cli.print_json(as_json(builtin()))
+    elif args.markdown:
+        print(page(builtin(), known_differences()), end="")
+    else:
+        print(table(builtin()))
 
 
 def run_show(args: argparse.Namespace) -> None:
-    from activestereo.common.output_files import write_text
     from activestereo.compare.effect_strip import StripWorld
     from activestereo.effects.engines import CaptureRenderer
-    from activestereo.report.lettering import write_figure
     from activestereo.report.strips import strip_figure, strip_page
 
     if args.out.suffix.lower() not in (".png", ".html"):
-        raise CommandError(f"--out {args.out}: a picture's name ends in .png, a page's in .html")
-    check_out_file(args.out)
+        raise cli.CommandError(f"--out {args.out}: a picture's name ends in .png, a page's in .html")
+    cli.check_out_file(args.out)
     chosen = _chosen(args.effects)
     world = StripWorld(CaptureRenderer(args.device))
     if args.out.suffix.lower() == ".html":
@@ -108,7 +103,7 @@ def run_show(args: argparse.Namespace) -> None:
         write_figure(args.out, strip_figure(strips))
     changes = {s.effect.id: {"rms": float(np.sqrt(np.mean(s.difference**2))), "unit": s.unit} for s in strips}
     if args.json:
-        print_json(changes)
+        cli.print_json(changes)
         return
     for name, change in changes.items():
         print(f"{name}: changes the picture by {change['rms']:.3g} {change['unit']} (root mean square)")
@@ -116,21 +111,20 @@ def run_show(args: argparse.Namespace) -> None:
 
 
 def run_check(args: argparse.Namespace) -> None:
-    from activestereo.common.output_files import write_text
     from activestereo.compare.surrogate import differences
     from activestereo.effects import broken_laws, builtin
     from activestereo.effects.core.catalogue import as_json
 
     if args.all == bool(args.effects):
-        raise CommandError("name effects or files to check, or say --all")
+        raise cli.CommandError("name effects or files to check, or say --all")
     if args.out:
-        check_out_file(args.out)
+        cli.check_out_file(args.out)
     chosen = list(builtin().values()) if args.all else _chosen(args.effects)
     broken_of = {e.id: [sentence.removeprefix(f"{e.id}: ") for sentence in broken_laws(e)] for e in chosen}
     off = {} if any(broken_of.values()) else {name: round(far, 4) for name, far in differences(chosen, args.device)}
     if args.json:
         rows = as_json({e.id: e for e in chosen})
-        print_json([row | {"broken": broken_of[row["id"]], "difference": off.get(row["id"])} for row in rows])
+        cli.print_json([row | {"broken": broken_of[row["id"]], "difference": off.get(row["id"])} for row in rows])
     for e in () if args.json else chosen:
         place = "takes the place of the built-in one, " * (e.id in builtin() and e is not builtin()[e.id])
         parameters = ", ".join(f"{p.name} [{p.unit}] {p.low:g}..{p.high:g}" for p in e.parameters)
@@ -142,7 +136,7 @@ def run_check(args: argparse.Namespace) -> None:
         write_text(args.out, json.dumps(off, indent=1) + "\n")
     if lawless := sum(map(bool, broken_of.values())):
         said = f"{lawless} effect{'s' if lawless > 1 else ''} with broken laws"
-        raise Finding(said if args.all else f"{', '.join(args.effects)}: {said}")
+        raise cli.Finding(said if args.all else f"{', '.join(args.effects)}: {said}")
 
 
 def _chosen(names: Sequence[str]) -> list[Effect]:

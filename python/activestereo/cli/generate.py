@@ -1,22 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo generate`: renders a data set of depth pictures of objects on a table."""
+"""Implements `activestereo generate`, which renders a data set of depth pictures of objects on a table, and
+`activestereo resense`, which renders a simulator's stored demonstrations again with a depth sensor."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import (
-    CommandError,
-    Commands,
-    add_shared,
-    carried,
-    integer_from,
-    make_folder,
-    names_of,
-    size,
-)
-from activestereo.cli.parser import rare_group
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.cli import arguments as cli
+from activestereo.common.progress_bar import ProgressBar, duration
+from activestereo.common.shown import printable
+from activestereo.report.screen import command, screen
 
 FORMATS = ("lerobot", "mcap")
 
@@ -45,39 +40,54 @@ examples:
   activestereo generate *.glb --count 1000 --layout drop --sensor d415 --out out/dropped
 """
 
+_RESENSE = """\
+Replays the states of stored demonstrations in MuJoCo (robosuite's, LIBERO's and robomimic's
+.hdf5) and writes what a depth sensor on one of the model's cameras sees: DIR/NAME/depth,
+depth_true, ir_left, ir_right and cause, by number of the state. Needs mujoco and h5py.
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "generate", help="make a data set of things on a table, with poses and masks", description=_TEXT
-    )
+examples:
+  activestereo resense demo.hdf5 --camera agentview --every 10 -o out/resensed
+"""
+
+
+def add_parser(commands: cli.Commands) -> None:
+    text = "make a data set of things on a table, with poses and masks"
+    parser = cli.add_command(commands, "generate", text, _TEXT, run)
     parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
-    add_shared(parser, unit="the file of a THING", keep_transparent=True)
-    add_shared(parser, out=True, device=True, verbose="all things that no frame shows")
-    rare = rare_group(parser, "many machines, formats and ranges")
+    cli.add_shared(parser, unit="the file of a THING", keep_transparent=True)
+    cli.add_shared(parser, out=True, device=True, verbose="all things that no frame shows")
+    rare = parser.rare_group("many machines, formats and ranges")
     rare.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
-    parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
+    parser.add_argument("--count", type=cli.integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
-    parser.add_argument("--workers", type=integer_from(1), metavar="K", help=text)
+    parser.add_argument("--workers", type=cli.integer_from(1), metavar="K", help=text)
     text = "makes part K of N, for N machines that share DIR; whoever makes the last frame writes the tables"
     rare.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
     text = "has the workers of a Ray cluster make the frames (auto, HOST:PORT, ray://HOST:PORT): one for each GPU"
     rare.add_argument("--ray", metavar="ADDRESS", help=text)
     text = "with --ray: processors of a worker, where the cluster has no GPUs or --device is given (default: 2)"
-    rare.add_argument("--ray-cpus", type=integer_from(1), metavar="N", help=text)
-    add_shared(parser, seed="of everything that is drawn; same seed, same files")
-    add_shared(parser, sensor="as simulate's")
+    rare.add_argument("--ray-cpus", type=cli.integer_from(1), metavar="N", help=text)
+    cli.add_shared(parser, seed="of everything that is drawn; same seed, same files")
+    cli.add_shared(parser, sensor="as simulate's")
     text = "of the colour image and of depth (default: 640x480)"
-    parser.add_argument("--rgb-size", type=size, default=(640, 480), metavar="WxH", help=text)
+    parser.add_argument("--rgb-size", type=cli.size, default=(640, 480), metavar="WxH", help=text)
     text = "of the infrared images, with the same horizontal field of view (default: the sensor's own)"
-    parser.add_argument("--ir-size", type=size, metavar="WxH", help=text)
+    parser.add_argument("--ir-size", type=cli.size, metavar="WxH", help=text)
     text = "samples per pixel (default: 16)"
-    parser.add_argument("--spp", "--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
+    parser.add_argument("--spp", "--samples-per-pixel", type=cli.integer_from(1), default=16, metavar="N", help=text)
     text = f"also in these formats, once all frames are there: comma-separated, of {', '.join(FORMATS)}"
-    rare.add_argument("--also", type=names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
+    rare.add_argument("--also", type=cli.names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     rare.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
-    parser.set_defaults(run=run)
+    parser = cli.add_command(commands, "resense", "stored demonstrations seen by a depth sensor", _RESENSE, run_resense)
+    parser.add_argument("demos", type=Path, metavar="DEMOS", help=".hdf5 of demonstrations")
+    parser.add_argument("--camera", metavar="NAME", help="of the model (default: its first)")
+    text = "every N-th state only (default: 1)"
+    parser.add_argument("--every", type=cli.integer_from(1), default=1, metavar="N", help=text)
+    cli.add_shared(parser, sensor="as simulate's")
+    parser.add_argument("--size", type=cli.size, metavar="WxH", help="of all images (default: the sensor's own)")
+    cli.add_shared(parser, out=True, device=True, samples={"default": 16, "help": "rays per pixel (default: 16)"})
 
 
 def _part(text: str) -> tuple[int, int]:
@@ -93,26 +103,24 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.generate.run import generate
     from activestereo.benchmarks.generate.studio import Ranges, Settings
     from activestereo.common.declared_ranges import read_ranges
-    from activestereo.common.progress_bar import ProgressBar, duration
-    from activestereo.report.screen import command, screen
 
     if args.ray is None and args.ray_cpus is not None:
-        raise CommandError("--ray-cpus goes with --ray, which is not given")
+        raise cli.CommandError("--ray-cpus goes with --ray, which is not given")
     if args.ray is not None and args.workers is not None:
-        raise CommandError("--workers does not go with --ray, whose workers take their place: --ray-cpus")
+        raise cli.CommandError("--workers does not go with --ray, whose workers take their place: --ray-cpus")
     try:
         require_formats(args.also)
     except ImportError as error:
-        raise CommandError(f"--also: {error}") from error
+        raise cli.CommandError(f"--also: {error}") from error
     for path in args.things:
         if not path.exists():
-            raise CommandError(f"{path}: there is no such file")
+            raise cli.CommandError(f"{path}: there is no such file")
     settings = Settings(
         things=tuple(args.things), sensor=args.sensor, rgb_size=args.rgb_size, ir_size=args.ir_size, samples=args.spp,
         seed=args.seed, layout=args.layout, ranges=read_ranges(args.ranges, Ranges), unit_m=args.unit,
         keep_transparent=args.keep_transparent, device=args.device,
     )  # fmt: skip
-    make_folder(args.out)
+    cli.make_folder(args.out)
     workers = args.workers or 1
     ray = None if args.ray is None else (args.ray, args.ray_cpus or 2)
     by = f"{workers} worker{'' if workers == 1 else 's'}" if ray is None else f"Ray at {args.ray}"
@@ -130,5 +138,24 @@ def run(args: argparse.Namespace) -> None:
     if args.also and not done.missing:
         write_formats(args.out, args.count, args.also)
         notes += [f"also {', '.join(args.also)}"]
-    steps = [command("view", args.out, *carried(args, "device"))]
+    steps = [command("view", args.out, *cli.carried(args, "device"))]
     print(screen(f"{'; '.join(notes)}, in {args.out}.", (), unseen, steps, verbose=args.verbose))
+
+
+def run_resense(args: argparse.Namespace) -> None:
+    try:
+        from activestereo.integrations.mujoco.resense import packages, read_demos, resense
+
+        packages()
+    except ImportError as error:
+        raise cli.CommandError(f"the package {error.name} is missing: pip install mujoco h5py") from error
+    config = StereoDepthSensorConfig(args.sensor)
+    if args.size is not None:
+        config = config.resized(*args.size)
+    config.samples_per_pixel = args.spp
+    cli.make_folder(args.out)
+    count = 0
+    for demo in read_demos(args.demos):
+        with ProgressBar(demo.name) as bar:
+            count += resense(demo, config, args.out / demo.name, args.camera, args.every, args.device, bar)
+    print(f"{count} states; written: {printable(args.out)}")

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.cli.arguments import CommandError
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import Camera, Frame
+from activestereo.capture.images import read_gray
+from activestereo.cli import arguments as cli
 from activestereo.common.lens import is_distorting
 
 if TYPE_CHECKING:
-    from activestereo.capture.capture import Frame
     from activestereo.capture.importers.realsense_folder import FrameFiles
     from activestereo.capture.importers.realsense_text import DeviceText
     from activestereo.compare.camera_order import CameraOrder
@@ -30,8 +32,6 @@ _MOST_ROWS_PX = 0.5
 def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[DeviceText, list[str]]:
     """Returns (calibration, lines on assumptions) for images of size (width, height): --calibration's, else --k and
     --baseline. The preset of --sensor fills in missing figures."""
-    from activestereo.camera.presets import StereoDepthSensorConfig
-    from activestereo.capture.capture import Camera
     from activestereo.capture.importers.realsense_text import DeviceText
 
     device = given_device(args, size)
@@ -47,19 +47,15 @@ def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[Devi
         own_width, own_height = config.ir_resolution
         factor = width / own_width
         if abs(height - factor * own_height) > 1.0:
-            raise CommandError(
-                f"the images are {width}x{height}, {args.sensor}'s {own_width}x{own_height}: they are not scaled "
-                "alike, so that its focal length tells nothing: give --k FX,FY,CX,CY"
-            )
+            sizes = f"the images are {width}x{height}, {args.sensor}'s {own_width}x{own_height}: they are not scaled "
+            raise cli.CommandError(f"{sizes}alike, so that its focal length tells nothing: give --k FX,FY,CX,CY")
         K = config.scaled(factor).ir_intrinsic
-        assumed.append(
-            f"K is {args.sensor}'s nominal one, f {K[0, 0]:.1f} px and centre {K[0, 2]:.1f}, {K[1, 2]:.1f}: devices "
-            "differ by 1 to 2 %, --k or --calibration tells better"
-        )
+        figures = f"f {K[0, 0]:.1f} px and centre {K[0, 2]:.1f}, {K[1, 2]:.1f}: devices differ by 1 to 2 %"
+        assumed.append(f"K is {args.sensor}'s nominal one, {figures}, --k or --calibration tells better")
     right_K = K if args.k_right is None else args.k_right
     for option, own in (("--k", K), ("--k-right", right_K)):
         if not (0 <= own[0, 2] < width and 0 <= own[1, 2] < height):
-            raise CommandError(
+            raise cli.CommandError(
                 f"{option} has its centre at {own[0, 2]:g}, {own[1, 2]:g}, outside of the images' {width}x{height}: "
                 "were they rescaled? K is scaled along with them"
             )
@@ -74,10 +70,10 @@ def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> Devi
 
     if not args.calibration:
         if args.rectified:
-            raise CommandError("--rectified is about ROS' and OpenCV's YAML: give it with --calibration FILE.yaml")
+            raise cli.CommandError("--rectified is about ROS' and OpenCV's YAML: give it with --calibration FILE.yaml")
         return None
     if args.k is not None or args.k_right is not None:
-        raise CommandError("--calibration tells K of both cameras: give it, or --k")
+        raise cli.CommandError("--calibration tells K of both cameras: give it, or --k")
     return read_calibration_files(args.calibration, args.rectified, args.baseline, size)
 
 
@@ -85,7 +81,7 @@ def own_device(args: argparse.Namespace, recording: Path, size: tuple[int, int] 
     """Returns given_device() for a recording that holds its own calibration. Raises CommandError if --k is given
     too."""
     if args.k is not None or args.k_right is not None:
-        raise CommandError(f"{recording}: has K of its own: leave out --k, or give --calibration FILE")
+        raise cli.CommandError(f"{recording}: has K of its own: leave out --k, or give --calibration FILE")
     return given_device(args, size)
 
 
@@ -113,17 +109,16 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     if np.abs(left.K - right.K)[[0, 1, 1], [0, 1, 2]].max() > _MOST_ROWS_PX:
         focal = f"{left.K[0, 0]:g} and {right.K[0, 0]:g} px, cy {left.K[1, 2]:g} and {right.K[1, 2]:g} px"
-        raise CommandError(
-            f"{device.path}: the two images do not match: focal lengths of {focal}; record rectified ones"
-        )
+        told = f"the two images do not match: focal lengths of {focal}; record rectified ones"
+        raise cli.CommandError(f"{device.path}: {told}")
     if not is_rectified(device, width, height):
-        raise CommandError(
+        raise cli.CommandError(
             f"{device.path}: the pairs are not rectified, its cameras have a lens or are turned: record the rectified "
             "streams, or give --rectified where ROS' or OpenCV's YAML describes images that are"
         )
     motion = device.extrinsic("Infrared 1", "Infrared 2")
     if motion[0, 3] >= 0.0:
-        raise CommandError(
+        raise cli.CommandError(
             f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {motion[0, 3]:g} m, expected '
             "below 0: left and right are swapped"
         )
@@ -133,14 +128,13 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
 def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:
     """Checks in up to three pairs that left and right images are not swapped, and returns which order it
     measured. Raises CommandError if they are. are_exchanged: --swap was given; offset_px: right cx minus left cx."""
-    from activestereo.capture.images import read_gray
     from activestereo.compare.camera_order import camera_order
 
     some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})]
     pairs = [(read_gray(own["left"], key="Infrared 1"), read_gray(own["right"], key="Infrared 2")) for own in some]
     order = camera_order([(left, right) for left, right in pairs if left.shape == right.shape], offset_px)
     if order.is_swapped:
-        raise CommandError(
+        raise cli.CommandError(
             f"left and right are swapped: {100 * order.nearer_right:.0f} % of {order.patches} patches lie further "
             f"right in the right image, where nothing can: {'leave out' if are_exchanged else 'give'} --swap"
         )
@@ -164,10 +158,8 @@ def sides_text(order: CameraOrder) -> str:
     if not order.is_told:
         return f"cameras: only {order.patches} patches are alike in both images, which tells neither order nor rows"
     row = f"rows {order.row_offset_px:+.2f} px apart (spread {order.row_spread_px:.2f}) in {order.patches} patches"
-    wrong = abs(order.row_offset_px) > _MOST_ROWS_PX or order.row_spread_px > 1.0
-    return f"cameras: {row}" + (
-        ": they do not match, so the pair is not rectified by this calibration" if wrong else ""
-    )
+    is_wrong = abs(order.row_offset_px) > _MOST_ROWS_PX or order.row_spread_px > 1.0
+    return f"cameras: {row}" + ": they do not match, so the pair is not rectified by this calibration" * is_wrong
 
 
 def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses: bool) -> list[str]:

@@ -4,30 +4,22 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, positive
-from activestereo.cli.import_calibration import (
-    checked_sides,
-    depth_words,
-    folder_device,
-    is_rectified,
-    missing_text,
-    own_device,
-    rectified_pair,
-    sides_text,
-    unused_text,
-)
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import Capture, Projector
+from activestereo.capture.images import image_size
+from activestereo.cli import arguments as cli
+from activestereo.cli import import_calibration as calibration
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.report.screen import command, screen
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from activestereo.camera.presets import StereoDepthSensorConfig
-    from activestereo.capture.capture import Capture, Projector
     from activestereo.capture.importers.color_depth import ColorDepthRecording
     from activestereo.capture.importers.realsense_folder import RobotPoses
 
@@ -70,20 +62,18 @@ example:
 """
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "import", help="make a capture of a camera's or a data set's recording", description=_TEXT
-    )
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "import", "make a capture of a camera's or a data set's recording", _TEXT, run)
     add = parser.add_argument
     add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, or a bag")
-    add_shared(parser, calibration="; not needed for a bag", rectified=True)
-    add_shared(parser, k=" of both rectified cameras, or of colour and depth, where no file tells it", k_right=True)
-    add_shared(parser, baseline=", where no file tells it (camera_info's P[3] is 0) or none in metres")
+    cli.add_shared(parser, calibration="; not needed for a bag", rectified=True)
+    cli.add_shared(parser, k=" of both rectified cameras, or of colour and depth, where no file tells it", k_right=True)
+    cli.add_shared(parser, baseline=", where no file tells it (camera_info's P[3] is 0) or none in metres")
     add("--swap", action="store_true", help="the files named left are the right camera's")
     text = "what the depth images' names hold, where there are several kinds (default: depth)"
     add("--depth", metavar="WORD", help=text)
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
-    add("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images (default: 0.001)")
+    add("--depth-scale", type=cli.positive, metavar="M", help="metres per unit of the depth images (default: 0.001)")
     text = "camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line"
     add("--poses", type=Path, metavar="FILE", help=text)
     add("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw; needs --hand-eye")
@@ -92,39 +82,26 @@ def add_parser(commands: Commands) -> None:
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
     text = "exposure, seconds, of all frames or T1,T2,... of each (default: 0.008)"
     add("--exposure", type=_exposures, default=[0.008], metavar="S", help=text)
-    add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
-    add_shared(parser, verbose="all that was assumed and left out")
-    parser.set_defaults(run=_run)
+    cli.add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
+    cli.add_shared(parser, verbose="all that was assumed and left out")
 
 
-def _run(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
     if args.out.exists():
-        raise CommandError(f"{args.out} exists already: an import writes a new folder")
+        raise cli.CommandError(f"{args.out} exists already: an import writes a new folder")
     if not args.out.absolute().parent.is_dir():
-        raise CommandError(f"the folder {args.out.parent} does not exist: make it first")
+        raise cli.CommandError(f"the folder {args.out.parent} does not exist: make it first")
     if args.depth_scale is not None and args.depth_scale <= 0:
-        raise CommandError("--depth-scale is 0, expected metres per unit above 0")
+        raise cli.CommandError("--depth-scale is 0, expected metres per unit above 0")
     with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
         recording = _color_depth(args, Path(temporary))
         if recording is None:
             capture, told, words = _infrared(args, Path(temporary))
         else:
-            words = []
-            capture = _write_color_depth(args, recording)
-    if recording is not None:
-        told = [f"assumed: {line}" for line in recording.assumed]
-        told.append("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
-    _report(
-        args, capture, told, words, args.scene is not None or (recording is not None and recording.scene is not None)
-    )
-
-
-def _report(
-    args: argparse.Namespace, capture: Capture, told: Sequence[str], words: Sequence[str], has_scene: bool
-) -> None:
-    """Prints the end. words: those of --depth that would give depth to every frame, where the capture has none."""
-    from activestereo.report.screen import command, screen
-
+            capture, words = _write_color_depth(args, recording), []
+            told = [f"assumed: {line}" for line in recording.assumed]
+            told.append("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
+    has_scene = args.scene is not None or (recording is not None and recording.scene is not None)
     rig, frames = capture.rig, capture.frames
     with_depth = sum(frame.depth_path is not None for frame in frames)
     with_color = sum(frame.color_path is not None for frame in frames) if rig.color is not None else 0
@@ -152,7 +129,6 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
     temporary: folder for extracted files."""
     from activestereo.capture.importers.bag import has_color_depth_alone, is_bag, read_color_depth_bag
     from activestereo.capture.importers.color_depth_folders import INTRINSICS, read_bop, read_open3d, read_tum
-    from activestereo.common.progress_bar import ProgressBar
 
     if is_bag(args.recording) and has_color_depth_alone(args.recording):
         with ProgressBar(f"reading {args.recording.name}") as bar:
@@ -167,9 +143,7 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
 
 
 def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording) -> Capture:
-    from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.importers.color_depth import write_color_depth
-    from activestereo.common.progress_bar import ProgressBar
 
     config = StereoDepthSensorConfig(args.sensor)
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
@@ -180,17 +154,16 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
 def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str], list[str]]:
     """Imports a recording with infrared pairs. Returns the capture, lines on found, assumed and missing data, and the
     words of --depth that name one of several kinds of depth."""
-    from activestereo.camera.presets import StereoDepthSensorConfig
-    from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
     from activestereo.capture.importers.realsense_folder import DEPTH_SCALE_M, frame_files, import_realsense, swapped
     from activestereo.capture.importers.trajectory import read_trajectory, refuse_foreign
-    from activestereo.common.progress_bar import ProgressBar
 
     bag = is_bag(args.recording)
     if not bag and not args.recording.is_dir():
         refuse_foreign(args.recording)
-        raise CommandError(f"{args.recording}: is neither a folder nor a bag; record a connected camera with rs-record")
+        raise cli.CommandError(
+            f"{args.recording}: is neither a folder nor a bag; record a connected camera with rs-record"
+        )
     trajectory = None if args.poses is None else read_trajectory(args.poses)
     robot = _robot(args)
     folder, depth_scale = args.recording, args.depth_scale
@@ -204,7 +177,9 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         refuse_foreign(folder)  # the error names the folder's actual kind
         raise
     assumed: list[str] = []
-    words = [] if args.depth or any("depth" in entry.files for entry in files) else depth_words(folder, files)
+    words = (
+        [] if args.depth or any("depth" in entry.files for entry in files) else calibration.depth_words(folder, files)
+    )
     if len(words) == 1:
         files = frame_files(folder, words.pop())
     if depth_scale is None:
@@ -214,33 +189,33 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     if args.swap:
         files = swapped(files)
     if len(args.exposure) not in (1, len(files)):
-        raise CommandError(f"--exposure: has {len(args.exposure)} times for {len(files)} frames: give one, or each")
+        raise cli.CommandError(f"--exposure: has {len(args.exposure)} times for {len(files)} frames: give one, or each")
     size = image_size(files[0].files["left"], "Infrared 1")
     if bag:
-        device = own_device(args, args.recording, size) or recorded
+        device = calibration.own_device(args, args.recording, size) or recorded
     else:
-        device, nominal_figures = folder_device(args, size)
+        device, nominal_figures = calibration.folder_device(args, size)
         assumed += nominal_figures
-    if is_rectified(device, *size):
-        offset_px = rectified_pair(device, *size).offset_px
-        told = [sides_text(checked_sides(files, args.swap, offset_px))]
+    if calibration.is_rectified(device, *size):
+        offset_px = calibration.rectified_pair(device, *size).offset_px
+        told = [calibration.sides_text(calibration.checked_sides(files, args.swap, offset_px))]
     else:
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
     if bag and "Color" in image_streams(args.recording):
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
-    told += unused_text(folder, files)
+    told += calibration.unused_text(folder, files)
     with ProgressBar(f"importing {args.recording.name}") as bar:
         nominal = _nominal_projector(StereoDepthSensorConfig(args.sensor))
         capture = import_realsense(
             files, device, args.out, *nominal, depth_scale, args.scene, trajectory, args.exposure, robot, bar
         )
-    missing = missing_text(files, capture.frames, bool(args.poses or args.robot))
+    missing = calibration.missing_text(files, capture.frames, bool(args.poses or args.robot))
     told += [*(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]
     return capture, told, words
 
 
 def _exposures(text: str) -> list[float]:
-    return [positive(each) for each in text.split(",")]
+    return [cli.positive(each) for each in text.split(",")]
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:
@@ -251,17 +226,14 @@ def _robot(args: argparse.Namespace) -> RobotPoses | None:
     if args.robot is None:
         return None
     if args.hand_eye is None:
-        raise CommandError("--robot needs --hand-eye: the .hand_eye.json that calibrate rig --robot writes")
+        raise cli.CommandError("--robot needs --hand-eye: the .hand_eye.json that calibrate rig --robot writes")
     named = {Path(name).stem: pose for name, pose in read_poses(args.robot).items()}
     return RobotPoses(named, JsonObject.read(args.hand_eye).rigid_transform("camera_to_gripper"))
 
 
 def _nominal_projector(config: StereoDepthSensorConfig) -> tuple[Projector, NDArray[np.uint8]]:
     """Returns the preset's projector and its dot pattern, a black one if the camera has no projector."""
-    import numpy as np
-
     from activestereo.camera.plan import pattern_of
-    from activestereo.capture.capture import Projector
 
     pattern, K = pattern_of(config) or (np.zeros((2, 2), np.uint8), np.eye(3))
     left_to_projector = np.eye(4)

@@ -6,15 +6,15 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, carried, make_folder
+import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from activestereo.capture.capture import Camera
+from activestereo.capture.capture import SIDES, Camera, Frame, read_capture
+from activestereo.capture.images import read_color
+from activestereo.cli import arguments as cli
+from activestereo.common.output_files import write_png
+from activestereo.report.screen import command, screen
 
 _TEXT = """\
 Lays a scene over the pictures of a real camera: contours of what is rendered in
@@ -30,30 +30,27 @@ examples:
 """
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser("overlay", help="lay the rendered scene over a camera's pictures", description=_TEXT)
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "overlay", "lay the rendered scene over a camera's pictures", _TEXT, run)
     parser.add_argument("source", type=Path, metavar="SOURCE", help="capture, PNG file, or folder of PNG files")
     parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene (default: the capture's own)")
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="folder for PNG files; without it a window opens")
-    add_shared(parser, device=True)
-    parser.set_defaults(run=_run)
+    cli.add_shared(parser, device=True)
 
 
-def _run(args: argparse.Namespace) -> None:
-    from activestereo.common.output_files import write_png
+def run(args: argparse.Namespace) -> None:
     from activestereo.report.overlay import can_show_windows, show_window
-    from activestereo.report.screen import command, screen
 
     is_capture = (args.source / "capture.json").is_file() or args.source.name == "capture.json"
     if args.scene is None and not is_capture:
-        raise CommandError("--scene is needed for files")
+        raise cli.CommandError("--scene is needed for files")
     pictures = _overlay_capture(args) if is_capture else _overlay_files(args)
     if args.out is None:
         if not can_show_windows():
-            raise CommandError("no window can be opened here: save the pictures by --out DIR")
+            raise cli.CommandError("no window can be opened here: save the pictures by --out DIR")
         show_window(picture for _, picture in pictures)
         return
-    make_folder(args.out)
+    cli.make_folder(args.out)
     names = []
     for name, picture in pictures:
         write_png(args.out / f"{name}.png", picture)
@@ -61,16 +58,13 @@ def _run(args: argparse.Namespace) -> None:
     sentence = f"{len(names)} pictures in {args.out}, {names[0]}.png first: edges of the scene lie over the camera's."
     leads = []
     if is_capture and args.scene is None:
-        leads = [command("compare", args.source, *carried(args, "device"), "-o", args.out / "compare")]
+        leads = [command("compare", args.source, *cli.carried(args, "device"), "-o", args.out / "compare")]
     print(screen(sentence, (), (), leads))
 
 
 def _overlay_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     """Yields (name, RGB picture with contours) for each pose of a capture: its colour image, and its infrared ones
     without dots, averaged over repeats. A capture with neither yields the left image of every frame."""
-    import numpy as np
-
-    from activestereo.capture.capture import SIDES, Frame, read_capture
     from activestereo.report.overlay import Overlay
 
     capture = read_capture(args.source)
@@ -111,12 +105,11 @@ def _undistorted(image: NDArray[np.floating], camera: Camera) -> NDArray[np.floa
 
 
 def _overlay_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-    from activestereo.capture.images import read_color
     from activestereo.report.overlay import Overlay
 
     overlay = Overlay(args.scene, args.device)
     files = [args.source] if args.source.is_file() else sorted(args.source.glob("*.png"))
     if not files:
-        raise CommandError(f"{args.source}: is no capture, no PNG file, and no folder of PNG files")
+        raise cli.CommandError(f"{args.source}: is no capture, no PNG file, and no folder of PNG files")
     for file in files:
         yield file.stem, overlay.draw(read_color(file), None, None)

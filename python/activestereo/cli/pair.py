@@ -9,8 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder, positive, print_json
+import simsense
+from activestereo.capture.images import read_gray
+from activestereo.cli import arguments as cli
+from activestereo.common.output_files import write_text
 from activestereo.common.shown import printable
+from activestereo.report.lettering import write_figure
 
 _TEXT = """\
 States what one rectified infrared pair of a real sensor tells without a known
@@ -29,62 +33,49 @@ example, the D435 pair of SimSense's tests:
 """
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser("pair", help="state what a real infrared pair tells of its sensor", description=_TEXT)
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "pair", "state what a real infrared pair tells of its sensor", _TEXT, run)
     parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
     parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
-    add_shared(parser, k={"required": True}, baseline={"required": True})
+    cli.add_shared(parser, k={"required": True}, baseline={"required": True})
     text = "the device's own depth, 16-bit, left image; a whole number of times smaller is fine"
     parser.add_argument("--device-depth", type=Path, metavar="DEPTH.png", help=text)
     text = "metres per unit of it (default: 0.001)"
-    parser.add_argument("--depth-scale", type=positive, default=0.001, metavar="M", help=text)
+    parser.add_argument("--depth-scale", type=cli.positive, default=0.001, metavar="M", help=text)
     text = "a simulated pair's folder, shown beside this one"
     parser.add_argument("--against", type=Path, metavar="SIMULATED", help=text)
-    add_shared(parser, out=True, json=True)
-    parser.set_defaults(run=run)
+    cli.add_shared(parser, out=True, json=True)
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.capture.images import read_gray
-    from activestereo.common.output_files import replace_file
     from activestereo.compare.pair_findings import findings_text, pair_findings, pair_statistics, statistics_text
 
     left, right = _read(args.left, args.right)
-    device = (
-        None
-        if args.device_depth is None
-        else _device_disparity(args, read_gray(args.device_depth, key="depth"), left.shape)
-    )
+    device = None if args.device_depth is None else _device_disparity(args, left.shape)
     pairs = {"this pair": (left, right)}
     if args.against is not None:
         named = [tuple(args.against / f"{stem}{side}.png" for side in ("left", "right")) for stem in ("ir_", "")]
         files = next((own for own in named if all(file.is_file() for file in own)), None)
         if files is None:
-            raise CommandError(f"{args.against}: holds neither ir_left.png and ir_right.png nor left.png and right.png")
+            raise cli.CommandError(
+                f"{args.against}: holds neither ir_left.png and ir_right.png nor left.png and right.png"
+            )
         pairs["against"] = _read(*files)
     disparity = {name: _match(args, *pair) for name, pair in pairs.items()}
-    max_dn = float(np.iinfo(left.dtype).max)
-    findings = pair_findings(left, right, disparity["this pair"], max_dn, device)
-    statistics = {
-        name: pair_statistics(*pair, disparity[name], float(np.iinfo(pair[0].dtype).max))
-        for name, pair in pairs.items()
-    }
-    make_folder(args.out)
-    entries = {
-        "findings": [f.as_json() for f in findings],
-        "statistics": [f.as_json() for f in statistics["this pair"]],
-    }
-    if "against" in statistics:
-        entries["against"] = [f.as_json() for f in statistics["against"]]
-    text = json.dumps(entries, indent=1) + "\n"
-    replace_file(args.out / "pair.json", lambda file: file.write(text.encode()))
+    max_dn = {name: float(np.iinfo(pair[0].dtype).max) for name, pair in pairs.items()}
+    findings = pair_findings(left, right, disparity["this pair"], max_dn["this pair"], device)
+    statistics = {name: pair_statistics(*pair, disparity[name], max_dn[name]) for name, pair in pairs.items()}
+    cli.make_folder(args.out)
+    told = {"findings": findings, "statistics": statistics["this pair"]}
+    told |= {"against": statistics["against"]} if "against" in pairs else {}
+    entries = {name: [f.as_json() for f in own] for name, own in told.items()}
+    write_text(args.out / "pair.json", json.dumps(entries, indent=1) + "\n")
     if "against" in pairs:
-        from activestereo.report.lettering import write_figure
         from activestereo.report.pair_figure import pair_figure
 
         write_figure(args.out / "against.png", pair_figure(pairs, disparity, statistics))
     if args.json:
-        print_json(entries)
+        cli.print_json(entries)
         return
     print(findings_text(findings))
     print(f"\n{statistics_text(statistics)}")
@@ -92,20 +83,15 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _read(left_path: Path, right_path: Path) -> tuple[np.ndarray, np.ndarray]:
-    from activestereo.capture.images import read_gray
-
     left, right = (read_gray(path, key="image") for path in (left_path, right_path))
     if left.shape != right.shape or left.dtype != right.dtype:
-        raise CommandError(
-            f"the images differ: {left_path} is {left.shape[::-1]} {left.dtype}, "
-            f"{right_path} is {right.shape[::-1]} {right.dtype}"
-        )
+        named = ((left_path, left), (right_path, right))
+        kinds = ", ".join(f"{path} is {image.shape[::-1]} {image.dtype}" for path, image in named)
+        raise cli.CommandError(f"the images differ: {kinds}")
     return left, right
 
 
 def _match(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    import simsense
-
     gain = 1.0 if left.dtype == np.uint8 else 255.0 / max(left.max(), right.max(), 1)
     camera, left_to_right = simsense.Camera(left.shape[1], left.shape[0], args.k), np.eye(4)
     left_to_right[0, 3] = -args.baseline
@@ -113,10 +99,12 @@ def _match(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> np.
     return np.maximum(engine.compute(left, right, ("disparity",))["disparity"], 0.0)
 
 
-def _device_disparity(args: argparse.Namespace, depth: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _device_disparity(args: argparse.Namespace, shape: tuple[int, ...]) -> np.ndarray:
+    """Reads --device-depth as disparity in pixels of the left image, 0 = none. shape: of the left image."""
+    depth = read_gray(args.device_depth, key="depth")
     step = shape[0] // depth.shape[0] if depth.shape[0] else 0
     if step < 1 or (depth.shape[0] * step, depth.shape[1] * step) != shape:
-        raise CommandError(
+        raise cli.CommandError(
             f"{args.device_depth} is {depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}: "
             "not a whole number of times smaller"
         )

@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from activestereo.cli.arguments import Commands, add_shared, print_json
+from activestereo.camera.camera_file import FIELDS, CameraData, Figure, camera_names, read_camera
+from activestereo.cli import arguments as cli
 from activestereo.common.text_table import columns
-
-if TYPE_CHECKING:
-    from activestereo.camera.camera_file import CameraData, Figure
 
 _TEXT = """\
 Prints the cameras that the simulator knows, and of one camera every figure with
@@ -31,21 +29,16 @@ examples:
 """
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "presets", help="print the known cameras and their figures' sources", description=_TEXT
-    )
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "presets", "print the known cameras and their figures' sources", _TEXT, run)
     parser.add_argument("name", nargs="?", metavar="NAME", help="a camera, or the path of a .toml file (default: all)")
-    add_shared(parser, json=True)
-    parser.set_defaults(run=run)
+    cli.add_shared(parser, json=True)
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.camera.camera_file import camera_names, read_camera
-
     cameras = [read_camera(name) for name in ([args.name] if args.name else camera_names())]
     if args.json:
-        print_json([asdict(camera) for camera in cameras])
+        cli.print_json([asdict(camera) for camera in cameras])
     elif args.name:
         print(_figures(cameras[0]))
     else:
@@ -68,8 +61,6 @@ def _table(cameras: list[CameraData]) -> str:
 
 
 def _figures(camera: CameraData) -> str:
-    from activestereo.camera.camera_file import FIELDS
-
     lines = [f"{camera.name}: {camera.title}"]
     for section, figures in camera.figures.items():
         lines += ["", f"[{section}]"] if figures else []

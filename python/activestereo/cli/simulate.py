@@ -1,50 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo simulate`: takes one frame of a depth sensor in a scene file."""
+"""Implements `activestereo simulate`: takes one frame of a depth sensor in a scene file, and tells its depth, its
+infrared light, and bodies that the sensor cannot measure."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS
-from activestereo.cli.arguments import (
-    CommandError,
-    Commands,
-    add_shared,
-    carried,
-    integer_from,
-    make_folder,
-    positive,
-    print_json,
-    size,
-    transform,
-)
-from activestereo.cli.camera_options import add_camera_options, add_records, set_cameras, set_records
-from activestereo.cli.depth_maps import (
-    add_depth_maps,
-    matching_line,
-    matching_words,
-    stage_table,
-    wanted_maps,
-    write_maps,
-)
-from activestereo.cli.engine_options import add_matching, add_options, given_parameters
-from activestereo.cli.parser import rare_group
+import kuafu
+from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, StereoDepthSensorConfig
+from activestereo.capture.capture import Frame, read_capture
+from activestereo.cli import arguments as cli
+from activestereo.cli import sensor_options as options
+from activestereo.common.accuracy import Accuracy, accuracy_by_material, accuracy_table
+from activestereo.common.output_files import write_depth_png, write_ply, write_png, write_text, written_together
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
-from activestereo.scene_io.staging import INFRARED_SHARES, infrared_share
+from activestereo.common.pose import Pose, body_pose, camera_to_camera, camera_to_world
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.common.shown import listed, printable
+from activestereo.report.lettering import write_figure
+from activestereo.report.screen import Figure, command, screen
+from activestereo.scene_io.staging import (
+    ALL_SIDES,
+    INFRARED_SHARES,
+    ROOM_LUX,
+    has_lamps,
+    infrared_share,
+    part_light,
+    room_radiance,
+    set_infrared_share,
+)
 
 if TYPE_CHECKING:
-    import kuafu
-    from activestereo.camera.presets import StereoDepthSensorConfig
-    from activestereo.capture.capture import Frame
-    from activestereo.common.pose import Pose
     from activestereo.effects.core.descriptor import Effect
     from activestereo.model import SensorModel
+    from activestereo.sensor.light_share import LightShare
     from activestereo.sensor.sensor import StereoDepthSensor
 
 _TEXT = """\
@@ -74,65 +71,58 @@ examples:
 
 _USUAL = [p for p in RENDER if p.name in ("samples_per_pixel", "max_bounces")]
 _OF_THE_CAMERA = dict.fromkeys(OF_THE_CAMERA, "the camera's")
+# Depth is coarser if the projector's share of the infrared light at the dots is below this. (In the example scene of
+# 300 lux it is a sixth; the projector's share of all pixels' light is a twenty-fifth.)
+LEAST_SHARE = 0.05
+_MOST_NAMED = 3
+_MOST_MATERIALS = 3
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser("simulate", help="what a depth sensor gives in a scene", description=_TEXT)
+def add_parser(commands: cli.Commands) -> None:
+    parser = cli.add_command(commands, "simulate", "what a depth sensor gives in a scene", _TEXT, run)
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file, or a capture for its scene")
     text = "the scene as its animations pose it then (default: without animation)"
-    parser.add_argument("--time", type=positive, metavar="SECONDS", help=text)
-    add_shared(parser, unit="SCENE", keep_transparent=True)
-    add_shared(parser, sensor="a camera of 'activestereo presets', or the path of a .toml file")
+    parser.add_argument("--time", type=cli.positive, metavar="SECONDS", help=text)
+    cli.add_shared(parser, unit="SCENE", keep_transparent=True)
+    cli.add_shared(parser, sensor="a camera of 'activestereo presets', or the path of a .toml file")
     text = "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does "
-    add_shared(parser, model=f"{text}not say")
-    add_shared(parser, effects=", where the model has some", out=True, json=True, device=True)
-    add_shared(parser, verbose="times of the stages, matching, and the error of each material")
-    _add_view(parser.add_argument_group("view"))
-    _add_light(parser.add_argument_group("light and noise"))
-    add_camera_options(rare_group(parser, "lenses, shutters and motion"))
-    rendering = rare_group(parser, "rendering and records")
-    add_options(rendering, RENDERER, _OF_THE_CAMERA)
-    add_options(rendering, [p for p in RENDER if p not in _USUAL], _OF_THE_CAMERA)
-    add_records(rendering)
-    add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS | _OF_THE_CAMERA))
-    parser.set_defaults(run=run)
-
-
-def _add_view(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--camera", type=integer_from(0), metavar="N", help="which of the scene's cameras (default: 0)")
-    group.add_argument(
-        "--camera-to-world",
-        type=transform,
-        metavar="M00,...,M33",
-        help="the RGB camera's pose instead: 16 numbers, row-major 4x4; camera axes x right, y down, z forward; "
-        "world axes those of the file",
+    cli.add_shared(parser, model=f"{text}not say")
+    cli.add_shared(parser, effects=", where the model has some", out=True, json=True, device=True)
+    cli.add_shared(parser, verbose="times of the stages, matching, and the error of each material")
+    view = parser.add_argument_group("view")
+    view.add_argument(
+        "--camera", type=cli.integer_from(0), metavar="N", help="which of the scene's cameras (default: 0)"
     )
+    text = "the RGB camera's pose instead: 16 numbers, row-major 4x4; camera axes x right, y down, z forward; "
+    text += "world axes those of the file"
+    view.add_argument("--camera-to-world", type=cli.transform, metavar="M00,...,M33", help=text)
     text = "size of the infrared images; the RGB picture and the disparity range scale along"
-    group.add_argument("--resolution", type=size, metavar="WxH", help=text)
+    view.add_argument("--resolution", type=cli.size, metavar="WxH", help=text)
+    _add_light(parser.add_argument_group("light and noise"))
+    options.add_camera_options(parser.rare_group("lenses, shutters and motion"))
+    rendering = parser.rare_group("rendering and records")
+    options.add_options(rendering, RENDERER, _OF_THE_CAMERA)
+    options.add_options(rendering, [p for p in RENDER if p not in _USUAL], _OF_THE_CAMERA)
+    options.add_records(rendering)
+    options.add_matching(parser, SAPIEN_DEFAULTS | _OF_THE_CAMERA)
 
 
 def _add_light(group: argparse._ArgumentGroup) -> None:
-    add_options(group, _USUAL, _OF_THE_CAMERA)
-    add_shared(group, seed="of rendering and noise; same seed, same files")
-    text = (
-        "uniform visible radiance from all sides, W/(sr m^2); 0 is dark in infrared, too (default: 0.1; 0.19, a room "
-        "of 400 lux, where a scene has no light)"
-    )
-    group.add_argument("--ambient", type=positive, metavar="R", help=text)
-    text = (
-        f"kind of the lamps that do not state one: {', '.join(INFRARED_SHARES)}, or how much more infrared than a led"
-    )
-    group.add_argument("--lamp", type=_lamp, metavar="KIND", help=f"{text} (default: led)")
+    options.add_options(group, _USUAL, _OF_THE_CAMERA)
+    cli.add_shared(group, seed="of rendering and noise; same seed, same files")
+    text = "uniform visible radiance from all sides, W/(sr m^2); 0 is dark in infrared, too (default: 0.1; 0.19, a "
+    text += "room of 400 lux, where a scene has no light)"
+    group.add_argument("--ambient", type=cli.positive, metavar="R", help=text)
+    text = f"kind of the lamps that do not state one: {', '.join(INFRARED_SHARES)}, or how much more infrared than a "
+    group.add_argument("--lamp", type=_lamp, metavar="KIND", help=f"{text}led (default: led)")
     text = "equirectangular map of the light from all sides (.hdr, .exr, .png, .jpg); --ambient multiplies it"
     group.add_argument("--environment", type=Path, metavar="FILE", help=text)
-    text = (
-        "measured reflectances of the scene's materials, from 400 to 850 nm: columns wavelength_nm and materials' names"
-    )
-    group.add_argument("--reflectances", type=Path, metavar="CSV", help=text)
+    text = "measured reflectances of the scene's materials, from 400 to 850 nm: columns wavelength_nm and materials' "
+    group.add_argument("--reflectances", type=Path, metavar="CSV", help=f"{text}names")
     text = "the laser's setting (default: the sensor's; 0 = off)"
-    group.add_argument("--laser-power", type=positive, metavar="MW", help=text)
+    group.add_argument("--laser-power", type=cli.positive, metavar="MW", help=text)
     text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
-    group.add_argument("--ir-exposure", type=positive, metavar="S", help=text)
+    group.add_argument("--ir-exposure", type=cli.positive, metavar="S", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
 
 
@@ -148,10 +138,7 @@ def run(args: argparse.Namespace) -> None:
     view = _view_of_capture(args) if args.scene.is_dir() else None
     config = make_config(args, model, view)
     if not args.scene.exists():
-        raise CommandError(f"{args.scene}: there is no such file")
-    from activestereo.cli.scene_report import warn_of_materials
-    from activestereo.common.accuracy import accuracy_by_material
-    from activestereo.common.progress_bar import ProgressBar
+        raise cli.CommandError(f"{args.scene}: there is no such file")
     from activestereo.sensor.sensor import StereoDepthSensor
 
     scene, added = _load_scene(args, config, _is_lit(args, model, view))
@@ -161,7 +148,7 @@ def run(args: argparse.Namespace) -> None:
     sensor = StereoDepthSensor(config, scene, pose=pose, model=model)
     if args.velocity is not None:
         sensor.set_velocity(args.velocity[:3], args.velocity[3:])
-    make_folder(args.out)
+    cli.make_folder(args.out)
     with ProgressBar(f"rendering on {sensor.device.info.name}") as bar:
         sensor.take_picture(progress=bar)
     sensor.compute_depth()
@@ -177,9 +164,8 @@ def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | Non
     if args.model is None:
         return None
     if args.resolution:
-        raise CommandError(
-            "--resolution and --model exclude one another: a model's figures are in pixels of its own images"
-        )
+        figures = "a model's figures are in pixels of its own images"
+        raise cli.CommandError(f"--resolution and --model exclude one another: {figures}")
     from activestereo.compare.model_file import library
     from activestereo.model import read_model
 
@@ -192,8 +178,6 @@ def sensor_config(
     """Returns the model's configuration, with --sensor's values where it has none; without a model the --sensor preset,
     scaled to --resolution if given. view: the capture's frame whose light the model knows, or None. Raises CommandError
     if --resolution has another shape than the preset, or a side below 32."""
-    from activestereo.camera.presets import StereoDepthSensorConfig
-
     if model is not None:
         return StereoDepthSensorConfig.from_model(model, args.sensor, view)
     config = StereoDepthSensorConfig(args.sensor)
@@ -203,11 +187,11 @@ def sensor_config(
     scaled = config.scaled(args.resolution[0] / width)
     if scaled.ir_resolution != args.resolution:
         asked, fits = ("x".join(map(str, pixels)) for pixels in (args.resolution, scaled.ir_resolution))
-        raise CommandError(
+        raise cli.CommandError(
             f"--resolution {asked} does not have the shape of the {config.model}'s {width}x{height}; {fits} does"
         )
     if min(args.resolution) < 32:
-        raise CommandError("--resolution must be at least 32 in both directions")
+        raise cli.CommandError("--resolution must be at least 32 in both directions")
     return scaled
 
 
@@ -217,17 +201,16 @@ def make_config(
     """Returns sensor_config() with the given options applied and checked. view: the capture's frame, or None."""
     config = sensor_config(args, model, view if _is_lit(args, model, view) else None)
     config.render_seed = config.noise_seed = args.seed
-    set_cameras(config, args)
+    options.set_cameras(config, args)
     if args.laser_power is not None:
         config.laser_power_mw = args.laser_power
     if args.ir_exposure is not None:
         config.ir_exposure_mode, config.ir_camera_gain = "fixed", 1.0
         config.ir_camera_exposure = args.ir_exposure
-    options = given_parameters(args, MATCHER, RIG, RENDERER, RENDER)
-    for name, value in options.items():
+    for name, value in options.given_parameters(args, MATCHER, RIG, RENDERER, RENDER).items():
         setattr(config, name, value)
-    set_records(config, args)
-    config.depth_maps = wanted_maps(args)
+    options.set_records(config, args)
+    config.depth_maps = options.wanted_maps(args)
     if args.no_noise:
         config.ir_speckle_noise, config.ir_signal = 0.0, None
     config.check()  # before any work
@@ -245,9 +228,7 @@ def _load_scene(
 ) -> tuple[kuafu.Scene, float | None]:
     """Loads the scene file and lights it. is_lit: by the light of the capture, which the configuration has. Returns
     (scene, radiance), the latter in W/(sr m^2), None unless the scene had no light and uniform light was added."""
-    import kuafu
     from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
-    from activestereo.scene_io.staging import ALL_SIDES, part_light, set_infrared_share
     from activestereo.scene_io.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
@@ -255,9 +236,9 @@ def _load_scene(
         keep_transparent()
     dome = load_scene_file(scene, args.scene, args.time, args.unit)  # the radiance of a USD stage's dome light, if any
     if args.time is not None and not scene.summary.animation_count and not is_usd(args.scene):
-        raise CommandError(f"--time {args.time:g}: {args.scene} has no animation")
+        raise cli.CommandError(f"--time {args.time:g}: {args.scene} has no animation")
     if not scene.summary.triangle_count:
-        raise CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
+        raise cli.CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
     if args.reflectances is not None:
         from activestereo.scene_io.reflectance import apply_reflectances, read_reflectances
 
@@ -281,7 +262,6 @@ def _light_scene(
     scene, else None. dome: radiance of a USD dome light, or None."""
     from activestereo.scene_io.defaults import light_closed_room
     from activestereo.scene_io.environment_map import set_environment_map
-    from activestereo.scene_io.staging import ALL_SIDES, has_lamps, part_light, room_radiance
 
     part_light(scene)
     is_lit = has_lamps(scene) or dome is not None or args.ambient is not None
@@ -306,11 +286,9 @@ def _light_scene(
 
 def _view_of_capture(args: argparse.Namespace) -> Frame:
     """Replaces args.scene, a capture's folder, by its scene file. Returns the first frame."""
-    from activestereo.capture.capture import read_capture
-
     capture = read_capture(args.scene)
     if capture.scene_path is None:
-        raise CommandError(f"{args.scene}: this capture has no scene: give a scene file")
+        raise cli.CommandError(f"{args.scene}: this capture has no scene: give a scene file")
     args.scene = capture.scene_path
     return capture.frames[0]
 
@@ -319,7 +297,6 @@ def _sensor_pose(
     args: argparse.Namespace, scene: kuafu.Scene, config: StereoDepthSensorConfig, view: Frame | None
 ) -> tuple[Pose, str]:
     """Returns the pose that was asked for or the scene has and an empty text, else a chosen one and words on it."""
-    from activestereo.common.pose import Pose, body_pose, camera_to_camera
     from activestereo.scene_io.defaults import overall_view
 
     if args.camera_to_world is not None:
@@ -328,16 +305,14 @@ def _sensor_pose(
         return body_pose(view.camera_to_world @ camera_to_camera(Pose(), config.trans_pose_l)), ""
     count = scene.summary.camera_count
     if args.camera is not None and args.camera >= count:
-        raise CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
+        raise cli.CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
     if count:
         return body_pose(scene.camera(args.camera or 0).camera_to_world), ""
     place, chosen = overall_view(scene, config.min_depth_m)
     return body_pose(place), chosen
 
 
-def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
-    from activestereo.common.output_files import write_depth_png, write_ply, write_png, write_text, written_together
-    from activestereo.report.lettering import write_figure
+def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Accuracy]) -> None:
     from activestereo.report.overview import simulation_figure
 
     rgb, ir, depth, true_depth = sensor.get_rgb(), sensor.get_ir_measured(), sensor.get_depth(), sensor.get_true_depth()
@@ -350,24 +325,20 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any])
         cloud = sensor.get_pointcloud(with_rgb=True)
         write_ply(out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
         write_text(out / "camera.json", json.dumps(_camera(sensor), indent=1) + "\n")
-        write_maps(out, {name: sensor.get_depth_map(name) for name in wanted_maps(args)})
+        options.write_maps(out, {name: sensor.get_depth_map(name) for name in options.wanted_maps(args)})
         title = f"{sensor.get_config().model} in {args.scene.name}"
         write_figure(out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
 
 
 def _camera(sensor: StereoDepthSensor) -> dict[str, Any]:
-    from activestereo.common.pose import camera_to_world
     from activestereo.sensor.results import cameras_json
 
     return cameras_json(sensor.get_config(), camera_to_world(sensor.get_pose()))
 
 
 def _report(
-    args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None, chosen: str
+    args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Accuracy], added: float | None, chosen: str
 ) -> None:
-    from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
-    from activestereo.common.accuracy import accuracy_table
-    from activestereo.report.screen import command, screen
     from activestereo.scene_io.scene_files import likely_unit
     from activestereo.sensor.light_share import light_share
     from activestereo.sensor.unseen import unseen_bodies
@@ -382,18 +353,96 @@ def _report(
         groups.setdefault(group, {})[stage] = time
     info = sensor.device.info
     if args.json:
-        accuracy, matching = [asdict(row) for row in rows], matching_words(sensor.engine)
+        accuracy, matching = [asdict(row) for row in rows], options.matching_words(sensor.engine)
         light = None if share is None else asdict(share)
         seen = {"light": light, "added_radiance": added, "unseen": dict(unseen)}
         made = {"device": info.name, "camera": _camera(sensor), "matching": matching, "stages_ms": groups}
-        print_json(made | {"accuracy": accuracy} | seen)
+        cli.print_json(made | {"accuracy": accuracy} | seen)
         return
     size_m = float(np.max(np.subtract(sensor.scene.summary.bounds_max_m, sensor.scene.summary.bounds_min_m)))
     device = f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}"
-    details = "\n".join([device, matching_line(sensor.engine), stage_table(groups), accuracy_table(rows)])
+    details = "\n".join(
+        [device, options.matching_line(sensor.engine), options.stage_table(groups), accuracy_table(rows)]
+    )
     sentence = depth_sentence(f"{sensor.get_config().model} in {args.scene.name} ({size_m:.2g} m large)", rows)
     notes, page = light_lines(share, added, chosen), args.out / "overview.png"
-    leads, unit = [command("view", args.out, *carried(args, "device"))], likely_unit(size_m)
+    leads, unit = [command("view", args.out, *cli.carried(args, "device"))], likely_unit(size_m)
     if not rows[-1].pixels and args.unit == 1.0 != unit:
         leads = [command(*args.given, "--unit", f"{unit:g}")]
     print(screen(sentence, failing(rows), notes, leads, page, details, args.verbose))
+
+
+def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
+    """Returns a sentence with the share of pixels that have depth, their median error, and the share of invented depth.
+    rows: accuracy of each material, the whole picture last."""
+    whole = rows[-1]
+    if not whole.pixels:
+        return f"{name}: nothing is in the sensor's range."
+    error = "" if not np.isfinite(whole.median_error_m) else f", median error {1e3 * whole.median_error_m:.1f} mm"
+    return f"{name}: {_percent(whole.fill)} of the pixels have depth{error}; {_percent(whole.invented)} are invented."
+
+
+def failing(rows: Sequence[Accuracy]) -> list[Figure]:
+    """Returns a bar for each of the materials with most wrong pixels; its length is the share that is empty or
+    invented. rows: as in depth_sentence()."""
+    known = [row for row in rows[:-1] if row.pixels and np.isfinite(row.median_error_m)]
+    faults = sorted(((1.0 - row.fill + row.invented, row) for row in known), key=lambda own: -own[0] * own[1].pixels)
+    return [
+        Figure(row.name[:18], f"{_percent(1.0 - row.fill)} empty, {_percent(row.invented)} invented, "
+               f"{1e3 * row.median_error_m:.1f} mm", fault)
+        for fault, row in faults[:_MOST_MATERIALS]
+    ]  # fmt: skip
+
+
+def light_lines(share: LightShare | None, added: float | None, chosen: str) -> list[str]:
+    """Returns lines on the view and the light. added: radiance of the light added to a dark scene, or None. chosen:
+    words on the view that was chosen, empty where the scene or the user states one."""
+    view = [f"view: the scene has no camera: {chosen} (--camera-to-world)"] if chosen else []
+    room = [f"light added: a room of {ROOM_LUX:g} lux, for the scene has no light (--ambient)"] if added else []
+    if share is None:
+        return [*view, *room, "light: no infrared light comes from the picture's middle"]
+    other = f", {share.brightest} {_percent(share.brightest_share)}" if share.brightest else ""
+    dots = f"infrared at the dots ({share.distance_m:.2f} m): projector {_percent(share.projector)}"
+    return [f"{dots}{other}", *view, *room]
+
+
+def warn_of_light(share: LightShare | None) -> None:
+    """Warns on stderr if the projector's dots hardly stand out, and names the brightest other light."""
+    if share is None or share.projector >= LEAST_SHARE or share.brightest is None:
+        return
+    light = f"{share.brightest} gives {_percent(share.brightest_share)} of their light"
+    _say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
+
+
+def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
+    """Warns on stderr of materials that the model has values for and the scene lacks. Albedo factors do not count: a
+    diagnosis fits them to the scene of its own capture."""
+    from activestereo.effects.core.scene_surfaces import material_of
+
+    own = [scene.material_name(number) or "" for number in range(scene.summary.material_count)]
+    stated = {name for name, fields in model.materials.items() if set(fields) - {"ir_albedo_factor"}}
+    if absent := sorted(stated - set(own) - set(map(material_of, own))):
+        _say(f"the model's {listed(absent)}: the scene has no such material (there are: {', '.join(own) or 'none'})")
+
+
+def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummary) -> None:
+    """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each. summary: the scene's
+    count of bodies and its bounds, for a hint at wrong units."""
+    from activestereo.scene_io.scene_files import size_hint
+
+    if not unseen:
+        return
+    named = "; ".join(f"'{name}' is {why}" for name, why in unseen[:_MOST_NAMED])
+    more = f"; and {len(unseen) - _MOST_NAMED} more" if len(unseen) > _MOST_NAMED else ""
+    count = summary.instance_count
+    what = "nothing can" if len(unseen) == count else f"{len(unseen)} of {count} bodies cannot"
+    hint = size_hint(float(np.max(np.subtract(summary.bounds_max_m, summary.bounds_min_m))))
+    _say(f"{what} be measured in this view: {named}{more}{f'. The scene is {hint}' if hint else ''}")
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 0.1 else f"{100.0 * share:.0f} %"
+
+
+def _say(text: str) -> None:
+    print(f"activestereo: {printable(text)}", file=sys.stderr)

@@ -11,7 +11,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, size, whole
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import read_capture
+from activestereo.cli import arguments as cli
+from activestereo.cli import import_capture
+from activestereo.cli.simulate import read_sensor_model, sensor_config
 from activestereo.common.shown import printable
 
 _TEXT = """\
@@ -36,22 +41,20 @@ examples:
 """
 
 
-def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "view", help="look at captures and scenes in the browser, with sliders that render again", description=_TEXT
-    )
+def add_parser(commands: cli.Commands) -> None:
+    text = "look at captures and scenes in the browser, with sliders that render again"
+    parser = cli.add_command(commands, "view", text, _TEXT, run)
     parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, recording, or a folder of them")
-    add_shared(parser, model="a sensor model to begin with: its calibration, noise and effects")
-    add_shared(parser, effects=", to be added on the page")
-    add_shared(parser, sensor="the sensor in scene files and of recordings, as simulate's")
+    cli.add_shared(parser, model="a sensor model to begin with: its calibration, noise and effects")
+    cli.add_shared(parser, effects=", to be added on the page")
+    cli.add_shared(parser, sensor="the sensor in scene files and of recordings, as simulate's")
     text = "of the infrared images in scene files (default: the sensor's own; smaller ones are quicker)"
-    parser.add_argument("--resolution", type=size, metavar="WxH", help=text)
+    parser.add_argument("--resolution", type=cli.size, metavar="WxH", help=text)
     text = "what 'save as model.json' writes, with a number behind the name where it is there (default: model.json)"
     parser.add_argument("-o", "--out", type=Path, default=Path("model.json"), metavar="FILE", help=text)
-    parser.add_argument("--port", type=whole, default=0, metavar="N", help="of the address (default: a free one)")
+    parser.add_argument("--port", type=cli.whole, default=0, metavar="N", help="of the address (default: a free one)")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
-    add_shared(parser, device=True)
-    parser.set_defaults(run=run)
+    cli.add_shared(parser, device=True)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -67,13 +70,11 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
     """Returns the path to show. A bag is first imported as a capture into a temporary folder, which closing `stack`
     deletes."""
     from activestereo.capture.importers.bag import is_bag
-    from activestereo.cli import import_capture
-    from activestereo.cli.parser import Parser
 
     if not is_bag(args.path):
         return args.path
     out = Path(stack.enter_context(TemporaryDirectory(prefix="activestereo-view-"))) / args.path.stem
-    parser: argparse.ArgumentParser = Parser()
+    parser = cli.Parser()
     import_capture.add_parser(parser.add_subparsers())
     options = parser.parse_args(["import", str(args.path), "--out", str(out), "--sensor", args.sensor])
     options.run(options)
@@ -82,24 +83,20 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
 
 def make_server(args: argparse.Namespace, path: Path) -> Any:
     """Returns the page's server for `path`, bound to its address but not yet serving."""
-    import kuafu
-    from activestereo.cli.simulate import read_sensor_model, sensor_config
     from activestereo.compare.model_file import library
     from activestereo.report.view.library import Library, is_capture, is_scene, pictures_capture
     from activestereo.report.view.routes import Routes
     from activestereo.report.view.server import ViewServer
 
     if not 0 <= args.port < 65536:
-        raise CommandError(f"--port {args.port}: a port is 0 to 65535")
+        raise cli.CommandError(f"--port {args.port}: a port is 0 to 65535")
     if not args.out.absolute().parent.is_dir():
-        raise CommandError(f"--out {args.out}: the folder {args.out.parent} does not exist: make it first")
+        raise cli.CommandError(f"--out {args.out}: the folder {args.out.parent} does not exist: make it first")
     effects = library(*args.effects)
     model = read_sensor_model(args, effects)
     device = kuafu.Device(args.device)
 
     def make(path: Path) -> Any:
-        from activestereo.camera.presets import StereoDepthSensorConfig
-        from activestereo.capture.capture import read_capture
         from activestereo.report.view.capture_source import CaptureSource
         from activestereo.report.view.scene_source import SceneSource
 
@@ -113,4 +110,4 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
     try:
         return ViewServer(calls, args.port)
     except OSError as error:
-        raise CommandError(f"--port {args.port}: {error.strerror}: leave it out for a free port") from None
+        raise cli.CommandError(f"--port {args.port}: {error.strerror}: leave it out for a free port") from None

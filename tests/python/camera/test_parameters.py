@@ -12,7 +12,7 @@ import simsense
 from activestereo import StereoDepthSensorConfig
 from activestereo.cli import make_parser
 from activestereo.cli.arguments import CommandError
-from activestereo.cli.engine_options import given_parameters
+from activestereo.cli.sensor_options import given_parameters
 from activestereo.cli.simulate import make_config
 from activestereo.common.parameter import MATCHER, RIG
 from activestereo.camera.plan import matcher_parameters, parameters

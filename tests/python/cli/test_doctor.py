@@ -10,8 +10,7 @@ from pathlib import Path
 import kuafu
 import pytest
 
-from activestereo.cli import main, vulkan_setup
-from activestereo.cli.doctor import is_reference
+from activestereo.cli import doctor as doctor_module, main
 
 DEVICELESS = Path("/usr/share/vulkan/icd.d/intel_icd.x86_64.json")
 
@@ -34,7 +33,7 @@ def assert_named(told, name, seen, remedy):
 
 
 def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(vulkan_setup, "RENDER_NODES", tmp_path)
+    monkeypatch.setattr(doctor_module, "RENDER_NODES", tmp_path)
     monkeypatch.setenv("ACTIVESTEREO_CACHE", str(tmp_path))
     main(["doctor"])
     said = " ".join(capsys.readouterr().out.split())  # lines break where a path's length has it
@@ -55,7 +54,7 @@ def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
     ],
 )
 def test_a_slow_reference_of_matrix_products_is_told(path, is_slow):
-    assert is_reference(path) == is_slow
+    assert doctor_module.is_reference(path) == is_slow
 
 
 def test_no_loader(tmp_path):
@@ -159,7 +158,7 @@ def test_no_permission_on_the_render_node(tmp_path, monkeypatch, capsys):
     node = tmp_path / "renderD128"
     node.touch()
     may_open = os.access
-    monkeypatch.setattr(vulkan_setup, "RENDER_NODES", tmp_path)
+    monkeypatch.setattr(doctor_module, "RENDER_NODES", tmp_path)
     monkeypatch.setattr("os.access", lambda path, mode: path != node and may_open(path, mode))  # root may open any file
     status = main(["doctor", "--json"])
     told = status, json.loads(capsys.readouterr().out)

@@ -84,12 +84,12 @@ def test_depth_on_a_full_disk_leaves_no_file(tmp_path):
     assert not out.exists()
 
 
-@pytest.mark.parametrize("place", ["common.output_files.write_ply", "report.lettering.write_figure"])
+@pytest.mark.parametrize("place", ["write_ply", "write_figure"])
 def test_simulate_on_a_full_disk_leaves_no_file(tmp_path, table_top, monkeypatch, capsys, place):
     def full(path, *rest):
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr(f"activestereo.{place}", full)
+    monkeypatch.setattr(f"activestereo.cli.simulate.{place}", full)
     few = ("--resolution", "212x120", "--spp", "1", "--max-bounces", "1")
     assert main(["simulate", str(table_top), *few, "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err.strip().splitlines()[-1]

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from activestereo.cli import exit_codes, main, make_parser
-from activestereo.cli.parser import Parser
+from activestereo.cli import main, make_parser
+from activestereo.cli.arguments import EXIT_CODES, Parser
+from activestereo.diagnose.numbers import NUMBERS
 from command_line import leaves
 
 PAGE = Path(__file__).resolve().parents[3] / "examples/guide/command_line.md"
@@ -46,7 +47,7 @@ def test_every_help_fits_a_terminal(monkeypatch):
     """Prose is filled anew, and a command goes on in a line that a shell takes for the same one."""
     monkeypatch.setenv("COLUMNS", "80")
     for name, parser in leaves().items():
-        for text in (parser.format_help(), parser.format_all_help()):
+        for text in (parser.format_help(), parser.format_help(with_rare=True)):
             assert max(map(len, text.splitlines())) <= 80, name
     own = Parser(description=f"{'word ' * 20}\n\nexamples:\n  activestereo depth {'file ' * 20}-o out\n  last")
     prose, command = own.format_help().split("\n\n")[1:3]
@@ -80,14 +81,16 @@ def test_an_option_may_be_cut_short_and_values_after_two_dashes_are_no_options()
 
 def test_the_page_has_every_exit_status_and_no_other():
     told = {int(number) for number in re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.M)}
-    assert told == {value for name, value in vars(exit_codes).items() if name.isupper()}
+    assert told == set(EXIT_CODES)
 
 
 def test_no_help_has_a_broken_default_and_rare_options_are_found():
     for name, parser in leaves().items():
-        every = " ".join(parser.format_all_help().split())
+        every = " ".join(parser.format_help(with_rare=True).split())
         assert not re.search(r"sx[a-z]|%\(|default: None|<class|default: \)|'[sx]x", every), name
         assert all(option in every for option in parser._option_string_actions if option.startswith("--")), name
         short = parser.format_help()
-        assert short == parser.format_all_help() or "more (--help-all): " in short, name
+        assert " ".join(short.split()) == every or "more (--help-all): " in short, name
         assert len(short.splitlines()) < 130, name
+    told = leaves()["diagnose"].format_help()
+    assert f"(--alpha {NUMBERS.alpha:g})" in told and f"removes {NUMBERS.least_share:g} of the squared error" in told
