@@ -5,8 +5,8 @@
     python3 tests/benchmark_suite/falloff.py ROOM... [--black 4]
 
 Each ROOM is a capture that 'activestereo calibrate world' made. Of every pair of its views, the ratio of one place's
-light without dots is fitted by n and the views' exposures: trimmed least squares over all pixels, with the room's poses
-and dots. It shares no code with the product's estimate.
+light, dots included, is fitted by n and the views' exposures: trimmed least squares over all pixels, with the room's
+poses. It shares no code with the product's estimate. Views must share a place: dots are as bright in both.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import numpy as np
 
 from activestereo.capture.capture import read_capture
 
-EDGE, SAME, LEAST_DN, SLOW_PX = 0.02, 0.02, 3.0, 3.0
+EDGE, SAME, LEAST_DN, WIDE_PX = 0.02, 0.02, 3.0, 8.0
 
 
 def main():
@@ -34,26 +34,22 @@ def main():
         print(f"{path}: by pairs {', '.join(f'{n:.2f}' for n in by_pairs)}; product {value:.2f} +- {deviation:.2f}")
 
 
-def blur(image, sigma_px):
-    return cv2.GaussianBlur(image.astype(np.float32), (0, 0), sigma_px)
+def blur(image):
+    return cv2.GaussianBlur(image.astype(np.float32), (0, 0), WIDE_PX)
 
 
 def light_of(room, frame, black):
-    """Returns (light without dots in DN, points in the camera's frame, mask of smooth surfaces, pose)."""
-    projector, K = room.rig.projector, room.rig.left.K
-    image, depth = room.ir(frame, "left").astype(np.float32) - black, room.depth(frame)
+    """Returns (mean light of the surface around each pixel in DN, points in the camera's frame, mask of smooth
+    surfaces, pose)."""
+    K, depth = room.rig.left.K, room.depth(frame)
+    image = room.ir(frame, "left").astype(np.float32) - black
     row, column = np.indices(depth.shape, dtype=np.float32)
     points = np.stack([(column - K[0, 2]) / K[0, 0] * depth, (row - K[1, 2]) / K[1, 1] * depth, depth], axis=-1)
-    turn, move = projector.left_to_projector[:3, :3], projector.left_to_projector[:3, 3]
-    u, v, w = np.moveaxis((points @ turn.T + move) @ projector.K.T, -1, 0)
-    at = [np.asarray(x / np.maximum(w, 0.1), np.float32) for x in (u, v)]
-    dots = cv2.remap(projector.pattern().astype(np.float32), *at, cv2.INTER_LINEAR)
     box = np.ones((3, 3))
     edges = cv2.dilate(depth, box) - cv2.erode(depth, box) > EDGE * np.maximum(depth, 1.0)
     smooth = (depth > 0.0) & ~(cv2.dilate(edges.astype(np.uint8), np.ones((7, 7))) > 0)
-    fast, fast_dots = image - blur(image, 4.0), dots - blur(dots, 4.0)
-    amplitude = blur(fast * fast_dots * smooth, 9.0) / np.maximum(blur(fast_dots**2 * smooth, 9.0), 1e-3)
-    return blur(image - amplitude * dots, SLOW_PX), points, smooth, frame.camera_to_world
+    light = blur(image * smooth) / np.maximum(blur(smooth), 1e-3)
+    return light, points, smooth, frame.camera_to_world
 
 
 def exponent(K, first, second):

@@ -4,7 +4,8 @@ lens falloff.
 
 The dots' amplitude is albedo times the projector's irradiance. The image without the dots is the room's light off the
 surface. A surface in two views has one albedo and one room light. So the views' ratios give each view's exposure and
-the lens's falloff, cos^n of the angle, and both are divided out."""
+the lens's falloff, cos^n of the angle, and both are divided out. Ratios are of the whole light: dots are taken out
+imperfectly, by more where they are small, which bends the ratios towards the edges of the images."""
 
 from __future__ import annotations
 
@@ -29,23 +30,23 @@ from activestereo.calibrate.world.views import (
     points_of,
 )
 
-_SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
+_SLOW_PX, _AMPLITUDE_PX, _WHOLE_PX = 4.0, 9.0, 8.0
 # A bilateral filter of this width, and this many fine deviations, smooths the room's light: noise and remains of dots
 # vanish, edges stay (Tomasi and Manduchi 1998).
 _SMOOTH_PX, _SMOOTH_DEVIATIONS = 3.0, 8.0
 # A change of more than this many fine deviations of the image is a texture's step, and no dot.
 _TEXTURE_DEVIATIONS = 6.0
 _LEAST_GEOMETRY = 0.02  # cosine over squared distance, 1/m^2, below which dots are too dim for measuring albedo
-_LEAST_ROOM_DN = 2.0
+_LEAST_LIGHT_DN = 2.0
 _SAME_SURFACE = 0.01  # views' depths that differ by less than this share are of one place
 _BLOCK_PX = 64
 _LEAST_RATIOS, _MOST_LOG_RATIO, _ROUNDS = 500, 3.0, 12
 _DARKEST = 1e-3
-# Four pairs of one D415's views scatter by 0.15 in the exponent, more than the blocks of one pair suggest. In simulated
-# rooms, imperfectly removed dots bias the exponent by 0.3. Their remains on dark surfaces bias the black level: the
-# overlaps of drawn views alone err by 1.5 to 2 DN; those of real rooms, where it is told by other means, by more.
+# Ten pairs of one D415's views scatter by 0.09 in the exponent, more than the blocks of one pair suggest. A projector
+# that is dimmer towards its edges by one cosine adds 0.1, bounced light in a path traced room 0.35. The black level
+# of overlaps alone errs by 0.3 DN in drawn rooms, 1.5 in the traced one, 1.2 in real ones, told there by other means.
 # Light that bounces between surfaces is no view's exposure: one of three drawn ones erred by 5 %.
-_PAIR_EXPONENT, _PAIR_BLACK_DN, _PAIR_EXPOSURE = 0.25, 2.0, 0.05
+_PAIR_EXPONENT, _PAIR_BLACK_DN, _PAIR_EXPOSURE = 0.25, 1.5, 0.05
 # A camera's counts end at its black level. At least this share of an image has the smallest count, and at least this
 # share of the next count's pixels, in this share of the images that end so. With light and noise alone, counts thin
 # out towards dark, and dark surfaces end elsewhere at another exposure.
@@ -64,12 +65,15 @@ _BETWEEN_DOTS = 0.02
 
 @dataclass(frozen=True)
 class LightView:
-    """One view's light as images [height, width]. room: room light in DN, black level included. amplitude: dots in DN
-    per unit of the pattern's image. geometry: cosine over squared distance from the projector, 1/m^2. r2: squared
+    """One view's light as images [height, width]. whole: mean light in DN of the surface around each pixel, with black
+    level and dots. dots: the dots' part of it. room: room light in DN, black level included. amplitude: dots in DN per
+    unit of the pattern's image. geometry: cosine over squared distance from the projector, 1/m^2. r2: squared
     tangent of the angle to the optical axis. known: mask where room and geometry are known."""
 
     view: SceneView
     points: Image
+    whole: Image
+    dots: Image
     room: Image
     amplitude: Image
     geometry: Image
@@ -158,7 +162,10 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
         blurred(fast_dots * fast_dots * weight, _AMPLITUDE_PX), 1e-3
     )
     amplitude = np.maximum(amplitude, 0.0)
-    room = view.left - amplitude * np.where(lit, seen + darkness(pattern), darkness(pattern)).astype(np.float32)
+    lit_by = amplitude * np.where(lit, seen + darkness(pattern), darkness(pattern)).astype(np.float32)
+    room, surface = view.left - lit_by, view.surface.astype(np.float32)
+    near = np.maximum(blurred(surface, _WHOLE_PX), 1e-3)
+    whole, mean_dots = (blurred(image * surface, _WHOLE_PX) / near for image in (view.left, lit_by))
     fine = 1.4826 * float(np.median(np.abs(room - blurred(room, 0.5 * _SMOOTH_PX))))
     room = cv2.bilateralFilter(room, int(3 * _SMOOTH_PX), _SMOOTH_DEVIATIONS * fine, _SMOOTH_PX)
     normal = normals_of(points)
@@ -166,7 +173,8 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
     geometry = np.abs((normal * from_projector).sum(axis=-1)) / distance**3
     tangent = (points[..., :2] / np.maximum(points[..., 2:], 1e-3)) ** 2
     known = view.surface & (geometry > _LEAST_GEOMETRY)
-    return LightView(view, points, room, amplitude, geometry.astype(np.float32), tangent.sum(axis=-1), known)
+    own = view, points, whole, mean_dots, room, amplitude, geometry.astype(np.float32)
+    return LightView(*own, tangent.sum(axis=-1), known)
 
 
 def seen_by(first: LightView, second: LightView, a_to_b: Pose, K: NDArray[np.float64]) -> tuple[Image, Image, Mask]:
@@ -182,7 +190,7 @@ def solve_light(
     views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], believed: tuple[float, float],
     held: LightEstimate | None = None,
 ) -> LightEstimate:  # fmt: skip
-    """Estimates exposures, black level and falloff exponent from the room's light on surfaces in several views.
+    """Estimates exposures, black level and falloff exponent from the light of surfaces in several views.
 
     believed: (black level, its deviation) known before. held: an estimate whose black level and exponent are kept;
     None: they are fitted. Exposures scale all ratios, but a wrong black level bends those of dark surfaces most, so
@@ -238,26 +246,29 @@ def solve_light(
 def _log_ratio(
     here: NDArray[np.float64], there: NDArray[np.float64], black_dn: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compares the room's light (DN) at the same places in two views, `here` and `there`. Returns (minus the derivative
+    """Compares the light (DN) of the same places in two views, `here` and `there`. Returns (minus the derivative
     of log(there / here) by the black level, that log ratio). The log ratio is infinite where it is too dark."""
     up, down = np.maximum(there - black_dn, 0.5), np.maximum(here - black_dn, 0.5)
-    usable = np.minimum(here, there) > black_dn + _LEAST_ROOM_DN
+    usable = np.minimum(here, there) > black_dn + _LEAST_LIGHT_DN
     return 1.0 / down - 1.0 / up, np.where(usable, np.log(up / down), np.inf)
 
 
 def _ratios(
     views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], a: int, b: int
 ) -> NDArray[np.float64]:
-    """Samples places that views a and b both show. Returns [n, 6]: a, b, room's light in a and in b (DN), the log ratio
-    per unit of falloff exponent, the image block's number. Errors within a block are correlated."""
+    """Samples places that views a and b both show. Returns [n, 6]: a, b, light in a and in b (DN), the dots' part of b
+    as far from the projector as in a, the log ratio per unit of falloff exponent, the image block's number. Errors
+    within a block are correlated."""
     first, second = views[a], views[b]
     column, row, same = seen_by(first, second, np.linalg.inv(poses[b]) @ poses[a], K)
     at = np.flatnonzero(same & first.known)[::11]
     if len(at) < _LEAST_RATIOS:
         return np.zeros((0, 6))
-    here = blurred(first.room, _ROOM_PX).ravel()[at]
-    there = cv2.remap(blurred(second.room, _ROOM_PX), column, row, cv2.INTER_LINEAR).ravel()[at]
-    r2 = cv2.remap(second.r2, column, row, cv2.INTER_LINEAR).ravel()[at]
+    there, dots, geometry, r2 = (
+        cv2.remap(image, column, row, cv2.INTER_LINEAR).ravel()[at]
+        for image in (second.whole, second.dots, second.geometry, second.r2)
+    )
+    here, there = first.whole.ravel()[at], there + dots * (first.geometry.ravel()[at] / geometry - 1.0)
     lens = -0.5 * (np.log1p(r2) - np.log1p(first.r2.ravel()[at]))
     width = same.shape[1]
     block = (a * len(views) + b) * 100_000 + at // width // _BLOCK_PX * 1000 + at % width // _BLOCK_PX
