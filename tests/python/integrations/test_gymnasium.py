@@ -3,6 +3,7 @@
 what its published interface says."""
 
 import importlib
+import os
 import sys
 import types
 from dataclasses import dataclass, field
@@ -206,6 +207,21 @@ def test_lerobot_evaluates_on_measured_depth(monkeypatch):
         assert np.median(half[half > 0]) == pytest.approx(255 * distance_m / config.depth_white_m, abs=2)
     with pytest.raises(ValueError, match="give color"):
         StereoDepth(Libero(), ("pixels", "depth"), rendered=lambda env: None)
+
+
+def test_lerobots_own_libero_is_measured():
+    """On a table that fills most of the picture the camera errs by less than two codes of 2 m / 255."""
+    if not os.path.exists(os.path.join(os.environ.get("LIBERO_CONFIG_PATH", ""), "config.yaml")):
+        pytest.skip("LIBERO_CONFIG_PATH names no folder of LIBERO's config.yaml (pip install 'lerobot[libero]')")
+    from activestereo.integrations.lerobot import LiberoStereo
+
+    config = LiberoStereo("libero_spatial", task_ids=[0], observation_height=HEIGHT, observation_width=HEIGHT)
+    envs = config.create_envs(1)["libero_spatial"][0]
+    depth = envs.reset(seed=[3])[0]["pixels"]["depth"][0, ..., 0]
+    truth_m = config._rendered(envs.envs[0].env)[::-1]
+    near = (depth > 0) & (truth_m < 1.9)
+    assert near.mean() > 0.5
+    assert np.median(np.abs(config.depth_white_m / 255 * depth[near] - truth_m[near])) < 0.016
 
 
 def test_robosuites_depth_buffer_becomes_measured_depth(monkeypatch):
