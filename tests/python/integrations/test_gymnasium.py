@@ -135,6 +135,21 @@ def test_a_missing_key_is_named():
         StereoDepth(Wall(), ("pixels", "deep"))
 
 
+def test_lerobots_own_libero_is_measured():
+    """On a table that fills most of the picture the camera errs by less than two codes of 2 m / 255."""
+    if not os.path.exists(os.path.join(os.environ.get("LIBERO_CONFIG_PATH", ""), "config.yaml")):
+        pytest.skip("LIBERO_CONFIG_PATH names no folder of LIBERO's config.yaml (pip install 'lerobot[libero]')")
+    from activestereo.integrations.lerobot import LiberoStereo
+
+    config = LiberoStereo("libero_spatial", task_ids=[0], observation_height=HEIGHT, observation_width=HEIGHT)
+    envs = config.create_envs(1)["libero_spatial"][0]
+    depth = envs.reset(seed=[3])[0]["pixels"]["depth"][0, ..., 0]
+    truth_m = config._rendered(envs.envs[0].env)[::-1]
+    near = (depth > 0) & (truth_m < 1.9)
+    assert near.mean() > 0.5
+    assert np.median(np.abs(config.depth_white_m / 255 * depth[near] - truth_m[near])) < 0.016
+
+
 class Libero(Wall):
     """LeRobot's LiberoEnv in what matters here (envs/libero.py): colours upside down, no depth, robosuite inside."""
 
@@ -209,26 +224,11 @@ def test_lerobot_evaluates_on_measured_depth(monkeypatch):
         StereoDepth(Libero(), ("pixels", "depth"), rendered=lambda env: None)
 
 
-def test_lerobots_own_libero_is_measured():
-    """On a table that fills most of the picture the camera errs by less than two codes of 2 m / 255."""
-    if not os.path.exists(os.path.join(os.environ.get("LIBERO_CONFIG_PATH", ""), "config.yaml")):
-        pytest.skip("LIBERO_CONFIG_PATH names no folder of LIBERO's config.yaml (pip install 'lerobot[libero]')")
-    from activestereo.integrations.lerobot import LiberoStereo
-
-    config = LiberoStereo("libero_spatial", task_ids=[0], observation_height=HEIGHT, observation_width=HEIGHT)
-    envs = config.create_envs(1)["libero_spatial"][0]
-    depth = envs.reset(seed=[3])[0]["pixels"]["depth"][0, ..., 0]
-    truth_m = config._rendered(envs.envs[0].env)[::-1]
-    near = (depth > 0) & (truth_m < 1.9)
-    assert near.mean() > 0.5
-    assert np.median(np.abs(config.depth_white_m / 255 * depth[near] - truth_m[near])) < 0.016
-
-
 def test_robosuites_depth_buffer_becomes_measured_depth(monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
     robosuite = pytest.importorskip(
-        "robosuite", reason="robosuite is not installed (pip install robosuite 'mujoco<4' h5py)"
+        "robosuite", "1.5", reason="robosuite 1.5 is not installed (pip install robosuite 'mujoco<4' h5py)"
     )
     from robosuite.utils.camera_utils import get_real_depth_map
     from robosuite.wrappers import GymWrapper

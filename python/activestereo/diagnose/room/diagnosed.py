@@ -235,7 +235,7 @@ def _next(names: Names) -> list[dict[str, Any]]:
     detects."""
     this, *others = plan_of(names.seen)
     out = [{"text": f"{r.text} ({r.minutes:g} min)", "separates": list(r.tells), "change": None} for r in others]
-    told = f"nothing more for what this recording tells, {sizes(this) or 'which is no effect'}"
+    told = f"nothing more: this recording tells {sizes(this) or 'no effect'}"
     return [*out, {"text": told, "separates": [], "change": None}]
 
 
