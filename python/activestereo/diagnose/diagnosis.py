@@ -31,6 +31,7 @@ from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.depth_engine import depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.fields import draws_growth
 from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
@@ -299,7 +300,7 @@ def examine(
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
     with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
     found = told(replace(outcome, rest=with_names), settings=settings)
-    confirmed = replace(outcome, rest=_add_test_errors(outcome, found.result, numbers))
+    confirmed = replace(outcome, rest=_add_test_errors(outcome, found, numbers))
     if _verdict(confirmed, numbers) != found.result["verdict"]:
         return told(confirmed, settings=replace(settings, phases=Phases(None, PHASES)))
     return replace(found, result=found.result | _verdict_evidence(confirmed, numbers))
@@ -320,22 +321,24 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
     return verdict_of(outcome.rest, bool(outcome.names), outcome.evidence.has_floor, numbers)
 
 
-def _add_test_errors(outcome: Outcome, figures: Mapping[str, Any], numbers: Numbers) -> Remainder:
+def _add_test_errors(outcome: Outcome, found: Diagnosis, numbers: Numbers) -> Remainder:
     """Returns the remainder with the errors on test frames added. It stays unchanged without test frames, and if noise
-    is named, which the floor lacks. No model predicts draws. If draws are named, test frames count only if their
-    remainder exceeds two limits: the part that the other names explain, and twice the draws' remainder on train
-    frames."""
-    after, floor, rest = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"], outcome.rest
+    is named, which the floor lacks. No model predicts draws: beside them test frames count if other names explain
+    something, and as far as their error exceeds the one of train frames, which grows as the draws' levers do."""
+    figures, rest = found.result, outcome.rest
+    after, floor = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"]
     has_test = figures["curve"] and figures["curve"][-1]["heldout_ir_rmse"] is not None
     if not has_test or not floor or any(n.id in outcome.noise for n in outcome.names):
         return rest
     explained = (figures["heldout_ir_rmse_geometry"] ** 2 - after**2) / floor**2
     left = after**2 / floor**2 - 1.0
-    draws, by_others = [n.gain + n.field.unforeseen for n in outcome.names if n.field], rest.explained - rest.drawn
-    if draws:
-        if by_others < numbers.least_excess:
+    if draws := [n.effect for n in outcome.names if n.field is not None]:
+        if rest.explained - rest.drawn < numbers.least_excess or found.after is None:
             return rest
-        left -= 2.0 * explained / by_others * sum(draws)
+        black_dn = outcome.solution.nuisances.black_dn
+        growth = max(draws_growth(effect, found.after, black_dn) for effect in draws)
+        train = figures["curve"][-1]["train_ir_rmse"] ** 2 - figures["train_noise_floor"] ** 2
+        left -= growth * train / floor**2
         if left <= explained:
             return rest
     return replace(rest, test_explained=explained, test_left=left)

@@ -14,6 +14,8 @@ from functools import partial
 import numpy as np
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
+from activestereo.capture.capture import SIDES, Frame
+from activestereo.compare.image_errors import ImageErrors
 from activestereo.diagnose.evidence import Observation, edges
 from activestereo.diagnose.fitter import ImageResidual
 from activestereo.diagnose.goodness import Interval, interval, within_ranges
@@ -41,18 +43,34 @@ def pose_key(o: Observation) -> tuple[bytes, bool]:
     return o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
-def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray:
+def lever_image(lever: Lever, frame: Frame, expected: np.ndarray, projector: np.ndarray, black_dn: float) -> np.ndarray:
     """Returns by how many DN a random draw of standard deviation 1 changes each pixel at parameter value 1,
     [height][width]. lever: the signal that scales the draw."""
     if lever is Lever.SIGNAL:
-        return row.expected - black_dn
+        return expected - black_dn
     if lever is Lever.PROJECTOR:
-        return row.projector
+        return projector
     if lever is Lever.EXPOSURE:
-        return np.full(row.expected.shape, row.observation.frame.exposure_gain)
+        return np.full(expected.shape, frame.exposure_gain)
     if lever is Lever.PHOTONS:
-        return np.sqrt(np.maximum(row.observation.frame.gain * (row.expected - black_dn), 0.0))
-    return np.ones(row.expected.shape)
+        return np.sqrt(np.maximum(frame.gain * (expected - black_dn), 0.0))
+    return np.ones(expected.shape)
+
+
+def draws_growth(effect: Effect, errors: ImageErrors, black_dn: float) -> float:
+    """Returns how many times the squared error in DN that an effect's draws leave is larger on test than on train
+    frames."""
+    growth = []
+    for term in effect.random_terms:
+        squares: dict[str, list[float]] = {}
+        for frame in errors.capture.frames:
+            for side in SIDES:
+                expected = errors.predictions[frame.id, side]
+                projector = frame.projector_power * frame.exposure_gain * errors.layers[frame.id][side].projector
+                lever = lever_image(term.lever, frame, expected, projector, black_dn)
+                squares.setdefault(frame.split, []).append(float((lever**2).mean()))
+        growth.append(np.mean(squares["test"]) / np.mean(squares["train"]))
+    return float(max(growth))
 
 
 def frames_that_share(term: RandomTerm, o: Observation) -> Hashable:
@@ -272,7 +290,7 @@ def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIn
     misplaced edges last as long."""
     o = row.observation
     weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
-    lever = lever_image(term.lever, row, black_dn)
+    lever = lever_image(term.lever, o.frame, row.expected, row.projector, black_dn)
     return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight)
 
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.diagnose.ranking import ranking_of
 from activestereo.diagnose.diagnosis import _add_test_errors
 from activestereo.diagnose.numbers import NUMBERS
@@ -24,6 +25,7 @@ from activestereo.diagnose.verdict import (
     verdict_of,
 )
 from activestereo.effects import builtin
+from activestereo.effects.core.judging import Lever
 
 EFFECTS = builtin()
 
@@ -113,16 +115,28 @@ def test_the_verdict_follows_from_what_is_explained_and_left(rest, named, floor,
     assert verdict_of(rest, named, floor, NUMBERS) == verdict
 
 
-@pytest.mark.parametrize("left, denies", [(0.5, False), (3.0, True)])
+@pytest.mark.parametrize("left, denies", [(1.0, False), (3.0, True)])
 def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
-    """Each frame has its own draws, which no model foretells: as much as they leave says nothing."""
+    """Each frame has its own draws, which no model foretells: what they leave grows as the square of the light, here
+    fourfold, and says nothing."""
     rest = Remainder(0.5, 0.02, 0.01, 0.6, drawn=0.1)
-    draws = SimpleNamespace(id="speckle", gain=0.07, field=SimpleNamespace(unforeseen=0.05))
-    outcome = SimpleNamespace(rest=rest, names=[draws, SimpleNamespace(id="vignetting", field=None)], noise=())
-    after = (1.0 + left) ** 0.5
-    figures = {"heldout_ir_rmse_geometry": (after**2 + 0.4) ** 0.5, "heldout_ir_rmse_after": after}
-    figures |= {"heldout_noise_floor": 1.0, "curve": [{"heldout_ir_rmse": after}]}
-    found = _add_test_errors(outcome, figures, NUMBERS)
+    speckle = SimpleNamespace(random_terms=[SimpleNamespace(lever=Lever.SIGNAL)])
+    names = [SimpleNamespace(id="speckle", field=1, effect=speckle), SimpleNamespace(id="vignetting", field=None)]
+    solution = SimpleNamespace(nuisances=SimpleNamespace(black_dn=5.0))
+    outcome = SimpleNamespace(rest=rest, names=names, noise=(), solution=solution)
+    frames = [
+        SimpleNamespace(id=i, split=split, projector_power=1.0, exposure_gain=1.0) for i, split in enumerate(SPLITS)
+    ]
+    keys = [(frame.id, side) for frame in frames for side in SIDES]
+    after = SimpleNamespace(
+        capture=SimpleNamespace(frames=frames),
+        predictions={(number, side): np.full((4, 4), 5.0 + 10.0 * (1 + number)) for number, side in keys},
+        layers={frame.id: dict.fromkeys(SIDES, SimpleNamespace(projector=np.ones((4, 4)))) for frame in frames},
+    )
+    figures = {"heldout_ir_rmse_geometry": (1.4 + left) ** 0.5, "heldout_ir_rmse_after": (1.0 + left) ** 0.5}
+    figures |= {"heldout_noise_floor": 1.0, "train_noise_floor": 1.0}
+    figures["curve"] = [{"train_ir_rmse": 1.25**0.5, "heldout_ir_rmse": (1.0 + left) ** 0.5}]
+    found = _add_test_errors(outcome, SimpleNamespace(result=figures, after=after), NUMBERS)
     assert (found.test_left is not None) == denies
     assert (verdict_of(found, True, True, NUMBERS) == UNKNOWN) == denies
 
