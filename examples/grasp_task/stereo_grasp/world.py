@@ -17,7 +17,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import body_pose, look_at
 from activestereo.sensor.depth_modes import DepthCamera
 from activestereo.sensor.mounts import Mounts
-from activestereo.sensor.rival_noise import IsaacSettings
+from activestereo.sensor.depth_modes import IsaacSettings
 
 STEPS = 10
 # What an action of 1 moves: x, y, z in metres, and the turn about z in radians.

@@ -23,7 +23,7 @@ from activestereo.common.progress_bar import Progress
 from activestereo.model import SensorModel
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
-from activestereo.sensor.rival_noise import IsaacSettings, isaac
+from activestereo.sensor.depth_modes import IsaacSettings, isaac
 from activestereo.sensor.sensor import StereoDepthSensor
 
 _UP = np.array([0.0, 0.0, 1.0])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from activestereo.calibrate.least_squares import INTERVAL_90, deviations, motion, vector
-from activestereo.capture.importers.trajectory import pose_of_seven
+from activestereo.capture.importers.frames import pose_of_seven
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion
 

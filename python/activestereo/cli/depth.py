@@ -331,7 +331,7 @@ def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
 
 def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     from activestereo.camera.advanced_mode import write_settings
-    from activestereo.camera.advanced_mode.search import score, search
+    from activestereo.camera.advanced_mode.matcher import score, search
 
     goal, out = args.search[0], Path(args.search[1])
     if goal not in _GOALS:
@@ -372,8 +372,8 @@ def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
 
 def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
     from activestereo.capture.importers.bag import is_bag
+    from activestereo.capture.importers.frames import refuse_foreign
     from activestereo.capture.importers.pairs import recorded_pairs
-    from activestereo.capture.importers.trajectory import refuse_foreign
 
     if not recording.is_dir() and not is_bag(recording):
         refuse_foreign(recording)

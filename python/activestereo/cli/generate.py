@@ -144,7 +144,7 @@ def run(args: argparse.Namespace) -> None:
 
 def run_resense(args: argparse.Namespace) -> None:
     try:
-        from activestereo.integrations.mujoco.resense import packages, read_demos, resense
+        from activestereo.integrations.resense import packages, read_demos, resense
 
         packages()
     except ImportError as error:

@@ -128,7 +128,7 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
     """Reads the recording if its layout (bag, BOP, TUM, Open3D) has colour and depth alone, else returns None.
     temporary: folder for extracted files."""
     from activestereo.capture.importers.bag import has_color_depth_alone, is_bag, read_color_depth_bag
-    from activestereo.capture.importers.color_depth_folders import INTRINSICS, read_bop, read_open3d, read_tum
+    from activestereo.capture.importers.color_depth import INTRINSICS, read_bop, read_open3d, read_tum
 
     if is_bag(args.recording) and has_color_depth_alone(args.recording):
         with ProgressBar(f"reading {args.recording.name}") as bar:
@@ -155,8 +155,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     """Imports a recording with infrared pairs. Returns the capture, lines on found, assumed and missing data, and the
     words of --depth that name one of several kinds of depth."""
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
+    from activestereo.capture.importers.frames import read_trajectory, refuse_foreign
     from activestereo.capture.importers.realsense_folder import DEPTH_SCALE_M, frame_files, import_realsense, swapped
-    from activestereo.capture.importers.trajectory import read_trajectory, refuse_foreign
 
     bag = is_bag(args.recording)
     if not bag and not args.recording.is_dir():

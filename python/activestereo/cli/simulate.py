@@ -41,7 +41,7 @@ from activestereo.scene_io.staging import (
 if TYPE_CHECKING:
     from activestereo.effects.core.descriptor import Effect
     from activestereo.model import SensorModel
-    from activestereo.sensor.light_share import LightShare
+    from activestereo.sensor.explain import LightShare
     from activestereo.sensor.sensor import StereoDepthSensor
 
 _TEXT = """\
@@ -261,7 +261,7 @@ def _light_scene(
     """Sets the scene's uniform light or environment map. Returns the radiance in W/(sr m^2) that was added to an unlit
     scene, else None. dome: radiance of a USD dome light, or None."""
     from activestereo.scene_io.defaults import light_closed_room
-    from activestereo.scene_io.environment_map import set_environment_map
+    from activestereo.scene_io.staging import set_environment_map
 
     part_light(scene)
     is_lit = has_lamps(scene) or dome is not None or args.ambient is not None
@@ -340,8 +340,7 @@ def _report(
     args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Accuracy], added: float | None, chosen: str
 ) -> None:
     from activestereo.scene_io.scene_files import likely_unit
-    from activestereo.sensor.light_share import light_share
-    from activestereo.sensor.unseen import unseen_bodies
+    from activestereo.sensor.explain import light_share, unseen_bodies
 
     share, unseen = light_share(sensor), unseen_bodies(sensor)
     if sensor.get_config().light_pattern is not None and any(row.pixels for row in rows):

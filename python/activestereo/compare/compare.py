@@ -12,8 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.capture.binning import usual_samples
-from activestereo.capture.capture import SIDES, Capture, read_capture
+from activestereo.capture.capture import SIDES, Capture, read_capture, usual_samples
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
 from activestereo.compare.cache import LayerCache

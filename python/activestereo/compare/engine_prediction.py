@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.binning import usual_samples
-from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
+from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey, usual_samples
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.effects import Light, Model, View, engines

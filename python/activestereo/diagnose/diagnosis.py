@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.binning import binned, usual_binning, usual_samples
-from activestereo.capture.capture import Capture, ImageKey, read_capture
+from activestereo.capture.capture import Capture, ImageKey, binned, read_capture, usual_binning, usual_samples
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
 from activestereo.common.phases import Phases

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture.binning import unbinned
-from activestereo.capture.capture import SIDES
+from activestereo.capture.capture import SIDES, unbinned
 from activestereo.common.input_files import read_json
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fitter import Fitter, Solution

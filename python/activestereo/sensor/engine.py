@@ -21,11 +21,9 @@ from activestereo.common.progress_bar import Progress, part_of
 from activestereo.model import SensorModel
 from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
-from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.maps import JoinedResults, Maps
-from activestereo.sensor.pictures import RGB_OUTPUTS, Picture, PictureMemory, Taken, UnderWay, expose_each
-from activestereo.sensor.rig import Rig
-from activestereo.sensor.rig_inputs import RigInputs
+from activestereo.sensor.pictures import RGB_OUTPUTS, IrLink, Picture, PictureMemory, Taken, UnderWay, expose_each
+from activestereo.sensor.rig import Rig, RigInputs
 
 
 class SensorEngine:
@@ -43,7 +41,7 @@ class SensorEngine:
     def __init__(
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
         shape: tuple[int, ...] = (), *, model: SensorModel | str | PathLike[str] | None = None, source: object = None,
-        pipelined: bool = False, on_cuda: bool = False, copy_ir: bool = False, first_view: int = 0,
+        pipelined: bool = False, on_cuda: bool = False, first_view: int = 0,
         results: tuple[JoinedResults, int] | None = None, matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self.scene, self.shape, self.pipelined, self._count = scene, shape, pipelined, len(environments)
@@ -61,7 +59,7 @@ class SensorEngine:
         (width, height), (rgb_width, rgb_height) = ((c["width"], c["height"]) for c in (plan.left, plan.rgb))
         pictures = [
             Picture(
-                IrLink(scene.device, self.matcher.device, width, height, copy=copy_ir, count=self._count),
+                IrLink(scene.device, self.matcher.device, width, height, count=self._count),
                 PictureMemory(scene.device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda),
             )
             for _ in range(2 if pipelined else 1)
@@ -329,7 +327,6 @@ class SensorEngine:
                 self.image_effects.on_light(picture.link, is_laser_apart)
             if not self.rig.is_one:
                 expose_each(picture, self.plan.exposure, self.rig.inputs())
-            picture.link.deliver()
             auto = self.plan.exposure
             if self.rig.is_one and auto.mode != "fixed":  # for the same picture, or the next
                 inputs = self.rig.inputs()

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.camera.plan import SensorPlan
-from activestereo.camera.registration import registered
+from activestereo.camera.plan import SensorPlan, registered
 from activestereo.common.input_files import checked_file
 from activestereo.common.lens import to_tangents
 from activestereo.common.nearest import did_you_mean

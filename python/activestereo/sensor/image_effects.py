@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.camera.registration import registered
+from activestereo.camera.plan import registered
 from activestereo.capture.capture import SIDES
 from activestereo.effects.core.descriptor import Effect, Stage
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
-from activestereo.sensor.ir_link import IrLink
+from activestereo.sensor.pictures import IrLink
 
 Pictures = dict[str, NDArray[Any]]
 _GEOMETRY = ("depth", "normal", "material_id")

@@ -31,9 +31,9 @@ from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.gbuffer.cause import traced_causes
 from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
-from activestereo.sensor.ir_link import checked_radiance
 from activestereo.sensor.mounts import HasPose, RigPlace, as_mount
 from activestereo.sensor.mounts import Mount as Mount
+from activestereo.sensor.pictures import checked_radiance
 from activestereo.sensor.results import CAMERAS, SensorResults
 
 
@@ -43,7 +43,7 @@ class StereoDepthSensor(SensorResults):
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. scene_or_mount: a kuafu.Scene, a Mount, or
     the path of a scene file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x forward,
     y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device; unused if the scene has its own.
-    copy_ir: copies the infrared pair between the libraries instead of sharing its memory. The projector becomes an
+    The projector becomes an
     infrared light of the scene. It shines during this sensor's pictures, or always with the config's
     projector_always_on. It leaves the scene at close(), at the end of a `with` block, or with the last reference to the
     sensor. Use it in one thread at a time.
@@ -66,7 +66,7 @@ class StereoDepthSensor(SensorResults):
 
     def __init__(
         self, config: StereoDepthSensorConfig | str, scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str],
-        pose: Pose | None = None, device: str | int | kuafu.Device = "auto", copy_ir: bool = False,
+        pose: Pose | None = None, device: str | int | kuafu.Device = "auto",
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
@@ -77,10 +77,10 @@ class StereoDepthSensor(SensorResults):
         self._place = RigPlace(mount, Pose() if pose is None else pose)
         self._engine = SensorEngine(
             plan, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
-            copy_ir=copy_ir, matcher=matcher,
+            matcher=matcher,
         )  # fmt: skip
         self._engines, self._devices = [self._engine], Devices([""])
-        # The depth engine, and how it gets the infrared pair: 'opaque_fd', 'host' or 'copy'.
+        # The depth engine, and how it gets the infrared pair: 'opaque_fd' or 'host'.
         self.engine: simsense.Engine = self._engine.matcher
         self.ir_memory = self._engine.ir_memory
         self._depth_maps = plan.depth_maps

@@ -14,7 +14,7 @@ from stereo_grasp import GraspWorld
 from stereo_grasp.world import CAMERA_ON_GRIPPER
 from activestereo.common.pose import Pose
 from activestereo.camera.plan import plan_of
-from activestereo.camera.registration import registered
+from activestereo.camera.plan import registered
 
 RENDERERS = ("ours", "mitsuba")
 MITSUBA_SAMPLES = 4  # rays per pixel of the dots, and as many of the room

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.camera.registration import registered
+from activestereo.camera.plan import registered
 
 
 class Sgbm:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Presets keep SAPIEN's names, and those called after it its values."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -53,11 +51,6 @@ def test_d415():
     assert config.rgb_intrinsic[0, 0] == 1380.0 and config.ir_intrinsic[0, 0] == 920.0
     assert config.trans_pose_l.p[1] == -0.0175 and config.trans_pose_r.p[1] == -0.0720
     assert config.focal_baseline_px_m == pytest.approx(920.0 * 0.0545)
-
-
-def test_unknown_model_names_the_known_ones():
-    with pytest.raises(ValueError, match="D415.*D435"):
-        StereoDepthSensorConfig("D999")
 
 
 @pytest.mark.parametrize("model", StereoDepthSensorConfig.SUPPORTED_MODELS)
@@ -120,33 +113,6 @@ def test_a_misspelt_field_is_refused():
     assert config.scaled(1).max_disp == 64
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("denoise", "off", "known: none, atrous, oidn"),
-        ("emitter", "blinking", "known: on, off, alternating"),
-        ("ir_camera_exposure", 1e9, "1e-09 to 100 s"),
-        ("max_disp", float("nan"), "expected a whole number"),
-        ("median_filter_size", 4, "expected 1, 3, 5 or 7"),
-        ("samples_per_pixel", 0, "expected 1..4294967295"),
-        ("ir_ambient_scale", float("inf"), "expected a finite number"),
-        ("min_depth", 1e300, "1e+30 m"),
-        ("render_seed", 2**64, "0 to 4294967295"),
-        ("ir_resolution", (0, 480), "1 to 65535 px"),
-        ("ir_intrinsic", np.diag([1e300, 1e300, 1.0]), "fx is 1e+300, expected 0.001 to 1e+06 px"),
-        ("ir_distortion", (0.0, 1e9, 0.0, 0.0, 0.0), r"\[1\] is 1e\+09"),
-        ("depth_dilation", "yes", "True or False"),
-        ("faults", ("none such",), "known: rectified_shrunk"),
-    ],
-)
-def test_a_field_refuses_what_it_cannot_be_when_it_is_set(name, value, words):
-    config = StereoDepthSensorConfig()
-    before = getattr(config, name)
-    with pytest.raises(ValueError, match=words if "\\" in words else re.escape(words)):
-        setattr(config, name, value)
-    assert getattr(config, name) is before
-
-
 def test_every_number_of_a_configuration_has_a_finite_range():
     config = StereoDepthSensorConfig()
     numbers = [name for name in config._FIELDS if type(getattr(config, name)) in (int, float)]
@@ -183,6 +149,24 @@ def changed(**fields):
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
+        ("denoise", "off", "known: none, atrous, oidn"),
+        ("emitter", "blinking", "known: on, off, alternating"),
+        ("ir_camera_exposure", 1e9, "1e-09 to 100 s"),
+        ("max_disp", float("nan"), "expected a whole number"),
+        ("median_filter_size", 4, "expected 1, 3, 5 or 7"),
+        ("samples_per_pixel", 0, r"expected 1\.\.4294967295"),
+        ("ir_ambient_scale", float("inf"), "expected a finite number"),
+        ("min_depth", 1e300, r"1e\+30 m"),
+        ("render_seed", 2**64, "0 to 4294967295"),
+        ("ir_resolution", (0, 480), "1 to 65535 px"),
+        ("ir_intrinsic", np.diag([1e300, 1e300, 1.0]), r"fx is 1e\+300, expected 0\.001 to 1e\+06 px"),
+        ("ir_distortion", (0.0, 1e9, 0.0, 0.0, 0.0), r"\[1\] is 1e\+09"),
+        ("depth_dilation", "yes", "True or False"),
+        ("faults", ("none such",), "known: rectified_shrunk"),
+        ("block_width", 4, "block_width is 4, expected an odd number, 1 to 255 px"),
+        ("census_height", 0, "census_height is 0, expected 1 to 65 px"),
+        ("p1", 224, "p1 is 224, expected 1 to 223"),
+        ("max_disparity", "x", "max_disparity is 'x', expected a whole number, 16..1024 px"),
         ("ir_signal", {"read_noise": 1.0}, "ir_signal has no parameter 'read_noise': did you mean 'read_noise_e'"),
         ("ir_signal", {"read_noise_e": float("nan")}, r"ir_signal \['read_noise_e'\] is nan"),
         ("ir_signal", 3.0, "ir_signal is 3.0, expected"),
@@ -202,7 +186,7 @@ def changed(**fields):
         ("light_pattern", 5, "light_pattern is 5, expected 'generated', an image"),
     ],
 )
-def test_what_engines_would_refuse_later_is_refused_when_it_is_set(name, value, words):
+def test_a_field_refuses_what_it_cannot_be_when_it_is_set(name, value, words):
     config = StereoDepthSensorConfig("D435")
     before = getattr(config, name)
     with pytest.raises(ValueError, match=words):
@@ -248,22 +232,6 @@ def test_configurations_compare_by_value_and_show_what_was_changed():
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("block_width", 4, "block_width is 4, expected an odd number, 1 to 255 px"),
-        ("census_height", 0, "census_height is 0, expected 1 to 65 px"),
-        ("p1", 224, "p1 is 224, expected 1 to 223"),
-        ("max_disparity", "x", "max_disparity is 'x', expected a whole number, 16..1024 px"),
-    ],
-)
-def test_the_matchers_parameters_are_checked_when_they_are_set(name, value, words):
-    config = StereoDepthSensorConfig("D435")
-    with pytest.raises(ValueError, match=words):
-        setattr(config, name, value)
-    assert config == StereoDepthSensorConfig("D435")
-
-
-@pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"p1": 40, "p2": 40}, "p1 is 40 and p2 is 40, expected a larger p2"),
@@ -281,7 +249,7 @@ def test_the_matchers_parameters_go_together(changes, words):
 
 
 def test_an_unknown_name_suggests_the_nearest():
-    with pytest.raises(ValueError, match="unknown sensor 'd436'.*did you mean 'D43.'"):
+    with pytest.raises(ValueError, match="unknown sensor 'd436' .*D415.*D435.*did you mean 'D43.'"):
         StereoDepthSensorConfig("d436")
     with pytest.raises(AttributeError, match="did you mean 'p1'"):
         _ = StereoDepthSensorConfig().p11

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from activestereo.capture.binning import binned, unbinned, usual_binning, usual_samples
+from activestereo.capture.capture import binned, unbinned, usual_binning, usual_samples
 from activestereo.capture.capture import Camera, CaptureError, read_capture
 from activestereo.capture.images import block_means, write_gray
 from activestereo.effects import Light, Model, builtin
@@ -58,9 +58,11 @@ def test_what_is_found_on_blocks_is_told_of_the_whole(whole):
 def test_lengths_in_pixels_are_those_of_whole_images():
     image = gaussian_filter(np.random.default_rng(1).normal(100.0, 20.0, (120, 120)), 2.0)
     psf = Model().with_effect(builtin()["lens_psf"], sigma_px=3.0)
-    blur = lambda pixels, size: psf.light(  # noqa: E731
-        Light.of_images([pixels] * 4), replace(example_view(), binning=size, depth_m=np.ones(pixels.shape))
-    ).ambient
+
+    def blur(pixels, size):
+        view = replace(example_view(), binning=size, depth_m=np.ones(pixels.shape))
+        return psf.light(Light.of_images([pixels] * 4), view).ambient
+
     fine, coarse = block_means(blur(image, 1), 2), blur(block_means(image, 2), 2)
     assert np.std(coarse - fine) < 0.1 * np.std(block_means(image, 2) - fine)
 

@@ -11,7 +11,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_text import read_device_text
-from activestereo.capture.importers.trajectory import pose_at, read_trajectory
+from activestereo.capture.importers.frames import pose_at, read_trajectory
 from camera_dumps import ENUMERATED
 from command_line import led_on, refused, run_here
 

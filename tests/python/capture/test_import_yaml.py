@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
-from activestereo.capture.importers.calibration_yaml import read_calibration_yaml
+from activestereo.capture.importers.calibration import read_calibration_yaml
 from activestereo.cli import main
 
 pytest.importorskip("yaml", reason="the package PyYAML is not installed (apt-get install python3-yaml)")
@@ -57,11 +57,12 @@ def saved_by_ros(side, **changes):
 
 def echoed_by_ros(side, upper=True):
     """A message as rostopic echo and ros2 topic echo print it, with numbers such as 1e-05."""
+
     def name(text):
         return text if upper else text.lower()
 
     return (
-        f"header:\n  stamp:\n    secs: 1\nheight: {HEIGHT}\nwidth: {WIDTH}\ndistortion_model: \"plumb_bob\"\n"
+        f'header:\n  stamp:\n    secs: 1\nheight: {HEIGHT}\nwidth: {WIDTH}\ndistortion_model: "plumb_bob"\n'
         f"{name('D')}: {LENS[side]}\n{name('K')}: {K[side].ravel().tolist()}\n{name('R')}: {R[side].ravel().tolist()}\n"
         f"{name('P')}: {projection(side).ravel().tolist()}\nbinning_x: 0\n---\n"
     )
@@ -252,13 +253,22 @@ def test_a_baseline_beside_a_file_that_tells_another_is_refused(imported, capsys
 BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
     f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 10)
 )
-MERGES = "b0: &b0 {x: 1}\n" + "".join(
-    f"b{n}: &b{n} {{<<: [{', '.join([f'*b{n - 1}'] * 9)}]}}\n" for n in range(1, 10)
+MERGES = "b0: &b0 {x: 1}\n" + "".join(f"b{n}: &b{n} {{<<: [{', '.join([f'*b{n - 1}'] * 9)}]}}\n" for n in range(1, 10))
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "image_width",
+        "camera_matrix",
+        "distortion_model",
+        "distortion_coefficients",
+        "rectification_matrix",
+        "projection_matrix",
+        "camera_name",
+        "header",
+    ],
 )
-
-
-@pytest.mark.parametrize("key", ["image_width", "camera_matrix", "distortion_model", "distortion_coefficients",
-                                 "rectification_matrix", "projection_matrix", "camera_name", "header"])
 @pytest.mark.parametrize("value", ["*a9", "[*a9, *a9, *a9]", "{data: *a9}", "!!bool foo", '!!int ""', '!!float ""',
                                    "!!timestamp foo", "!!binary foo", "!!set [1]", "1:1:1:1", "2020-13-45", "!!null x",
                                    "!!python/name:os.system", "&r [*r]", '"\\UFFFFFFFF"', "0x" + 5000 * "f",

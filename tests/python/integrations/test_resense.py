@@ -11,7 +11,7 @@ h5py = pytest.importorskip("h5py", reason="the package h5py is not installed (pi
 pytest.importorskip("mujoco", reason="the package mujoco is not installed (pip install mujoco)")
 
 from activestereo.cli import main  # noqa: E402
-from activestereo.integrations.mujoco.resense import read_demos  # noqa: E402
+from activestereo.integrations.resense import read_demos  # noqa: E402
 
 _MJCF = """<mujoco><worldbody><light pos="0 0 2"/>
 <geom type="box" size="2 2 .02" pos="0 0 -.02" group="1"/><geom type="box" size="2 2 .01" pos="0 0 .8" group="0"/>

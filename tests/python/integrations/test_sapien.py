@@ -394,7 +394,7 @@ def fake(kind, **fields):
 
 
 def test_render_shapes_and_materials_where_there_is_a_renderer(scene):
-    from activestereo.integrations.sapien.shapes import render_parts
+    from activestereo.integrations.sapien.scene import render_parts
 
     texture = Fake(is_srgb=True, download=lambda: np.full((4, 4, 4), 128, np.uint8))
     material = Fake(

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Matchers that are not simsense's behind a sensor: OpenCV's, a function, and a network in an ONNX file."""
+"""Other matchers' disparities, and other simulators' noise."""
 
 import json
 
 import numpy as np
 import pytest
+from scipy.stats import norm
+from sensor_scenes import wall_scene
 
 import kuafu
 from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.sensor.depth_modes import IsaacSettings, isaac, one_view_depth, redwood, simkinect
 from activestereo.sensor.foreign_matcher import METADATA, OnnxInterface, OnnxMatcher
-from sensor_scenes import wall_scene
 
 _DISPARITY_PX = 6.25
 
@@ -154,3 +156,69 @@ def test_another_network_is_told_in_one_line(tmp_path, how, told):
     with pytest.raises(ValueError, match=told) as error:
         OnnxMatcher(network(tmp_path / "n.onnx", **how))
     assert "\n" not in str(error.value)
+
+
+_WALL_M = np.full((1, 120, 160), 1.0, np.float32)
+
+
+def _isaac(gray, **settings):
+    return isaac(_WALL_M, gray, 400.0, 0.05, IsaacSettings(**settings), np.random.default_rng(0))
+
+
+def test_isaac_sees_nothing_of_an_untextured_wall_by_default():
+    assert not _isaac(np.full(_WALL_M.shape, 0.5, np.float32)).any()
+
+
+def test_isaac_sees_a_textured_wall_in_steps_of_a_quarter_of_a_pixel():
+    depth = _isaac(np.random.default_rng(1).random(_WALL_M.shape, np.float32))
+    assert (depth[..., 20:] > 0).all() and not depth[..., :20].any()  # 20 px: beyond the second view
+    steps = 20.0 / depth[..., 20:] / 0.25
+    assert np.allclose(steps, np.rint(steps), atol=1e-3)
+    assert np.std(20.0 / depth[..., 20:]) == pytest.approx(np.hypot(0.25, 0.25 / np.sqrt(12.0)), rel=0.05)
+
+
+def test_isaac_sees_nothing_nearer_than_half_a_metre_or_beyond_its_disparities():
+    gray = np.random.default_rng(1).random(_WALL_M.shape, np.float32)
+    assert not _isaac(gray, min_distance_m=1.1).any()
+    assert not _isaac(gray, max_disparity_px=19.0).any()
+
+
+def test_the_datasheets_noise_grows_with_the_square_of_depth():
+    random = np.random.default_rng(0)
+    near, far = (
+        one_view_depth("datasheet", np.full_like(_WALL_M, z), None, 1.0, 20.0, random).std() for z in (1.0, 3.0)
+    )
+    assert near == pytest.approx(0.08 / 20.0, rel=0.05)
+    assert far == pytest.approx(9.0 * near, rel=0.05)
+
+
+def test_redwoods_disparities_are_eighths_of_a_normal_distribution():
+    fb, sigma_px = 35.0, 0.027778
+    depth_m = 0.7995
+    eighths = 8.0 * fb / redwood(np.full_like(_WALL_M, depth_m), fb, np.random.default_rng(0))
+    np.testing.assert_allclose(eighths, np.rint(eighths), atol=0.01)
+    edge = np.floor(8.0 * fb / depth_m) + 0.5
+    assert (eighths < edge).mean() == pytest.approx(norm.cdf((edge - 8.0 * fb / depth_m) / 8.0 / sigma_px), abs=0.02)
+    assert not redwood(11.0 * _WALL_M, fb, np.random.default_rng(0)).any()
+    assert redwood(11.0 * _WALL_M, fb, np.random.default_rng(0), farthest_m=np.inf).all()
+
+
+def test_redwood_sees_every_other_pixel():
+    depth = np.full((1, 40, 40), 2.0, np.float32)
+    depth[:, ::2, ::2] = 1.0
+    found = redwood(depth, 35.13, np.random.default_rng(1))
+    np.testing.assert_allclose(found, 1.0, atol=0.01)
+    assert not redwood(np.full_like(depth, 10.0), 35.13, np.random.default_rng(1)).any()
+
+
+def test_simkinect_is_half_a_step_too_near_and_empty_at_edges():
+    """round(n + 0.5 + N(0, 1/6)) of a whole step n is n or n + 1, as often; an edge's window has no 1 / 1.2 of its
+    pixels within reach of its mean."""
+    fb, random = 40.0, np.random.default_rng(1)
+    depth = np.full((1, 60, 80), fb / 30.0, np.float32)
+    found = simkinect(depth, fb, random)
+    steps = 8 * fb / found[found > 0]
+    assert set(np.rint(steps)) == {240, 241} and np.mean(steps) == pytest.approx(240.5, abs=0.03)
+    depth[..., 40:] = fb / 60.0
+    found = simkinect(depth, fb, random)[0, 10:-10]
+    assert (found[:, [15, 65]] > 0).all() and (found[:, 36:44] == 0).mean() > 0.1

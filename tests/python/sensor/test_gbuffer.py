@@ -13,7 +13,7 @@ from activestereo.common.pose import body_pose, look_at
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.gbuffer.cause import CAUSES
-from activestereo.sensor.gbuffer.inputs import InputImages
+from activestereo.sensor.gbuffer.stereo import InputImages
 from cuda_stub import seen_by_host, stub_for
 from sensor_scenes import light_of
 

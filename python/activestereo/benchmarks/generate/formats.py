@@ -23,8 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from activestereo.benchmarks.generate.bop import FRAMES_PER_S, Stored, stored_frames
 from activestereo.common.input_files import read_json
-from activestereo.common.mcap_file import McapFile
-from activestereo.common.ros_images import camera_info_message, image_message
+from activestereo.common.mcap_file import McapFile, camera_info_message, image_message
 
 _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from activestereo.calibrate.world.joint import joint_covariance
 from activestereo.calibrate.world.views import Image, Mask, blurred, near_edges, normals_of, pixel_grid, points_of
-from activestereo.capture.binning import binned
-from activestereo.capture.capture import SIDES, Camera, Capture, Frame
+from activestereo.capture.capture import SIDES, Camera, Capture, Frame, binned
 from activestereo.common.computed_once import computed_once
 
 # Depths that differ by less than this share are of one place; a surface is seen at no flatter angle than this cosine.

@@ -30,8 +30,9 @@ from scipy.spatial.transform import Rotation
 from activestereo.capture.capture import Camera, ColorCamera
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.color_depth import ColorDepthFrame, ColorDepthRecording, nearest
+from activestereo.capture.importers.frames import INFRARED
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
-from activestereo.capture.importers.realsense_text import INFRARED, DeviceText
+from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.baseline import chosen_baseline_m
 from activestereo.common.output_files import write_png, write_text
 from activestereo.common.pose import printed_motion

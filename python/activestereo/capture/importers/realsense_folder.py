@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import Capture, ColorCamera, Frame, Projector, Rig
-from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.capture.images import image_size
+from activestereo.capture.importers.frames import pose_at, write_frames
 from activestereo.capture.importers.realsense_text import DeviceText
-from activestereo.capture.importers.repeats import repeat_groups
-from activestereo.capture.importers.trajectory import pose_at
-from activestereo.capture.write import write_capture
 
 _STREAMS = {
     "left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I),
@@ -185,34 +183,21 @@ def import_realsense(
     trajectory: (times [n] in seconds, camera poses [n, 4, 4]). exposures_s: of each frame, or one of all. robot: poses
     of a gripper that carries the camera. Without a trajectory, frames of one folder (and one gripper pose) whose
     pictures agree become a repeat group."""
-    tell = progress or (lambda fraction: None)
-    first = read_gray(files[0].files["left"], key="Infrared 1")
-    height, width = first.shape
-    left, right = (device.intrinsic(_NAMES[side], width, height) for side in ("left", "right"))
+    size = image_size(files[0].files["left"], "Infrared 1")
+    left, right = (device.intrinsic(_NAMES[side], *size) for side in ("left", "right"))
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     if left_to_right[0, 3] >= 0:
         raise ValueError(
             f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected '
             "below 0: left and right are swapped"
         )
-    images, depths, colors, frames, views = {}, {}, {}, [], []
     color, colored = None, next((entry.files["color"] for entry in files if "color" in entry.files), None)
     if colored is not None and any(stream == "Color" for stream, _, _ in device.intrinsics):
         lens = device.intrinsic("Color", *image_size(colored, "Color"))
         to_color = device.extrinsic("Infrared 1", "Color")
         color = ColorCamera(lens.width, lens.height, lens.K, lens.distortion, to_color)
+    frames, views = [], []
     for number, entry in enumerate(files):
-        for side in ("left", "right"):
-            images[number, side] = read_gray(entry.files[side], (width, height), _NAMES[side])
-        if "depth" in entry.files:
-            depths[number] = read_gray(entry.files["depth"], (width, height), "Depth")
-            if depths[number].dtype != np.uint16:
-                raise ValueError(
-                    f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw "
-                    "stream"
-                )
-        if color is not None and "color" in entry.files:
-            colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
         time_s = 1e-3 * entry.number if entry.number > LEAST_TIME_MS else float(number) / 30.0
         exposure_s = exposures_s[number if len(exposures_s) > 1 else 0]
         pose, place, gripper_to_base = np.eye(4), 0, None
@@ -227,15 +212,7 @@ def import_realsense(
             color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
         ))  # fmt: skip
         views.append((entry.view, place))
-        tell((number + 1) / len(files))
-    if trajectory is None:
-        groups = repeat_groups([images[k, "left"] for k in range(len(files))], views)
-        frames = [replace(frame, repeat_group=group) for frame, group in zip(frames, groups, strict=True)]
-    is_byte = all(image.max() <= 255 for image in images.values())
-    if is_byte:
-        images = {key: image.astype(np.uint8) for key, image in images.items()}
-    rig = Rig(left, right, left_to_right, projector, 8 if is_byte else 16, color=color)
+    rig = Rig(left, right, left_to_right, projector, color=color)
     notes = {"notes": "imported from librealsense"}
     capture = Capture(out, out.name, scene or out / "scene.gltf", rig, tuple(frames), notes)
-    write_capture(out, capture, images, pattern, depths, colors, with_empty_scene=scene is None)
-    return capture
+    return write_frames(capture, pattern, views if trajectory is None else None, progress)

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import Camera
+from activestereo.capture.importers.frames import INFRARED
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion
 
-INFRARED = ("Infrared 1", "Infrared 2")  # the left and the right camera
 _INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+)x(?P<height>\d+)')
 _EXTRINSIC = re.compile(r'Extrinsic from\s+"(?P<first>[^"]+)"\s+To\s+"(?P<second>[^"]+)"', re.IGNORECASE)
 _FIELD = re.compile(r"^\s*(?P<key>Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs)\s*:\s*(?P<value>.*)$")

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 import kuafu
-from activestereo.integrations.mujoco.geoms import geom_surface
+from activestereo.integrations.mujoco import geom_surface
 from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 

@@ -4,16 +4,6 @@
 from typing import NoReturn
 
 from activestereo.integrations.realsense.camera import LATENCY_MS, World
-from activestereo.integrations.realsense.enums import (
-    camera_info,
-    distortion,
-    format,
-    frame_metadata_value,
-    option,
-    rs400_visual_preset,
-    stream,
-    timestamp_domain,
-)
 from activestereo.integrations.realsense.filters import (
     align,
     colorizer,
@@ -44,7 +34,17 @@ from activestereo.integrations.realsense.frames import (
     video_frame,
     video_stream_profile,
 )
-from activestereo.integrations.realsense.options import option_range
+from activestereo.integrations.realsense.options import (
+    camera_info,
+    distortion,
+    format,
+    frame_metadata_value,
+    option,
+    option_range,
+    rs400_visual_preset,
+    stream,
+    timestamp_domain,
+)
 from activestereo.integrations.realsense.pipeline import (
     config,
     context,
@@ -57,14 +57,12 @@ from activestereo.integrations.realsense.pipeline import (
     rs400_advanced_mode,
     sensor,
     simulate,
-)
-from activestereo.integrations.realsense.ros_topics import TopicPublisher, write_topics
-from activestereo.integrations.realsense.software_device import (
     software_device,
     software_sensor,
     software_video_frame,
     video_stream,
 )
+from activestereo.integrations.realsense.ros_topics import write_topics
 
 
 def __getattr__(name: str) -> NoReturn:

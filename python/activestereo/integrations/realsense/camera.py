@@ -20,16 +20,16 @@ from activestereo.camera.advanced_mode.settings import visual_preset
 from activestereo.camera.plan import matcher_parameters as matcher_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import Pose, body_pose, camera_to_camera
-from activestereo.integrations.realsense.enums import (
+from activestereo.integrations.realsense.frames import StreamRequest, intrinsics, video_stream_profile
+from activestereo.integrations.realsense.options import (
     distortion,
     format,
     frame_metadata_value,
     option,
+    option_range,
     rs400_visual_preset,
     stream,
 )
-from activestereo.integrations.realsense.frames import StreamRequest, intrinsics, video_stream_profile
-from activestereo.integrations.realsense.options import option_range
 from activestereo.scene_io.example_scene import write_table_top
 from activestereo.sensor.mounts import as_mount
 from activestereo.sensor.sensor import StereoDepthSensor

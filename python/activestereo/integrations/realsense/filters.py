@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.common.output_files import write_ply
-from activestereo.integrations.realsense.enums import format, option, stream
 from activestereo.integrations.realsense.frames import (
     composite_frame,
     deprojected,
@@ -22,7 +21,7 @@ from activestereo.integrations.realsense.frames import (
     video_frame,
     video_stream_profile,
 )
-from activestereo.integrations.realsense.options import Options, option_range
+from activestereo.integrations.realsense.options import Options, format, option, option_range, stream
 
 
 class filter(Options):

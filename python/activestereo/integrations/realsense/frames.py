@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.common.lens import distort, undistort
-from activestereo.integrations.realsense.enums import distortion, frame_metadata_value, stream
-from activestereo.integrations.realsense.enums import format as pixel_format
+from activestereo.integrations.realsense.options import distortion, frame_metadata_value, stream
+from activestereo.integrations.realsense.options import format as pixel_format
 
 
 @dataclass

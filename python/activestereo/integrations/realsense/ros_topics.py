@@ -1,25 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Converts framesets to messages and topics of ROS 2's realsense2_camera 4.5x. Writes them into an MCAP file with
-rosbags (pip install rosbags), or publishes them with rclpy, a part of ROS 2.
+"""Writes framesets as topics of ROS 2's realsense2_camera 4.5x into an MCAP file with rosbags (pip install rosbags).
 
 Names, frames and fields are those of its ros2-development branch (github.com/IntelRealSense/realsense-ros). Qualities
 of service are those in the recording of its issue 3472; topics that it lacks get the same."""
 
 from __future__ import annotations
 
-import array
 import json
-from collections.abc import Iterable, Iterator
-from importlib import import_module
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from activestereo.common.mcap_file import McapFile
-from activestereo.common.ros_images import camera_info_message, image_message
-from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream, timestamp_domain
+from activestereo.common.mcap_file import McapFile, camera_info_message, image_message
 from activestereo.integrations.realsense.frames import composite_frame, video_stream_profile
+from activestereo.integrations.realsense.options import format, frame_metadata_value, stream, timestamp_domain
 
 Key = tuple[stream, int]
 # {stream: (its name in topics, its image's name)}, in the order of the device's sensors and their streams.
@@ -39,7 +35,7 @@ _BASE_FRAME = "camera_link"
 _DEPTH_UNIT_M = 0.001  # unit of 16UC1 (REP 118)
 _OPTICAL_XYZW = (-0.5, 0.5, -0.5, 0.5)  # from x forward, y left, z up to x right, y down, z forward
 # Messages of realsense2_camera_msgs, which ROS itself does not have.
-OWN_TYPES = {
+_OWN_TYPES = {
     "realsense2_camera_msgs/msg/Extrinsics": "float64[9] rotation\nfloat64[3] translation",
     "realsense2_camera_msgs/msg/Metadata": "std_msgs/Header header\nstring json_data",
 }
@@ -47,21 +43,13 @@ OWN_TYPES = {
 
 # Quality of service, reliable for all: how many messages are kept, and whether a late subscriber gets the last one.
 _IMAGE, _INFO, _LATCHED = (1, False), (10, False), (1, True)
-# topic, kind, message, time in nanoseconds, and the quality of service
-Published = tuple[str, str, Any, int, int, bool]
+Published = tuple[str, str, Any, int, int, bool]  # topic, kind, message, nanoseconds, messages kept, is it latched
 
 
-class Maker(Protocol):
-    """A function that makes a ROS message. kind: its type, such as sensor_msgs/msg/Image; fields: by name, arrays as
-    NumPy arrays."""
-
-    def __call__(self, kind: str, **fields: Any) -> Any: ...
-
-
-def published(frames: composite_frame, is_first: bool, make: Maker) -> Iterator[Published]:
-    """Yields a frameset's messages, each as (topic, kind, message, nanoseconds, messages kept, whether late subscribers
-    get it). is_first: also yields the streams' extrinsics, which are published once. make: makes a message from its
-    kind and fields. Raises ValueError for a format without an encoding."""
+def _published(frames: composite_frame, is_first: bool, make: Callable[..., Any]) -> Iterator[Published]:
+    """Yields a frameset's messages. is_first: also yields the streams' extrinsics, which are published once. make:
+    makes a message from its kind, such as sensor_msgs/msg/Image, and its fields, arrays as NumPy arrays. Raises
+    ValueError for a format without an encoding."""
     own = {(one.profile.stream_type(), one.profile.stream_index()): one for one in frames}
     streams = {key: own[key] for key in _STREAMS if key in own}
     if is_first:
@@ -104,12 +92,12 @@ def _axes(name: str) -> str:
     return f"camera_{name}_optical_frame"
 
 
-def _header(time_ns: int, axes: str, make: Maker) -> Any:
+def _header(time_ns: int, axes: str, make: Callable[..., Any]) -> Any:
     stamp = make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
     return make("std_msgs/msg/Header", stamp=stamp, frame_id=axes)
 
 
-def _places(profiles: dict[Key, video_stream_profile], make: Maker) -> Iterator[Published]:
+def _places(profiles: dict[Key, video_stream_profile], make: Callable[..., Any]) -> Iterator[Published]:
     """Yields the extrinsics from depth to each other stream, and the tree of frames below camera_link, which is depth's
     frame."""
     from scipy.spatial.transform import Rotation
@@ -145,50 +133,9 @@ def write_topics(path: str | Path, frames: Iterable[composite_frame]) -> int:
     """Writes framesets as topics into the new folder `path`, as `ros2 bag record` does, and returns their number.
     Raises ImportError if rosbags is missing; raises ValueError for a format that has no encoding."""
     count = 0
-    with McapFile(path, OWN_TYPES) as file:
+    with McapFile(path, _OWN_TYPES) as file:
         for frameset in frames:
-            for one in published(frameset, not count, file.make):
+            for one in _published(frameset, not count, file.make):
                 file.write(*one)
             count += 1
     return count
-
-
-class TopicPublisher:
-    """Publishes framesets on a node of rclpy. missing: topics whose message package this ROS lacks, such as
-    realsense2_camera_msgs; they are left out. Raises ImportError without rclpy."""
-
-    def __init__(self, node: Any) -> None:
-        try:
-            from rclpy import qos
-        except ImportError as error:
-            raise ImportError("rclpy is missing: source ROS 2's setup.bash") from error
-        self._node, self._qos = node, qos
-        self._publishers: dict[str, Any] = {}
-        self.missing: set[str] = set()
-
-    def publish(self, frames: composite_frame) -> None:
-        """Publishes a frameset's messages; with the first frameset also the streams' extrinsics."""
-        for topic, _, message, _, depth, is_latched in published(frames, not self._publishers, _message):
-            if message is None:
-                self.missing.add(topic)
-                continue
-            if topic not in self._publishers:
-                kept = self._qos.DurabilityPolicy
-                durability = kept.TRANSIENT_LOCAL if is_latched else kept.VOLATILE
-                profile = self._qos.QoSProfile(depth=depth, durability=durability)
-                self._publishers[topic] = self._node.create_publisher(type(message), topic, profile)
-            self._publishers[topic].publish(message)
-
-
-def _message(kind: str, **fields: Any) -> Any:
-    """Makes a message with ROS' own Python packages; returns None if its package is missing."""
-    package, _, name = kind.split("/")
-    try:
-        made = getattr(import_module(f"{package}.msg"), name)
-    except ImportError:
-        return None
-    kinds = made.get_fields_and_field_types()
-    for field, value in fields.items():
-        if isinstance(value, np.ndarray) and kinds[field].startswith("sequence"):  # this field takes no NumPy array
-            fields[field] = array.array(value.dtype.char, value.tobytes())
-    return made(**fields)

@@ -5,8 +5,8 @@ package sapien.
     from activestereo.integrations.sapien import StereoDepthSensor, StereoDepthSensorConfig  # for sapien.sensor's
 """
 
-from activestereo.integrations.sapien.config import StereoDepthSensorConfig as StereoDepthSensorConfig
+from activestereo.integrations.sapien.scene import ActorBuilder as ActorBuilder
 from activestereo.integrations.sapien.scene import SapienScene as SapienScene
+from activestereo.integrations.sapien.scene import VisualRecords as VisualRecords
 from activestereo.integrations.sapien.sensor import StereoDepthSensor as StereoDepthSensor
-from activestereo.integrations.sapien.shapes import ActorBuilder as ActorBuilder
-from activestereo.integrations.sapien.shapes import VisualRecords as VisualRecords
+from activestereo.integrations.sapien.sensor import StereoDepthSensorConfig as StereoDepthSensorConfig

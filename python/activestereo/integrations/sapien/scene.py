@@ -1,19 +1,306 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mirrors a live SAPIEN scene in a kuafu scene: its visible entities and lights, at their present poses."""
+"""Mirrors a live SAPIEN scene in a kuafu scene: its visible entities and lights, at their present poses.
+
+ActorBuilder replaces SAPIEN's on machines without a rendering device, where SAPIEN refuses to make a material or a
+visual shape. It has the same methods, with a kuafu.Material or a colour for materials. Its records become a component
+of the entity. SAPIEN's cylinders and capsules lie along x, its planes face along x. kuafu's meshes get the names of
+SAPIEN's classes."""
 
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import sapien
+from numpy.typing import ArrayLike, NDArray
+from sapien.wrapper.actor_builder import ActorBuilder as SapienActorBuilder
+from sapien.wrapper.actor_builder import VisualShapeRecord
 
 import kuafu
-from activestereo.common.pose import as_matrix
-from activestereo.integrations.sapien.shapes import Looks, is_visible, light_record, render_system
-from activestereo.scene_io.bodies import Bodies
+from activestereo.common.pose import as_matrix, camera_to_world
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape
+from activestereo.scene_io.meshes import Mesh
 from activestereo.sensor.pictures import PipelinedSensors
+
+
+class VisualRecords(sapien.Component):
+    """A component that stores an entity's visual shapes: SAPIEN's VisualShapeRecords with kuafu's materials."""
+
+    def __init__(self, records: Sequence[VisualShapeRecord]) -> None:
+        super().__init__()
+        self.records = list(records)
+
+    def on_add_to_scene(self, scene: sapien.Scene) -> None:
+        """Does nothing; SAPIEN requires the method."""
+
+    def on_remove_from_scene(self, scene: sapien.Scene) -> None:
+        """Does nothing; SAPIEN requires the method."""
+
+
+class ActorBuilder(SapienActorBuilder):
+    """Builds entities without SAPIEN's renderer; use ActorBuilder(scene) in place of scene.create_actor_builder()."""
+
+    def __init__(self, scene: sapien.Scene) -> None:
+        super().__init__()
+        self.set_scene(scene)
+
+    def add_box_visual(
+        self, pose: Any = None, half_size: Any = (1, 1, 1), material: Any = None, name: str = ""
+    ) -> ActorBuilder:
+        return self._record("box", pose, material, name, scale=half_size)
+
+    def add_sphere_visual(
+        self, pose: Any = None, radius: float = 1, material: Any = None, name: str = ""
+    ) -> ActorBuilder:
+        return self._record("sphere", pose, material, name, radius=radius)
+
+    def add_capsule_visual(
+        self, pose: Any = None, radius: float = 1, half_length: float = 1, material: Any = None, name: str = ""
+    ) -> ActorBuilder:
+        return self._record("capsule", pose, material, name, radius=radius, length=half_length)
+
+    def add_cylinder_visual(
+        self, pose: Any = None, radius: float = 1, half_length: float = 1, material: Any = None, name: str = ""
+    ) -> ActorBuilder:
+        return self._record("cylinder", pose, material, name, radius=radius, length=half_length)
+
+    def add_plane_visual(
+        self, pose: Any = None, scale: Any = (1, 1, 1), material: Any = None, name: str = ""
+    ) -> ActorBuilder:
+        return self._record("plane", pose, material, name, scale=scale)
+
+    def add_visual_from_file(
+        self, filename: str, pose: Any = None, scale: Any = (1, 1, 1), material: Any = None, name: str = ""
+    ) -> ActorBuilder:
+        return self._record("file", pose, material, name, filename=str(filename), scale=scale)
+
+    def build_entity(self) -> sapien.Entity:
+        entity = sapien.Entity()
+        entity.add_component(VisualRecords(self.visual_records))
+        entity.add_component(self.build_physx_component())
+        entity.name = self.name
+        return entity
+
+    def _record(self, kind: str, pose: Any, material: Any, name: str, **shape: Any) -> ActorBuilder:
+        pose = sapien.Pose() if pose is None else pose
+        if material is not None and not isinstance(material, kuafu.Material):
+            colour = (*(float(v) for v in material), 1.0)[:4]
+            material = kuafu.Material(base_color=colour)
+        self.visual_records.append(VisualShapeRecord(kind, pose=pose, material=material, name=name, **shape))
+        return self
+
+
+# SAPIEN's specular s gives a reflectance of 0.08 s at normal incidence; glTF's scales the 0.04 of an index of 1.5.
+_SPECULAR = 0.08 / 0.04
+
+
+class Looks:
+    """Adds entities' shapes and materials to a kuafu scene. Equal materials and textures are added once."""
+
+    def __init__(self, scene: kuafu.Scene) -> None:
+        self._scene = scene
+        self._materials: dict[Any, int] = {}
+        self._textures: dict[int, tuple[int, Any]] = {}
+
+    def shapes(self, entity: Any, name: str) -> list[Shape]:
+        """Adds the entity's meshes under this name and returns its shapes."""
+        out = []
+        for part, pose in parts(entity):
+            optional = {"normals": part.normals, "uvs": part.uvs}
+            given = {key: value for key, value in optional.items() if value is not None}
+            mesh = self._scene.add_mesh(part.positions, part.indices, name=name, **given)
+            to_body = as_matrix(pose) @ np.diag([*np.asarray(part.scale, np.float64), 1.0])
+            out.append(Shape(mesh, [self.material(part.material)], to_body))
+        return out
+
+    def materials(self, entity: Any) -> list[int]:
+        """Returns the numbers in the scene of the materials of an entity's shapes, in shapes()'s order. Meshes are not
+        added: use it if they are in the scene already."""
+        return [self.material(part.material) for part, _ in parts(entity)]
+
+    def material(self, material: Any) -> int:
+        if isinstance(material, kuafu.Material):
+            return self._scene.add_material(material)
+        texture = material.base_color_texture
+        values = [*material.base_color, *material.emission, material.metallic, material.roughness]
+        values += [material.specular, material.transmission, material.ior]
+        key = (*values, None if texture is None else id(texture))
+        if key not in self._materials:
+            fields = {
+                "base_color": tuple(material.base_color),
+                "emission": tuple(material.emission[:3]),
+                "metallic": material.metallic,
+                "roughness": material.roughness,
+                "transmission": material.transmission,
+            }
+            if material.transmission > 0:
+                fields["ior"] = material.ior
+            else:
+                fields["specular"] = min(_SPECULAR * material.specular, 1.0)
+            if texture is not None:
+                if id(texture) not in self._textures:
+                    number = self._scene.add_texture(np.ascontiguousarray(texture.download()), srgb=texture.is_srgb)
+                    self._textures[id(texture)] = number, texture  # the texture itself, so that its id stays its own
+                fields["base_color_texture"] = self._textures[id(texture)][0]
+            self._materials[key] = self._scene.add_material(kuafu.Material(**fields))
+        return self._materials[key]
+
+
+def is_visible(entity: Any) -> bool:
+    """Returns whether the entity has a body and SAPIEN shows it."""
+    bodies = _components(entity, "RenderBodyComponent")
+    if bodies:
+        return any(body.visibility > 0 for body in bodies)
+    return any(isinstance(c, VisualRecords) or hasattr(c, "collision_shapes") for c in entity.components)
+
+
+def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
+    """Yields the parts of an entity's visual shapes (else collision shapes), each with the shape's pose in the
+    entity."""
+    shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
+    bodies = _components(entity, "RenderBodyComponent")
+    records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]
+    if bodies:
+        shapes = [(shape, shape.local_pose, render_parts) for body in bodies for shape in body.render_shapes]
+    elif any(isinstance(c, VisualRecords) for c in entity.components):
+        shapes = [(record, record.pose, record_parts) for record in records]
+    else:
+        solid = [s for c in entity.components for s in getattr(c, "collision_shapes", [])]
+        shapes = [(shape, shape.local_pose, collision_parts) for shape in solid]
+    for shape, pose, parts_of in shapes:
+        for part in parts_of(shape):
+            yield part, pose
+
+
+def light_record(light: Any, environment: int | None = None) -> kuafu.Light | None:
+    """Converts a SAPIEN light to kuafu's. Returns None for a projector, which a sensor makes, and for kinds that kuafu
+    lacks."""
+    fields = {
+        "intensity": tuple(light.color),
+        "light_to_world": camera_to_world(light.entity.pose * light.local_pose),
+        "environment": environment,
+    }
+    kind = type(light).__name__
+    if kind == "RenderDirectionalLightComponent":
+        return kuafu.Light(kind="directional", **fields)
+    if kind == "RenderPointLightComponent":
+        return kuafu.Light(kind="point", **fields)
+    if kind == "RenderSpotLightComponent":
+        return kuafu.Light(kind="spot", inner_rad=light.inner_fov / 2, outer_rad=light.outer_fov / 2, **fields)
+    if kind == "RenderParallelogramLightComponent":
+        return kuafu.Light(kind="rectangle", size_m=(2 * light.half_width, 2 * light.half_height), **fields)
+    return None
+
+
+def render_system(scene: Any) -> Any:
+    """Returns the scene's render system; None if SAPIEN has no renderer."""
+    try:
+        return scene.render_system
+    except RuntimeError:  # SAPIEN's error without a renderer
+        return None
+
+
+def _components(entity: Any, kind: str) -> list[Any]:
+    return [c for c in entity.components if type(c).__name__ == kind]
+
+
+# Half the side, in metres, of a collision plane, which is infinite in SAPIEN.
+_ENDLESS_M = 50.0
+_GREY = (0.6, 0.6, 0.6, 1.0)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A mesh with one material, in the frame of the visual shape that it is from. scale: [3], factors not yet applied
+    to positions. normals and uvs are None if the source has none."""
+
+    positions: NDArray[np.float32]
+    indices: NDArray[np.uint32]
+    normals: NDArray[np.float32] | None
+    uvs: NDArray[np.float32] | None
+    scale: ArrayLike
+    material: Any  # kuafu.Material, SAPIEN's RenderMaterial, or None
+
+
+def render_parts(shape: Any) -> Iterator[Part]:
+    """Yields each mesh of a SAPIEN RenderShape as a Part. Box, sphere, cylinder and plane have unit size and a scale,
+    capsules their own size."""
+    kind = type(shape).__name__
+    if kind == "RenderShapeBox":
+        scale = shape.half_size
+    elif kind == "RenderShapeSphere":
+        scale = [shape.radius] * 3
+    elif kind == "RenderShapeCylinder":
+        scale = [shape.half_length, shape.radius, shape.radius]
+    elif kind in ("RenderShapePlane", "RenderShapeTriangleMesh"):
+        scale = shape.scale
+    else:
+        scale = [1.0, 1.0, 1.0]
+    for part in shape.parts:
+        normals, uvs = part.get_vertex_normal(), part.get_vertex_uv()
+        positions = _floats(part.vertices)
+        yield Part(
+            positions, np.ascontiguousarray(part.triangles, np.uint32),
+            _floats(normals) if len(normals) == len(positions) else None,
+            _floats(uvs) if len(uvs) == len(positions) else None, scale, part.material,
+        )  # fmt: skip
+
+
+def record_parts(record: Any) -> Iterator[Part]:
+    """Yields the part of a VisualShapeRecord; reads mesh files with trimesh. Raises ImportError without it, and
+    ValueError for an unreadable file."""
+    material = record.material or kuafu.Material(base_color=_GREY)
+    if record.type == "file":
+        try:
+            import trimesh
+        except ImportError as error:
+            text = "is read by the package trimesh, which is missing: pip install trimesh"
+            raise ImportError(f"{record.filename} {text}") from error
+        try:
+            loaded = trimesh.load(record.filename, force="mesh", process=False)
+        except Exception as error:  # errors of trimesh's many readers
+            raise ValueError(f"{record.filename}: no mesh could be read: {error}") from error
+        faces, normals = np.ascontiguousarray(loaded.faces, np.uint32), _floats(loaded.vertex_normals)
+        yield Part(_floats(loaded.vertices), faces, normals, None, record.scale, material)
+        return
+    mesh, scale = _solid(record.type, record.scale, record.radius, record.length)
+    yield Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, material)
+
+
+def collision_parts(shape: Any) -> Iterator[Part]:
+    """Yields the part of a PhysxCollisionShape, in grey, for an entity without visual shapes."""
+    kind = type(shape).__name__.removeprefix("PhysxCollisionShape")
+    grey = kuafu.Material(name="collision shape", base_color=_GREY)
+    if kind in ("ConvexMesh", "TriangleMesh"):
+        triangles = np.ascontiguousarray(shape.triangles, np.uint32)
+        yield Part(_floats(shape.vertices), triangles, None, None, shape.scale, grey)
+        return
+    size = getattr(shape, "half_size", [_ENDLESS_M] * 3)
+    mesh, scale = _solid(kind.lower(), size, getattr(shape, "radius", 1.0), getattr(shape, "half_length", 1.0))
+    yield Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, grey)
+
+
+def _solid(kind: str, size: ArrayLike, radius: float, half_length: float) -> tuple[Mesh, ArrayLike]:
+    if kind == "box":
+        return solids.box(), size
+    if kind == "sphere":
+        return solids.sphere(), [radius] * 3
+    if kind == "cylinder":
+        return solids.turned(solids.cylinder(), solids.Z_TO_X), [half_length, radius, radius]
+    if kind == "capsule":
+        return solids.turned(solids.capsule(float(radius), float(half_length)), solids.Z_TO_X), [1.0, 1.0, 1.0]
+    if kind == "plane":
+        return solids.turned(solids.rectangle(), solids.Z_TO_X), size
+    raise ValueError(f"SAPIEN's shape '{kind}' has no likeness in a kuafu scene")
+
+
+def _floats(values: ArrayLike) -> NDArray[np.float32]:
+    return np.ascontiguousarray(values, np.float32)
+
 
 # Uniform light in a scene with unknown lights, since SAPIEN has no renderer.
 _AMBIENT = (0.3, 0.3, 0.3)

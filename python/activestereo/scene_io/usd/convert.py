@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.usd import lamps, shapes
-from activestereo.scene_io.usd.stage import Stage, UsdError, cause, columns, open_stage
+from activestereo.scene_io.usd import shapes, surfaces
+from activestereo.scene_io.usd.shapes import Stage, UsdError, cause, columns, open_stage
 from activestereo.scene_io.usd.surfaces import Surfaces
 
 if TYPE_CHECKING:
@@ -120,11 +120,11 @@ class _Conversion:
                 self.stage.tell(
                     f"{prim.GetPath()}: of a dome light the colour is read: give its picture by --environment"
                 )
-            light = lamps.radiance(self.stage, UsdLux.LightAPI(prim)) + np.array(self.ambient or 0.0)
+            light = surfaces.radiance(self.stage, UsdLux.LightAPI(prim)) + np.array(self.ambient or 0.0)
             red, green, blue = light.tolist()
             self.ambient = (red, green, blue)
         elif prim.HasAPI(UsdLux.LightAPI):
-            lamps.add_lamp(self.stage, self.writer, prim, to_stage, to_world)
+            surfaces.add_lamp(self.stage, self.writer, prim, to_stage, to_world)
         elif prim.IsA(UsdGeom.Gprim):
             mesh = shapes.solid(self.stage, prim)
             if mesh is None:

@@ -1,22 +1,137 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the physical cause of each pixel without depth from G-buffers of the infrared cameras, also for a path-traced
-sensor. simsense's 'reason' only names the matcher's check that refused the pixel."""
+"""Warps a camera's depth to the views of the projector and the right camera, and finds the physical cause of each pixel
+without depth, also for a path-traced sensor. simsense's 'reason' only names the check that refused the pixel."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
+import kuafu
 import simsense
 from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import is_distorting
+from activestereo.common.pose import PoseLike, camera_to_camera
 from activestereo.common.window_statistics import mean_and_deviation
-from activestereo.sensor.gbuffer.inputs import mirrors_or_is_glass
-from activestereo.sensor.gbuffer.warp import in_front, inverse_depth
+
+# Largest offset from the row, and largest rotation, of a view that is still warped along rows.
+_ASIDE_M, _TURNED_RAD = 5e-3, 0.02
+
+
+def require_row(here: PoseLike, there: PoseLike, what: str) -> None:
+    """Raises ValueError if the view `there` is turned from, or stands above, below, before or behind, the camera
+    `here`: then rows do not align. what: its name in the message."""
+    place = np.linalg.inv(camera_to_camera(here, there))
+    turned = float(np.arccos(np.clip((np.trace(place[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+    x, y, z = place[:3, 3].tolist()
+    if turned > _TURNED_RAD or max(abs(y), abs(z)) > _ASIDE_M:
+        text = f"{what} stands at {np.round([x, y, z], 4).tolist()} m, turned by {turned:.3f} rad, from the left camera"
+        raise ValueError(f"{text}: G-buffers are warped along rows, which it has to share")
+
+
+def inverse_depth(depth: NDArray[Any]) -> NDArray[np.float64]:
+    """Returns 1 / depth, with 0 where depth is 0 or infinite. Raises ValueError for negative depth or NaN."""
+    if not ((depth >= 0.0) | np.isposinf(depth)).all():
+        raise ValueError(f"a depth is {float(np.nanmin(depth)):g} m or no number, expected depths of 0 or more")
+    with np.errstate(divide="ignore", over="ignore"):
+        inverse = 1.0 / np.asarray(depth, np.float64)
+    return np.where(np.isinf(inverse), 0.0, inverse)
+
+
+# Largest slant (tangent) of one surface: neighbours whose depths differ by more are two surfaces.
+_STEEPEST = 8.0
+# A surface that stretches over more target pixels between two source pixels is torn there.
+_MOST_PIXELS = 3
+
+
+class Warped(NamedTuple):
+    """The view of a second camera, computed from a first camera's depth; each array is [E, height, width].
+    inverse_depth: 1/m in the second camera. pixel: index into the first camera's flattened images, of the pixel with
+    the same surface. seen: false where the first camera sees no surface; there the background beside it continues."""
+
+    inverse_depth: NDArray[np.float64]
+    pixel: NDArray[np.intp]
+    seen: NDArray[np.bool_]
+
+
+def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: float, shift_px: float = 0.0) -> Warped:
+    """Computes the view of a second camera, baseline_m to the right (negative: left) of a rectified first one. Both
+    have one focal length; the second principal point lies shift_px further right. inverse_depth: the first camera's,
+    [E, height, width], 1/m, 0 = infinitely far.
+
+    If two pixels land on one and the shift is to the left, the nearer one comes later in its row. Writing in row order
+    therefore keeps the nearer one (McMillan 1997, occlusion-compatible order)."""
+    count, height, width = inverse_depth.shape
+    is_mirrored = baseline_m < 0
+    near = inverse_depth[..., ::-1] if is_mirrored else inverse_depth
+    u = np.arange(width, dtype=np.float64)
+    x = u - focal_px * abs(baseline_m) * near + (-shift_px if is_mirrored else shift_px)
+    rows = np.arange(count * height, dtype=np.intp).reshape(count, height, 1) * width
+
+    a, b = near[..., :-1], near[..., 1:]
+    # |za - zb| < tan * min(z) / f, in inverse depths.
+    is_one = np.abs(a - b) * focal_px <= _STEEPEST * np.minimum(a, b)
+    is_one |= (a == 0.0) & (b == 0.0)
+    left, right = x[..., :-1], x[..., 1:]
+    is_one &= right > left
+    first = np.ceil(left)
+    out = np.full((count, height, width), -1.0)
+    source = np.zeros((count, height, width), np.intp)
+    place = first[..., None] + np.arange(_MOST_PIXELS)
+    share = (place - left[..., None]) / np.where(is_one, right - left, 1.0)[..., None]
+    is_hit = is_one[..., None] & (share <= 1.0) & (place >= 0) & (place < width)
+    target = (rows[..., None] + np.where(is_hit, place, 0.0).astype(np.intp))[is_hit]
+    value = (a[..., None] + share * (b - a)[..., None])[is_hit]
+    column = (u[:-1, None] + (share > 0.5))[is_hit].astype(np.intp)
+    out.ravel()[target] = value
+    source.ravel()[target] = target // width * width + column
+
+    # Each pixel reaches half a pixel to each side. At edges it covers the farther surface, and it closes gaps.
+    middle = np.rint(x)
+    inside = (middle >= 0) & (middle < width)
+    target = (rows + np.where(inside, middle, 0.0).astype(np.intp))[inside]
+    own, columns = near[inside], np.broadcast_to(u.astype(np.intp), near.shape)[inside]
+    is_nearer = own > out.ravel()[target] * (1.0 + _STEEPEST / focal_px)
+    target, own, columns = target[is_nearer], own[is_nearer], columns[is_nearer]
+    out.ravel()[target] = own
+    source.ravel()[target] = target // width * width + columns
+
+    seen = out >= 0.0
+    filled = _filled(out, seen)
+    value = np.take_along_axis(out, filled, axis=-1)
+    pixel = np.take_along_axis(source, filled, axis=-1)
+    if is_mirrored:
+        pixel = pixel // width * width + (width - 1 - pixel % width)
+        return Warped(np.maximum(value, 0.0)[..., ::-1], pixel[..., ::-1], seen[..., ::-1])
+    return Warped(np.maximum(value, 0.0), pixel, seen)
+
+
+def in_front(
+    beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Returns by how much another camera sees a nearer surface, 1/m, 0 or less = not nearer. That is `beside`, the
+    other camera's inverse depth, at `column` of the same row, less inverse_depth. Columns outside the image read its
+    nearest column."""
+    place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
+    return np.take_along_axis(beside, place, axis=-1) - inverse_depth
+
+
+def _filled(inverse: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Returns for each pixel the column to copy from: its own if seen; in a hole, the farther of the nearest seen
+    pixels to the left and right."""
+    width = inverse.shape[-1]
+    u = np.broadcast_to(np.arange(width), inverse.shape)
+    before = np.maximum.accumulate(np.where(seen, u, -1), axis=-1)
+    after = np.minimum.accumulate(np.where(seen, u, width)[..., ::-1], axis=-1)[..., ::-1]
+    has_before, has_after = before >= 0, after < width
+    before, after = np.where(has_before, before, 0), np.where(has_after, after, width - 1)
+    farther = np.take_along_axis(inverse, before, -1) <= np.take_along_axis(inverse, after, -1)
+    return np.where(seen, u, np.where(has_before & (farther | ~has_after), before, np.where(has_after, after, u)))
+
 
 Floats = NDArray[np.float64]
 # A pixel gets the first cause that holds, in this order; 'measured' comes last.
@@ -96,6 +211,14 @@ def causes(
     }
     numbers = [CAUSES.index(name) for name in holds]
     return np.select(list(holds.values()), numbers, CAUSES.index("checks")).astype(np.uint8)
+
+
+_MIRROR_ROUGHNESS = 0.45
+
+
+def mirrors_or_is_glass(material: kuafu.Material) -> bool:
+    """Returns whether the material is a smooth metal or transmits most light, so that it shows other surfaces."""
+    return material.transmission > 0.5 or (material.metallic > 0.5 and material.roughness < _MIRROR_ROUGHNESS)
 
 
 _NOTHING = 0xFFFFFFFF

@@ -64,7 +64,7 @@ def resense(
     ir_left and ir_right (as measured), and cause (uint8 of the left infrared camera, an index into
     sensor.gbuffer.cause.CAUSES). Returns the number of pictures. Raises ValueError for a model that MuJoCo cannot load,
     and for states of a wrong size or with non-finite values."""
-    from activestereo.integrations.mujoco.scene import MujocoScene
+    from activestereo.integrations.mujoco import MujocoScene
 
     mujoco, _ = packages()
     try:

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads camera poses, groups the frames of recordings without poses into repeats of one view, and writes frames as a
+capture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from activestereo.capture.capture import SIDES, Capture
+from activestereo.capture.images import read_color, read_gray
+from activestereo.capture.write import write_capture
+from activestereo.common.input_files import read_json_object, read_text
+
+INFRARED = ("Infrared 1", "Infrared 2")  # the left and the right camera, as librealsense calls them
+_TRANSFORMS = "transforms.json"
+
+
+def refuse_foreign(path: Path) -> None:
+    """Raises ValueError if a file, or a folder's transforms.json, is nerfstudio's, which is not supported."""
+    path = path / _TRANSFORMS if path.is_dir() else path
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return
+    frames = read_json_object(path).get("frames")
+    if isinstance(frames, list) and any(isinstance(frame, dict) and "transform_matrix" in frame for frame in frames):
+        raise ValueError(
+            f"{path}: is nerfstudio's transforms.json (instant-ngp's, too): lens and poses of one colour camera, no "
+            "infrared pair: give a recording with left and right images, and --calibration of both cameras"
+        )
+
+
+def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Returns the 4x4 of x, y, z, qx, qy, qz, qw, as TUM's and robots' files have them. Raises ValueError, which begins
+    with the name, if the quaternion's length is more than 1 % off 1."""
+    x, y, z, qx, qy, qz, qw = np.asarray(values, dtype=np.float64)
+    norm = float(np.linalg.norm((qx, qy, qz, qw)))
+    if abs(norm - 1.0) > 0.01:
+        raise ValueError(f"{name}: the quaternion's length is {norm:.3f}, expected 1")
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = Rotation.from_quat((qx, qy, qz, qw)).as_matrix(), (x, y, z)
+    return out
+
+
+def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file, line and
+    fault."""
+    refuse_foreign(path)
+    times, poses = list[float](), list[NDArray[np.float64]]()
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            raise ValueError(f"{path}: line {number}: '{line.strip()}' is not eight numbers") from None
+        if len(values) != 8 or not np.isfinite(values).all():
+            raise ValueError(
+                f"{path}: line {number}: {len(values)} numbers, expected finite timestamp tx ty tz qx qy qz qw"
+            )
+        poses.append(pose_of_seven(values[1:], f"{path}: line {number}"))
+        if times and values[0] <= times[-1]:
+            raise ValueError(f"{path}: line {number}: timestamp {values[0]:.6f} is not after {times[-1]:.6f}")
+        times.append(values[0])
+    if not poses:
+        raise ValueError(f"{path}: holds no poses: each line is timestamp tx ty tz qx qy qz qw")
+    return np.array(times), np.array(poses)
+
+
+def pose_at(times: NDArray[np.float64], poses: NDArray[np.float64], time: float, name: str) -> NDArray[np.float64]:
+    """Returns the 4x4 pose at a time, interpolated between its neighbours. Raises ValueError, which begins with `name`,
+    if the time is more than 50 ms outside of `times`."""
+    if not times[0] - 0.05 <= time <= times[-1] + 0.05:
+        raise ValueError(f"{name}: its time {time:.6f} s is outside the poses' {times[0]:.6f} to {times[-1]:.6f} s")
+    time = float(np.clip(time, times[0], times[-1]))
+    if len(times) == 1:
+        return poses[0]
+    pose = np.eye(4)
+    pose[:3, :3] = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))(time).as_matrix()
+    pose[:3, 3] = [np.interp(time, times, poses[:, axis, 3]) for axis in range(3)]
+    return pose
+
+
+_SIDE = 4  # pixels of a block; a dot that moves by a part of a pixel keeps some 0.4 of its variance in block means
+# White noise keeps 1/16; noise that rectification has blurred, at most 0.19.
+_MOST_SLOW = 0.25
+_RECENT = 2  # latest groups of a view that a frame is compared with, since its projector may blink
+
+
+def repeat_groups(images: Sequence[NDArray], views: Sequence[Hashable]) -> list[int | None]:
+    """Returns the number of each image's repeat group, None for an image without a repeat. images: [height, width]
+    each, in order of time. views: key of each image's view; only images with equal keys can be repeats."""
+    groups: list[list[int]] = []
+    recent: dict[Hashable, list[list[int]]] = {}
+    for k, (image, view) in enumerate(zip(images, views, strict=True)):
+        near = recent.setdefault(view, [])
+        group = next((g for g in near if _show_same_view(image, images[g[0]])), None)
+        if group is None:
+            group = []
+            groups.append(group)
+        recent[view] = [group, *(g for g in near if g is not group)][:_RECENT]
+        group.append(k)
+    number = {k: n for n, group in enumerate(g for g in groups if len(g) > 1) for k in group}
+    return [number.get(k) for k in range(len(images))]
+
+
+def _show_same_view(image: NDArray, other: NDArray) -> bool:
+    """Returns whether two images show one view, so that they differ only by noise, brightness and offsets of rows and
+    columns. Their difference is averaged over blocks: noise nearly vanishes, and most of a movement stays."""
+    first, second = image.astype(np.float32), other.astype(np.float32)
+    scale = float(np.vdot(first, second)) / max(float(np.vdot(second, second)), 1.0)
+    difference = first - scale * second
+    difference -= difference.mean(axis=1, keepdims=True)
+    difference -= difference.mean(axis=0)
+    rows, columns = (length // _SIDE for length in difference.shape)
+    whole = difference[: rows * _SIDE, : columns * _SIDE]
+    means = whole.reshape(rows, _SIDE, columns, _SIDE).mean(axis=(1, 3))
+    return bool(means.var() <= _MOST_SLOW * whole.var())
+
+
+def write_frames(
+    capture: Capture, pattern: NDArray[np.uint8], views: Sequence[Hashable] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Capture:  # fmt: skip
+    """Reads the images that a capture's frames name, writes the capture at its path, which must not exist, and returns
+    it. Its scene is empty if it is the path's scene.gltf. 16-bit infrared images without pixels above 255 are stored
+    with 8 bits. views: key of each frame's view, for frames of unknown poses; frames of one view whose pictures agree
+    become a repeat group. Raises ValueError with the file if sizes differ, depth has 8 bits or a file is damaged."""
+    rig, frames = capture.rig, capture.frames
+    images, depths, colors = {}, {}, {}
+    seen: list[NDArray[np.generic]] = []
+    for number, frame in enumerate(frames):
+        for side, name in zip(SIDES if frame.has_infrared else (), INFRARED, strict=False):
+            images[frame.id, side] = read_gray(
+                frame.path(side), (rig.camera(side).width, rig.camera(side).height), name
+            )
+        if frame.depth_path is not None:
+            depths[frame.id] = read_gray(frame.depth_path, (rig.left.width, rig.left.height), "Depth")
+            if depths[frame.id].dtype != np.uint16:
+                raise ValueError(
+                    f"{frame.depth_path}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw "
+                    "stream"
+                )
+        if rig.color is not None and frame.color_path is not None:
+            colors[frame.id] = read_color(frame.color_path, (rig.color.width, rig.color.height), "Color")
+        if frame.has_infrared:
+            seen.append(images[frame.id, "left"])
+        else:
+            seen.append(colors[frame.id][..., 1] if frame.id in colors else depths[frame.id])
+        if progress is not None:
+            progress((number + 1) / len(frames))
+    if views is not None:
+        groups = repeat_groups(seen, views)
+        frames = tuple(replace(frame, repeat_group=group) for frame, group in zip(frames, groups, strict=True))
+    is_byte = all(image.max() <= 255 for image in images.values())
+    if is_byte:
+        images = {key: image.astype(np.uint8) for key, image in images.items()}
+    capture = replace(capture, rig=replace(rig, bit_depth=8 if is_byte else 16), frames=frames)
+    is_empty = capture.scene_path == capture.path / "scene.gltf"
+    write_capture(capture.path, capture, images, pattern, depths, colors, with_empty_scene=is_empty)
+    return capture
