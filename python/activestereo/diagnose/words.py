@@ -38,9 +38,11 @@ def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
 
 
 def errors_of(result: Mapping[str, Any]) -> str:
-    """Returns a clause on the images that the held-out errors are of."""
+    """Returns a clause on the images that the held-out errors are of, and on the effects that these cannot have."""
     views = "Errors of each view, predicted by the others"
-    return views if result.get("predicted_by_views") else "Errors on frames that no fit has seen"
+    said = views if result.get("predicted_by_views") else "Errors on frames that no fit has seen"
+    apart = result.get("not_predicted", [])
+    return f"{said} (but for {listed(apart)}: views differ in it)" if apart else said
 
 
 def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:

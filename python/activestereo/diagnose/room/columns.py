@@ -7,7 +7,7 @@ so that an effect on them is already in them, and shows only between the two cam
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -188,10 +188,10 @@ def gradient_change(image: Image, dx: Image, dy: Image) -> Image:
 def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[Column]:
     """Returns columns of effects in the camera, one for each parameter that changes an image. Effects that are
     nuisances of every room, such as its falloff, are left out."""
-    views = [_view(room, k) for k in range(len(room.images))]
+    views = [view_of(room, k) for k in range(len(room.images))]
     out: list[Column] = []
     for effect in effects:
-        if effect.id in ("vignetting", _PERIODIC, "black_level") or not _in_camera(effect):
+        if effect.id == "vignetting" or not is_alike_in_views(effect):
             continue
         lead = effect.parameters[0]
         for p in (p for p in effect.parameters if lead.neutral == p.neutral == 0.0):
@@ -231,10 +231,14 @@ def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
     return change
 
 
+def is_warp(effect: Effect) -> bool:
+    """Returns whether an effect moves the light within an image."""
+    return effect.stage is Stage.CAMERA and not effect.id.endswith(("psf", "mismatch"))
+
+
 def _share(effect: Effect) -> float:
     """Returns the finite-difference step of an effect's columns, as a share of the parameter's typical value."""
-    is_warp = effect.stage is Stage.CAMERA and not effect.id.endswith(("psf", "mismatch"))
-    return _STEP_OF_A_WARP if is_warp else 1.0
+    return _STEP_OF_A_WARP if is_warp(effect) else 1.0
 
 
 def _differs(change: Change, image: Image) -> bool:
@@ -245,7 +249,10 @@ def _differs(change: Change, image: Image) -> bool:
     return bool(np.square(left - right).sum() > _APART * np.square(left).sum())
 
 
-def _in_camera(effect: Effect) -> bool:
+def is_alike_in_views(effect: Effect) -> bool:
+    """Returns whether an effect in the camera changes all views by one law, without chance."""
+    if effect.id in (_PERIODIC, "black_level"):
+        return False
     own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE
     return own and effect.channel is Channel.EXPECTED_IMAGE
 
@@ -275,7 +282,7 @@ def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: li
     return flow
 
 
-def acting(effect: Effect, values: dict[str, float], image: Image, view: View, black_dn: float) -> Image:
+def acting(effect: Effect, values: Mapping[str, float], image: Image, view: View, black_dn: float) -> Image:
     """Applies one effect to an image of light above black, DN [height][width]; returns the changed light."""
     given = effect.values(values)
     if effect.stage <= Stage.OPTICS:
@@ -299,7 +306,7 @@ def size_of(room: Room, light: RoomLight, column: Column, sign: float = 1.0) -> 
     step, values = min(p.typical_value * _share(effect), limit), np.r_[0.0, limit * _LADDER]
     along = np.zeros(len(values))
     for k in (0, 1):
-        view, image, looks = _view(room, k), light.both[k], light.looks[k]
+        view, image, looks = view_of(room, k), light.both[k], light.looks[k]
 
         def moved(size: float, view: View = view, image: Image = image, looks: Looks = looks) -> Image:
             change = (acts({name: sign * size}, image, view, light.black_dn) - image).astype(np.float32)
@@ -319,7 +326,8 @@ def size_of(room: Room, light: RoomLight, column: Column, sign: float = 1.0) -> 
     return size
 
 
-def _view(room: Room, k: int) -> View:
+def view_of(room: Room, k: int) -> View:
+    """Returns what an effect may know of image number k."""
     image, rig = room.images[k], room.rig
     to_camera = np.eye(4) if image.side == "left" else rig.left_to_right
     normal = normals_of(points_of(image.depth_m, image.K)).astype(np.float64)

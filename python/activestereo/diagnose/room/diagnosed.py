@@ -14,7 +14,7 @@ from activestereo.calibrate.world.views import Image, blurred
 from activestereo.capture.capture import Capture
 from activestereo.compare.model_file import model_json
 from activestereo.diagnose.goodness import Z90
-from activestereo.diagnose.room.columns import size_of
+from activestereo.diagnose.room.columns import is_alike_in_views, size_of
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.names import NEEDED, Named, Names, Seen, names_of
 from activestereo.diagnose.room.plan import plan_of, sizes
@@ -83,6 +83,7 @@ def diagnosed_room(
         "heldout_ir_rmse_after": _rms(after for _, after in by_view),
         "heldout_noise_floor": None,
         "predicted_by_views": not capture.split("test"),
+        "not_predicted": [effect.id for effect, _ in found if not is_alike_in_views(effect)],
         "curve": [],
         "depth_split": None,
         "next_measurement": _next(names),
@@ -241,19 +242,20 @@ def _next(names: Names) -> list[dict[str, Any]]:
 
 def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[tuple[Unseen, Unseen]]:
     """Returns each held-out view that others see (each view, if none is held out), predicted from the others under the
-    falloff of both models."""
+    effects of both models that are alike in all views."""
     test = [f.id for f in capture.split("test") if f.depth_path is not None]
     whole = room if not test else Room(capture, [*(f.id for f in room.frames), *test])
-    chosen = [n for n, f in enumerate(whole.frames) if not test or f.id in test]
     black = capture.rig.black_dn[0] if capture.rig.black_dn else 0.0
-    before, after = (
-        next((values["exponent"] for e, values in m.effects if e.id == _FALLOFF), 0.0) for m in (given, accepted)
-    )
+    models = [[(e, values) for e, values in m.effects if is_alike_in_views(e)] for m in (given, accepted)]
     out = []
-    for view in chosen:
-        told = {n: predict_unseen(whole, view, black, n) for n in {before, after}}
-        if np.isfinite(told[before].rmse_dn):
-            out.append((told[before], told[after]))
+    for view in (n for n, f in enumerate(whole.frames) if not test or f.id in test):
+        told: list[Unseen] = []
+        for effects in models if models[0] != models[1] else models[:1]:
+            exponent = next((values["exponent"] for e, values in effects if e.id == _FALLOFF), 0.0)
+            others = [(e, values) for e, values in effects if e.id != _FALLOFF]
+            told.append(predict_unseen(whole, view, black, exponent, others))
+        if np.isfinite(told[0].rmse_dn):
+            out.append((told[0], told[-1]))
     return out
 
 
