@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from activestereo.capture.importers.realsense_folder import RobotPoses
 
 _MOST_WORDS = 2
+_WARM_UP_S = 300.0  # repeats over so long, some of them without dots, are a warm-up
 
 _TEXT = """\
 Makes a capture of a recording. RECORDING is one of
@@ -120,7 +121,12 @@ def run(args: argparse.Namespace) -> None:
     elif with_depth:
         steps.insert(0, command("calibrate", "scene", args.out, "-o", f"{args.out}_scene.gltf"))
     elif any(frame.repeat_group is not None for frame in frames):
-        steps.insert(0, command("calibrate", "noise", args.out, "-o", f"{args.out}_model.json"))
+        times = [frame.timestamp_s for frame in frames]
+        if max(times) - min(times) > _WARM_UP_S and any(frame.projector_power == 0 for frame in frames):
+            known = [] if frames[0].temperature_c is not None else ["--temperatures", "asic.csv"]
+            steps.insert(0, command("calibrate", "drift", args.out, *known, "-o", f"{args.out}_model.json"))
+        else:
+            steps.insert(0, command("calibrate", "noise", args.out, "-o", f"{args.out}_model.json"))
     print(screen(sentence, (), notes, steps, verbose=args.verbose))
 
 

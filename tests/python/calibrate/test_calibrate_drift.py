@@ -76,6 +76,11 @@ def test_what_drifts_is_named_and_what_stays_is_not(drawn, tmp_path, capsys, hid
         assert abs(found[name].value - value) < half < 0.15 * abs(value), (name, found[name])
 
 
+def test_import_sends_a_warm_up_to_calibrate_drift(tmp_path, capsys):
+    warm_up(tmp_path)
+    assert "next: activestereo calibrate drift" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "change, said",
     [
