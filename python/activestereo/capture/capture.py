@@ -44,6 +44,7 @@ SIDES = ("left", "right")
 DEPTH_ENGINE = (
     "max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
     "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m",
+    "min_detection_sigma", "noise_dn2", "noise_dn2_per_dn",
 )  # fmt: skip
 ImageKey = tuple[int, str]  # a frame's id and the camera, one of SIDES
 SPLITS = ("train", "test")

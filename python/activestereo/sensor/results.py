@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from activestereo.camera.auto_exposure import encoded_rgb
 from activestereo.camera.config_limits import DEPTH_MAPS
-from activestereo.camera.plan import ir_intrinsics
+from activestereo.camera.plan import ir_intrinsics, matcher_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import DEPTH_ENGINE, SIDES
 from activestereo.common.computed_once import computed_once
@@ -88,7 +88,8 @@ def cameras_json(config: StereoDepthSensorConfig, rgb_to_world: NDArray[np.float
 
 def depth_engine(config: StereoDepthSensorConfig) -> dict[str, Any]:
     """Returns the matcher's parameters as a capture's depth_engine states them."""
-    return {name: getattr(config, name) for name in DEPTH_ENGINE if hasattr(config, name)}
+    matcher = matcher_parameters(config)
+    return {name: matcher.get(name, getattr(config, name)) for name in DEPTH_ENGINE}
 
 
 class SensorResults(ABC):

@@ -20,6 +20,7 @@ from activestereo.capture.images import write_gray
 from activestereo.common.own_files import outside_allowed, own_file
 from activestereo.cli import make_parser
 from activestereo.cli.view import make_server
+from activestereo.compare.depth_compare import DepthModel
 from activestereo.effects import builtin
 from activestereo.report.view.library import Library, pictures_capture
 from activestereo.report.view.routes import Routes, free_name, packed
@@ -361,7 +362,9 @@ def test_simulated_pairs_are_shown_with_the_cameras_that_took_them(tmp_path):
         np.testing.assert_allclose(capture.rig.left.K, config.ir_intrinsic)
         assert tuple(capture.rig.right.distortion) == config.ir_distortion
         assert capture.rig.baseline_m == pytest.approx(config.focal_baseline_px_m / config.ir_intrinsic[0, 0])
-        assert capture.depth_engine["max_disparity"] == 48 and "nominal" not in capture.name
+        matcher = DepthModel(capture).parameters  # as in the sensor: what it refuses has no points here
+        assert matcher.items() >= {"max_disparity": 48, "min_detection_sigma": config.min_detection_sigma}.items()
+        assert matcher["noise_dn2_per_dn"] > 0 and "nominal" not in capture.name
 
 
 def test_the_port_that_is_asked_for_is_taken_or_refused(server, tmp_path, capsys):
