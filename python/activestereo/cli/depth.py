@@ -372,11 +372,9 @@ def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
 
 def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
     from activestereo.capture.importers.bag import is_bag
-    from activestereo.capture.importers.frames import refuse_foreign
     from activestereo.capture.importers.pairs import recorded_pairs
 
     if not recording.is_dir() and not is_bag(recording):
-        refuse_foreign(recording)
         raise cli.CommandError(f"{recording}: is neither a folder nor a bag; of a pair of images give both")
     places = iter(range(chosen[-1] + 1))
     pairs = list(islice(recorded_pairs(recording, lambda name: next(places, -1) in chosen), len(chosen)))

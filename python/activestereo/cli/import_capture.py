@@ -161,12 +161,11 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     """Imports a recording with infrared pairs. Returns the capture, lines on found, assumed and missing data, and the
     words of --depth that name one of several kinds of depth."""
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
-    from activestereo.capture.importers.frames import read_trajectory, refuse_foreign
+    from activestereo.capture.importers.frames import read_trajectory
     from activestereo.capture.importers.realsense_folder import DEPTH_SCALE_M, frame_files, import_realsense, swapped
 
     bag = is_bag(args.recording)
     if not bag and not args.recording.is_dir():
-        refuse_foreign(args.recording)
         raise cli.CommandError(
             f"{args.recording}: is neither a folder nor a bag; record a connected camera with rs-record"
         )
@@ -177,11 +176,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         with ProgressBar(f"reading {args.recording.name}") as bar:
             recorded, units = extract_bag(args.recording, temporary, bar, args.baseline)
         folder, depth_scale = temporary, depth_scale or units
-    try:
-        files = frame_files(folder, args.depth)
-    except ValueError:
-        refuse_foreign(folder)  # the error names the folder's actual kind
-        raise
+    files = frame_files(folder, args.depth)
     assumed: list[str] = []
     words = (
         [] if args.depth or any("depth" in entry.files for entry in files) else calibration.depth_words(folder, files)

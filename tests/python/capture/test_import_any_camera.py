@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Folders of any camera's images become captures: what is assumed is said, and pairs that are no pairs are refused."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
@@ -130,9 +128,6 @@ def test_a_second_principal_point_moves_what_is_infinitely_far(recording, pair, 
     assert _import(recording, *lens, "--k-right", f"300,301,{211 + DISPARITY_PX + 5},119") == 0
 
 
-TRANSFORMS = {"fl_x": 600.0, "w": 640, "h": 480, "frames": [{"file_path": "a.png", "transform_matrix": []}]}
-
-
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
@@ -142,8 +137,6 @@ TRANSFORMS = {"fl_x": 600.0, "w": 640, "h": 480, "frames": [{"file_path": "a.png
         ("calib.txt", MIDDLEBURY.format(cx1=211, doffs=0).replace("424", "424.5"), "width: is 424.5, expected a whole"),
         ("calib.txt", MIDDLEBURY.format(cx1=211, doffs=0).replace("193.001", "193001"),
          "the baseline is 193.001 m, more than any pair of depth cameras is apart: is it in millimetres?"),
-        ("transforms.json", json.dumps(TRANSFORMS), "is nerfstudio's transforms.json"),
-        ("other.json", json.dumps({"camera_angle_x": 0.7} | TRANSFORMS), "is nerfstudio's transforms.json"),
         ("other.json", "{}", "image_width: is missing"),
     ],
 )  # fmt: skip
@@ -154,22 +147,6 @@ def test_a_calibration_that_cannot_be_is_told_in_one_line(recording, capsys, nam
     error = capsys.readouterr().err.strip().splitlines()
     assert len(error) == 1 and said in error[0] and name in error[0]
     assert not (recording.parent / "rec").exists()
-
-
-@pytest.mark.parametrize("given", ["recording", "file", "poses"])
-def test_nerfstudios_transforms_are_named_for_what_they_are(recording, capsys, given):
-    folder = recording.parent / "nerf"
-    (folder / "images").mkdir(parents=True)
-    (folder / "transforms.json").write_text(json.dumps(TRANSFORMS))
-    write_gray(folder / "images" / "frame_00001.png", np.zeros((4, 4), np.uint8))
-    command = {
-        "recording": [str(folder)],
-        "file": [str(folder / "transforms.json")],
-        "poses": [str(recording), "--poses", str(folder / "transforms.json"), "--depth", "laser"],
-    }[given]
-    assert main(["import", *command, "-o", str(recording.parent / "rec"), "--depth-scale", "0.001"]) == 2
-    error = capsys.readouterr().err.strip().splitlines()
-    assert len(error) == 1 and "nerf/transforms.json: is nerfstudio's transforms.json" in error[0]
 
 
 @pytest.mark.parametrize("baseline", ["50", "193.001", "4.5"])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import activestereo.realsense as rs
+from realsense_frames import frameset, profiles
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.integrations.realsense.frames import StreamRequest
 
 _SIZE = (96, 72)
 
@@ -140,25 +140,6 @@ def test_what_is_not_there_is_a_runtime_error(ask, told):
 
 
 # ---- geometry, on frames without a picture ----
-
-
-def profiles(shift_m=-0.015):
-    lens = rs.intrinsics(64, 48, 31.5, 23.5, 50.0, 50.0, rs.distortion.brown_conrady)
-    moved = np.eye(4)
-    moved[0, 3] = shift_m
-    depth = StreamRequest(rs.stream.depth, 0, 64, 48, rs.format.z16, 30)
-    color = StreamRequest(rs.stream.color, 0, 64, 48, rs.format.bgr8, 30)
-    return rs.video_stream_profile(depth, lens), rs.video_stream_profile(color, lens, moved)
-
-
-def frameset(number=1, shift_m=-0.015):
-    rng = np.random.default_rng(number)
-    depth, color = profiles(shift_m)
-    z = np.round(1000 + 200 * np.sin(np.arange(64) / 9)[None] + 3 * np.arange(48)[:, None] + rng.normal(0, 3, (48, 64)))
-    z[rng.random(z.shape) < 0.1] = 0
-    image = rng.integers(0, 255, (48, 64, 3), np.uint8)
-    pair = rs.depth_frame(z.astype(np.uint16), depth, number, 33.0 * number), rs.video_frame(image, color, number, 33.0)
-    return rs.composite_frame(pair)
 
 
 def test_points_and_pixels_are_each_other_s_inverse_and_extrinsics_too():

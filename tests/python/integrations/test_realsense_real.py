@@ -16,27 +16,9 @@ real = pytest.importorskip("pyrealsense2", reason=reason)
 import activestereo.realsense as rs
 from activestereo.integrations.realsense.frames import StreamRequest
 from real_software_device import SoftwareDevice
+from realsense_frames import frameset
 
 SUFFIX = ".db3" if tuple(map(int, version("pyrealsense2").split(".")[:2])) >= (2, 58) else ".bag"
-
-
-def frameset(number):
-    lens = rs.intrinsics(64, 48, 31.5, 23.5, 50.0, 50.0, rs.distortion.brown_conrady)
-    moved = np.eye(4)
-    moved[0, 3] = -0.015
-    request = StreamRequest(rs.stream.depth, 0, 64, 48, rs.format.z16, 30)
-    depth = rs.video_stream_profile(request, lens, baseline_m=0.055)
-    color = rs.video_stream_profile(StreamRequest(rs.stream.color, 0, 64, 48, rs.format.bgr8, 30), lens, moved)
-    rng = np.random.default_rng(number)
-    z = np.round(1000 + 200 * np.sin(np.arange(64) / 9)[None] + 3 * np.arange(48)[:, None] + rng.normal(0, 3, (48, 64)))
-    z[rng.random(z.shape) < 0.1] = 0
-    image = rng.integers(0, 255, (48, 64, 3), np.uint8)
-    return rs.composite_frame(
-        [
-            rs.depth_frame(z.astype(np.uint16), depth, number, 33.0 * number),
-            rs.video_frame(image, color, number, 33.0 * number),
-        ]
-    )
 
 
 @pytest.fixture(scope="module")

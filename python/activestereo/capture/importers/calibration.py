@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import Camera
 from activestereo.capture.importers.color_depth import camera_matrix_of
-from activestereo.capture.importers.frames import INFRARED, refuse_foreign
+from activestereo.capture.importers.frames import INFRARED
 from activestereo.capture.importers.realsense_text import DeviceText, read_device_text
 from activestereo.common.baseline import with_baseline
 from activestereo.common.input_files import read_bytes, read_text
@@ -321,8 +321,6 @@ def read_calibration_files(
     """Reads the calibration from one file, or from the two that ROS or OpenCV write. are_rectified: the images are
     rectified ones, described by P. baseline_m: the user's baseline, or None. size: (width, height) of the images, for
     files without it. Raises ValueError with file, key, value and remedy."""
-    for path in paths:
-        refuse_foreign(path)
     texts = [read_text(path, errors="replace") for path in paths]
     if any(p.suffix.lower() in _YAML or text.startswith("%YAML") for p, text in zip(paths, texts, strict=True)):
         device = read_calibration_yaml(paths, are_rectified, baseline_m, size)

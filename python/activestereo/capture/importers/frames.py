@@ -15,23 +15,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.capture.images import read_color, read_gray
 from activestereo.capture.write import write_capture
-from activestereo.common.input_files import read_json_object, read_text
+from activestereo.common.input_files import read_text
 
 INFRARED = ("Infrared 1", "Infrared 2")  # the left and the right camera, as librealsense calls them
-_TRANSFORMS = "transforms.json"
-
-
-def refuse_foreign(path: Path) -> None:
-    """Raises ValueError if a file, or a folder's transforms.json, is nerfstudio's, which is not supported."""
-    path = path / _TRANSFORMS if path.is_dir() else path
-    if path.suffix.lower() != ".json" or not path.is_file():
-        return
-    frames = read_json_object(path).get("frames")
-    if isinstance(frames, list) and any(isinstance(frame, dict) and "transform_matrix" in frame for frame in frames):
-        raise ValueError(
-            f"{path}: is nerfstudio's transforms.json (instant-ngp's, too): lens and poses of one colour camera, no "
-            "infrared pair: give a recording with left and right images, and --calibration of both cameras"
-        )
 
 
 def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
@@ -49,7 +35,6 @@ def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file, line and
     fault."""
-    refuse_foreign(path)
     times, poses = list[float](), list[NDArray[np.float64]]()
     for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()

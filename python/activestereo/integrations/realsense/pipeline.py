@@ -76,12 +76,8 @@ class depth_sensor(sensor):
         ranges = sensor_ranges(camera.base)
         baseline_mm = 1e3 * camera.baseline_m
         super().__init__("Stereo Module", camera, ranges, {option.stereo_baseline: baseline_mm}, camera.set_option)
-
-    def set_option(self, which: option, value: float) -> None:
-        """Sets an option; exposure and gain end automatic exposure, as in librealsense."""
-        super().set_option(which, value)
-        if which in (option.exposure, option.gain):
-            self._values[option.enable_auto_exposure] = 0.0
+        camera.values |= self._values
+        self._values = camera.values  # which a preset or advanced settings change, too
 
     def get_depth_scale(self) -> float:
         """Returns metres per count of depth."""
