@@ -23,6 +23,7 @@ from activestereo.benchmarks.real_views import (
     real_views,
     simulated,
 )
+from activestereo.benchmarks.sim_to_real import Figure
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
@@ -36,19 +37,12 @@ Values = dict[str, list[dict[str, float]]]  # {method: for each view, {measure: 
 
 
 @dataclass(frozen=True)
-class Interval:
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class Board:
     """The results of all methods. rows: {measure: {method: mean over views with its interval}}. pictures: {view:
     {method: disparity in pixels}}, for each capture's first view."""
 
     views: tuple[str, ...]
-    rows: dict[str, dict[str, Interval]]
+    rows: dict[str, dict[str, Figure]]
     pictures: dict[str, dict[str, NDArray[np.float32]]]
 
 
@@ -89,8 +83,8 @@ def board(
     return Board(tuple(views), _rows(values, seed), pictures)
 
 
-def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
-    """Returns {measure: {method: Interval}}: means over views, with 90 % intervals from views drawn with replacement.
+def _rows(values: Values, seed: int) -> dict[str, dict[str, Figure]]:
+    """Returns {measure: {method: Figure}}: means over views, with 90 % intervals from views drawn with replacement.
     values: {method: a {measure: value} for each view}."""
     count = len(values[DEVICE])
     chosen = np.random.default_rng(seed).integers(count, size=(_DRAWS, count))
@@ -114,15 +108,15 @@ def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
     return {name: row for name, row in rows.items() if row}
 
 
-def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Interval:
+def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Figure:
     if not np.isfinite(of_views).any():
-        return Interval(*[float("nan")] * 3)
+        return Figure(*[float("nan")] * 3)
     drawn = of_views[chosen]
     sums, counts = np.nansum(drawn, axis=1), np.isfinite(drawn).sum(axis=1)
     means = sums[counts > 0] / counts[counts > 0]
     tail = 50.0 * (1.0 - _LEVEL)
     low, high = np.percentile(means, [tail, 100.0 - tail])
-    return Interval(float(np.nanmean(of_views)), float(low), float(high))
+    return Figure(float(np.nanmean(of_views)), float(low), float(high))
 
 
 def verdicts(found: Board) -> list[str]:
@@ -136,9 +130,8 @@ def verdicts(found: Board) -> list[str]:
         order = sorted(row, key=lambda method: -row[method].value if is_more_better else row[method].value)
         first, second = (row[method] for method in order[:2])
         apart = first.low > second.high if is_more_better else first.high < second.low
-        one, other = (f"{x.value:.2f} ({x.low:.2f} to {x.high:.2f})" for x in (first, second))
         overlap = "the intervals lie apart" if apart else "the intervals overlap"
-        lines.append(f"{name}: {order[0]} is closest, {one}, before {order[1]}, {other}: {overlap}")
+        lines.append(f"{name}: {order[0]} is closest, {first}, before {order[1]}, {second}: {overlap}")
     return lines
 
 

@@ -19,7 +19,7 @@ from activestereo.benchmarks.real_views import (
     planar_patches,
     statistics,
 )
-from activestereo.benchmarks.realism import DEVICE, HOLES, NOISE, Board, Interval, verdicts
+from activestereo.benchmarks.realism import DEVICE, HOLES, NOISE, Board, Figure, verdicts
 from activestereo.benchmarks.sim_to_real import (
     agreement,
     agreement_table,
@@ -97,8 +97,8 @@ def test_a_square_lattice_shows_its_pitch_and_equal_eyes_leave_nothing():
 
 def test_a_verdict_says_whether_intervals_lie_apart():
     def rows(low, high):
-        others = {DEVICE: Interval(1.0, 1.0, 1.0), "clean": Interval(0.1, 0.0, 0.2)}
-        return {name: others | {"calibrated": Interval(0.5, low, high)} for name in (HOLES, NOISE)}
+        others = {DEVICE: Figure(1.0, 1.0, 1.0), "clean": Figure(0.1, 0.0, 0.2)}
+        return {name: others | {"calibrated": Figure(0.5, low, high)} for name in (HOLES, NOISE)}
 
     apart, noise = verdicts(Board(("a", "b"), rows(0.4, 0.6), {}))
     assert "calibrated is closest" in apart and apart.endswith("lie apart")
