@@ -16,26 +16,9 @@ import numpy as np
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.capture.images import block_means, image_size, read_color, read_gray
+from activestereo.common import limits
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import is_distorting
-from activestereo.common.limits import (
-    BITS,
-    BLACK,
-    BLACK_DEVIATION,
-    DEPTH_SCALE,
-    EXPOSURE,
-    GAIN,
-    LENGTH,
-    LINE_TIME,
-    POWER,
-    RADIUS,
-    SIDE,
-    SPEED,
-    TEMPERATURE,
-    TIME,
-    TURN_RATE,
-    UNCERTAINTY,
-)
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
@@ -286,14 +269,14 @@ def capture_from(root: JsonObject) -> Capture:
         root.fail("frames", f"id {min(repeated)} is used more than once")
     lights = tuple(
         KnownLight(
-            entry.text("name"), entry.numbers("position_m", [LENGTH] * 3),
-            entry.number("radius_m", RADIUS, optional=True) or 0.0,
+            entry.text("name"), entry.numbers("position_m", [limits.LENGTH] * 3),
+            entry.number("radius_m", limits.RADIUS, optional=True) or 0.0,
         )
         for entry in (root.objects("lights") if root.has("lights") else ())
     )  # fmt: skip
     stated = root.object("uncertainty", optional=True)
     names = [own.name for own in fields(Uncertainty)] if stated else []
-    deviations = {name: stated.number(name, UNCERTAINTY, optional=True) for name in names}
+    deviations = {name: stated.number(name, limits.UNCERTAINTY, optional=True) for name in names}
     return Capture(
         root.path.parent, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights,
         root.free_form("measured"),
@@ -302,13 +285,13 @@ def capture_from(root: JsonObject) -> Capture:
 
 
 def _read_camera(entry: JsonObject) -> Camera:
-    width, height = entry.integer("width", SIDE), entry.integer("height", SIDE)
+    width, height = entry.integer("width", limits.SIDE), entry.integer("height", limits.SIDE)
     return Camera(width, height, entry.camera_matrix("K"), entry.lens("distortion"))
 
 
 def _read_rig(entry: JsonObject) -> Rig:
-    projector, color = entry.object("projector"), entry.object("color") if entry.has("color") else None
-    black_dn = entry.numbers("black_dn", [BLACK, BLACK_DEVIATION], optional=True) if entry.has("black_dn") else None
+    projector, color = entry.object("projector"), entry.object("color", optional=True)
+    black_dn = entry.numbers("black_dn", [limits.BLACK, limits.BLACK_DEVIATION], optional=True)
     readout = entry.object("readout", optional=True)
     return Rig(
         left=_read_camera(entry.object("left")),
@@ -317,8 +300,8 @@ def _read_rig(entry: JsonObject) -> Rig:
         projector=Projector(
             projector.file("pattern"), projector.camera_matrix("K"), projector.rigid_transform("left_to_projector")
         ),
-        bit_depth=entry.integer("bit_depth", BITS),
-        line_time_s=readout.number("line_time_s", LINE_TIME, optional=True) if readout else None,
+        bit_depth=entry.integer("bit_depth", limits.BITS),
+        line_time_s=readout.number("line_time_s", limits.LINE_TIME, optional=True) if readout else None,
         color=ColorCamera(**vars(_read_camera(color)), left_to_color=color.rigid_transform("left_to_color"))
         if color
         else None,
@@ -349,24 +332,24 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     for side in SIDES:
         if masks[side] is not None:
             _check_size(entry, f"{side}_mask", (rig.camera(side).width, rig.camera(side).height))
-    velocity = entry.numbers("camera_velocity", [SPEED] * 3 + [TURN_RATE] * 3, optional=True)
+    velocity = entry.numbers("camera_velocity", [limits.SPEED] * 3 + [limits.TURN_RATE] * 3, optional=True)
     return Frame(
         id=frame_id,
         left_path=entry.file("left") if has_infrared else None,
         right_path=entry.file("right") if has_infrared else None,
-        timestamp_s=entry.number("timestamp_s", TIME),
-        exposure_s=entry.number("exposure_s", EXPOSURE),
-        gain=entry.number("gain", GAIN),
-        projector_power=entry.number("projector_power", POWER),
-        ambient=entry.number("ambient", POWER, optional=True),
-        temperature_c=entry.number("temperature_c", TEMPERATURE, optional=True),
+        timestamp_s=entry.number("timestamp_s", limits.TIME),
+        exposure_s=entry.number("exposure_s", limits.EXPOSURE),
+        gain=entry.number("gain", limits.GAIN),
+        projector_power=entry.number("projector_power", limits.POWER),
+        ambient=entry.number("ambient", limits.POWER, optional=True),
+        temperature_c=entry.number("temperature_c", limits.TEMPERATURE, optional=True),
         camera_to_world=entry.rigid_transform("camera_to_world"),
         camera_velocity=np.zeros(6) if velocity is None else velocity,
         repeat_group=entry.integer("repeat_group", optional=True),
         split=split,
         depth_path=depth_path,
         # A scale may stand without a depth image, but not the other way round.
-        depth_scale=entry.number("depth_scale", DEPTH_SCALE, optional=depth_path is None),
+        depth_scale=entry.number("depth_scale", limits.DEPTH_SCALE, optional=depth_path is None),
         color_path=color_path,
         gripper_to_base=entry.rigid_transform("gripper_to_base") if entry.has("gripper_to_base") else None,
         left_mask_path=masks["left"],

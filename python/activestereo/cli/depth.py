@@ -36,8 +36,8 @@ from activestereo.report.lettering import write_figure
 from activestereo.report.screen import Figure, command, screen
 
 if TYPE_CHECKING:
-    from activestereo.camera.advanced_mode import AdvancedSettings
     from activestereo.camera.advanced_mode.matcher import PairMatcher
+    from activestereo.camera.advanced_mode.settings import AdvancedSettings
     from activestereo.capture.importers.pairs import Pair
 
 # Settings for real pictures, tuned on pairs with truth (tests/bench/README.md, "Pairs with truth"). The engine's
@@ -220,7 +220,7 @@ def depth_hints(
 
 def _run_recording(args: argparse.Namespace) -> None:
     """Matches all pairs of the recording, or under --search looks for better settings, and prints the result."""
-    from activestereo.camera.advanced_mode import AdvancedSettings, read_settings
+    from activestereo.camera.advanced_mode.settings import AdvancedSettings, read_settings
 
     settings = AdvancedSettings({}) if args.settings is None else read_settings(args.settings)
     if args.search is not None:
@@ -330,8 +330,8 @@ def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
 
 
 def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
-    from activestereo.camera.advanced_mode import write_settings
     from activestereo.camera.advanced_mode.matcher import score, search
+    from activestereo.camera.advanced_mode.settings import write_settings
 
     goal, out = args.search[0], Path(args.search[1])
     if goal not in _GOALS:

@@ -7,7 +7,7 @@ import pathlib
 import pytest
 
 import activestereo.camera.advanced_mode as advanced_mode
-from activestereo.camera.advanced_mode import (
+from activestereo.camera.advanced_mode.settings import (
     AdvancedSettings,
     camera_fields,
     depth_table,

@@ -15,8 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.camera.advanced_mode import AdvancedSettings, camera_fields, depth_table, matcher_parameters
-from activestereo.camera.advanced_mode.settings import visual_preset
+from activestereo.camera.advanced_mode.settings import (
+    AdvancedSettings,
+    camera_fields,
+    depth_table,
+    matcher_parameters,
+    visual_preset,
+)
 from activestereo.camera.plan import matcher_parameters as matcher_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import Pose, body_pose, camera_to_camera
