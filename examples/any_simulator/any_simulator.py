@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth cameras in a simulator of one's own: balls that bounce in eight environments at once, held in NumPy arrays.
 
-    PYTHONPATH=build/python python3 examples/any_simulator/any_simulator.py --out out/any_simulator
+PYTHONPATH=build/python python3 examples/any_simulator/any_simulator.py --out out/any_simulator
 """
 
 import argparse
@@ -14,7 +14,7 @@ from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.common.pose import body_pose, look_at
-from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.pictures import Labelled, labelled_figure
 from activestereo.report.lettering import write_figure
 
 BALLS, RADIUS_M, STEP_S = 5, 0.05, 0.01

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Things fall on a floor in a simulator, whose own renderer sees them, and an active stereo camera measures its images:
 
-    PYTHONPATH=build/python python3 examples/gbuffers/play.py newton mujoco_warp mujoco genesis --out out/gbuffers.png
+PYTHONPATH=build/python python3 examples/gbuffers/play.py newton mujoco_warp mujoco genesis --out out/gbuffers.png
 """
 
 import argparse
@@ -13,7 +13,7 @@ import numpy as np
 from activestereo import GBufferStereo, StereoDepthSensorConfig
 from activestereo.common.pose import look_at
 from activestereo.integrations.gbuffers.pinhole import centred, vertical_fov_deg
-from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.pictures import Labelled, labelled_figure
 from activestereo.report.lettering import write_figure
 
 CONFIG = centred(StereoDepthSensorConfig("D435").resized(212, 120, fov=60))

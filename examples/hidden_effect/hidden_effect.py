@@ -18,7 +18,7 @@ from another_scene import picture as errors_picture
 from another_scene import true_and_simulated, without_effects
 
 from activestereo.lab import Lab
-from activestereo.report.diagnosis_text import error_text, parameter_text
+from activestereo.report.diagnosis import error_text, parameter_text
 from activestereo.common.output_files import replace_file
 from activestereo.common.progress_bar import ProgressBar
 

@@ -19,7 +19,7 @@ except ImportError as error:
     sys.exit(f"this example needs the package {error.name}: pip install mani_skill")
 
 import activestereo.integrations.mani_skill  # noqa: F401 (its camera takes ManiSkill's place)
-from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.pictures import Labelled, labelled_figure
 from activestereo.report.lettering import write_figure
 
 NEAR_FAR_M = (0.3, 1.8)

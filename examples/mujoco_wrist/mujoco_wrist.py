@@ -20,7 +20,7 @@ except ImportError:
 
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.integrations.mujoco import MujocoScene
-from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.pictures import Labelled, labelled_figure
 from activestereo.report.lettering import write_figure
 
 NEAR_FAR_M = 0.5, 1.3

@@ -18,7 +18,7 @@ except ImportError:
     sys.exit("this example needs the package sapien: pip install sapien")
 
 from activestereo.integrations.sapien import ActorBuilder, StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.pictures import Labelled, labelled_figure
 from activestereo.report.lettering import write_figure
 
 

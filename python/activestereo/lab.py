@@ -13,7 +13,6 @@ from activestereo.compare.compare import Comparison, compare
 from activestereo.compare.model_file import find, library, read_model, scene_of, write_model
 from activestereo.diagnose import Diagnosis, diagnose
 from activestereo.effects.core.model import Model
-from activestereo.report.write_diagnosis import write_diagnosis
 
 __all__ = ["Comparison", "Diagnosis", "Lab", "compare", "diagnose"]
 
@@ -66,7 +65,7 @@ class Lab:
     def report(self, folder: str | Path) -> tuple[Path, Path]:
         """Writes compare.json, report.html and model.json into a folder, and diagnose.json after diagnose(). Returns
         write_report()'s paths."""
-        from activestereo.report.write import write_report  # matplotlib takes its time to load
+        from activestereo.report.write import write_diagnosis, write_report  # matplotlib takes its time to load
 
         comparison = self.comparison or self.compare()
         found = self.diagnosis

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from wall_worlds import WallWorld
 
 import kuafu
-from activestereo.calibrate.frames import Repeats
+from activestereo.calibrate.noise import Repeats
 from activestereo.calibrate.noise import calibrate_noise
 from activestereo.calibrate.noise_fit import GammaModel, ShotModel
 from activestereo.calibrate.pattern import calibrate_pattern

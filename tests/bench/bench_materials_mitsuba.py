@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 import kuafu
 import simsense
 from activestereo.calibrate.material_fit import MaterialFit, light_intensities
-from activestereo.calibrate.material_views import MaterialScene, Picture
+from activestereo.calibrate.material_fit import MaterialScene, Picture
 from activestereo.calibrate.materials import calibrate_materials
 from activestereo.capture.capture import read_capture
 from sim_to_real.mitsuba_scene import grey, mitsuba
@@ -133,9 +133,7 @@ def measured(name: str, spp: int, unseen_spp: int, bounces: int) -> str:
         (image, where), (other, _) = (ours.see(left_pose, lit, left_pose, seed, unseen_spp) for seed in (9, 11))
         v, u = np.nonzero(where)
         box = int(u.min()), int(v.min()), int(np.ptp(u)) + 1, int(np.ptp(v)) + 1
-        theirs, again = (
-            world.see(left_pose, lit, "infrared", seed, None, bounces, box, unseen_spp) for seed in (5, 7)
-        )
+        theirs, again = (world.see(left_pose, lit, "infrared", seed, None, bounces, box, unseen_spp) for seed in (5, 7))
         gray = BLACK_DN + DN * theirs
         where &= gray < 250.0
         floor2 = float(np.mean(SHOT_DN * gray[where] + READ_DN**2))

@@ -3,7 +3,7 @@
 commands and figures.
 
     noise     repeats of a static view      -> imager      calibrate/noise.py
-              even light by EMVA 1288       -> imager      calibrate/emva1288
+              even light by EMVA 1288       -> imager      calibrate/emva1288.py
     pattern   frames of a flat wall         -> pattern     calibrate/pattern.py
     rig       frames of a calibration board -> rig         calibrate/rig.py
 

@@ -91,7 +91,7 @@ class Drift:
         return "\n".join([first, *lines])
 
 
-def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
+def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
     """Measures the Drift from a capture's frames. temperatures: CSV file of seconds, celsius, interpolated linearly;
     None: the frames' own temperatures. Raises ValueError if frames, a range of temperatures or frames without the
     projector are missing."""
@@ -106,9 +106,8 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
         raise ValueError(f"{folder}: {len(lit)} frames with dots have a temperature: {_FEWEST} are needed ({of})")
     celsius = np.array([f.temperature_c for f in lit], float)
     if np.ptp(celsius) < _LEAST_K:
-        raise ValueError(
-            f"{folder}: frames span {np.ptp(celsius):.2g} K: record from switching on, {_LEAST_K:g} K or more"
-        )
+        told = f"frames span {np.ptp(celsius):.2g} K: record from switching on, {_LEAST_K:g} K or more"
+        raise ValueError(f"{folder}: {told}")
 
     def smooth(frame: Frame, side: str) -> Matrix:
         return np.asarray(gaussian_filter(capture.ir(frame, side).astype(float), _SMOOTH_PX))
@@ -136,9 +135,8 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
             variance = float(rest @ rest) / (len(size) - 2) * (1.0 + alike) / (1.0 - alike)
             deviation = float(np.hypot(np.sqrt(variance / (x @ x)), _COLUMNS * value))
             slopes.append(Slope(name, value, deviation, unit))
-    return Drift(
-        tuple(slopes), (float(celsius.min()), float(celsius.max())), len(lit), f"{len(lit)} frames of {capture.name}"
-    )
+    span = float(celsius.min()), float(celsius.max())
+    return Drift(tuple(slopes), span, len(lit), f"{len(lit)} frames of {capture.name}")
 
 
 def _frames_with_temperature(capture: Capture, temperatures: Path | None) -> list[Frame]:
@@ -152,11 +150,8 @@ def _frames_with_temperature(capture: Capture, temperatures: Path | None) -> lis
             raise ValueError(f"{temperatures}: is no CSV of seconds, celsius ({error})") from error
         if len(table) < 2 or not np.isfinite(table).all() or not np.all(np.diff(table[:, 0]) > 0.0):
             raise ValueError(f"{temperatures}: needs two rows or more of seconds, celsius, seconds rising")
-        frames = [
-            replace(f, temperature_c=float(np.interp(f.timestamp_s, *table.T)))
-            for f in frames
-            if table[0, 0] <= f.timestamp_s <= table[-1, 0]
-        ]
+        inside = [f for f in frames if table[0, 0] <= f.timestamp_s <= table[-1, 0]]
+        frames = [replace(f, temperature_c=float(np.interp(f.timestamp_s, *table.T))) for f in inside]
     return [f for f in frames if f.temperature_c is not None]
 
 

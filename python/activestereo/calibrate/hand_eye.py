@@ -51,11 +51,9 @@ class HandEye:
         """Describes the pose as text, which the command prints."""
         t, e = 1e3 * self.camera_to_gripper[:3, 3], 1e3 * INTERVAL_90 * self.error[3:]
         turn = np.rad2deg(INTERVAL_90 * np.linalg.norm(self.error[:3]))
-        return (
-            f"camera on gripper: {t[0]:.2f} ± {e[0]:.2f}, {t[1]:.2f} ± {e[1]:.2f}, {t[2]:.2f} ± {e[2]:.2f} mm, turn ± "
-            f"{turn:.3f} deg (90 %), of {self.poses} poses\n"
-            f"boards' places agree to {1e3 * self.residual_m:.2f} mm, {self.residual_deg:.3f} deg RMS"
-        )
+        place = ", ".join(f"{value:.2f} ± {half:.2f}" for value, half in zip(t, e, strict=True))
+        agree = f"boards' places agree to {1e3 * self.residual_m:.2f} mm, {self.residual_deg:.3f} deg RMS"
+        return f"camera on gripper: {place} mm, turn ± {turn:.3f} deg (90 %), of {self.poses} poses\n{agree}"
 
 
 def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[NDArray[np.float64]]) -> HandEye:
@@ -67,15 +65,11 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
     turns = np.array([vector(np.linalg.inv(gripper_to_base[0]) @ pose)[:3] for pose in gripper_to_base])
     second = np.rad2deg(np.linalg.svd(turns, compute_uv=False)[1] / np.sqrt(max(len(turns) - 1, 1)))
     if second < 0.3 * _LEAST_TURN_DEG:
-        raise ValueError(
-            f"the robot turned about one axis only (about a second one by {second:.1f} deg): turn the gripper by "
-            f"{_LEAST_TURN_DEG:g} deg and more about two axes"
-        )
-    parts = [
-        part
-        for poses in (gripper_to_base, board_to_camera)
-        for part in ([pose[:3, :3] for pose in poses], [pose[:3, 3] for pose in poses])
-    ]
+        told = f"the robot turned about one axis only (about a second one by {second:.1f} deg)"
+        raise ValueError(f"{told}: turn the gripper by {_LEAST_TURN_DEG:g} deg and more about two axes")
+    parts = []
+    for poses in (gripper_to_base, board_to_camera):
+        parts += [[pose[:3, :3] for pose in poses], [pose[:3, 3] for pose in poses]]
     start = np.eye(4)
     start[:3, :3], start[:3, 3:] = cv2.calibrateHandEye(*parts, method=cv2.CALIB_HAND_EYE_PARK)
 

@@ -37,7 +37,7 @@ class HeightField:
     frames: int
 
 
-def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2) -> HeightField:
+def height_field(capture: Capture, frame_id: int | None, step_px: int) -> HeightField:
     """Makes the surface, in world axes, from all frames at the pose of a frame; None: the first frame with depth.
     step_px: pixels between its vertices. Raises ValueError if no such frame has depth, or if hardly any of it is
     measured."""
@@ -61,9 +61,8 @@ def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2
     triangles = depth_triangles(z, _JUMP * step_px)
     share = len(triangles) / max(2.0 * (z.shape[0] - 1) * (z.shape[1] - 1), 1.0)
     if share < 0.01:
-        raise ValueError(
-            f"{with_depth[0].depth_path}: {100 * share:.2f} % of it is a surface: it has too few measured pixels"
-        )
+        told = f"{100 * share:.2f} % of it is a surface: it has too few measured pixels"
+        raise ValueError(f"{with_depth[0].depth_path}: {told}")
     # 3. Points in the world, and normals as the sum of the triangles' areas around them.
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(capture.rig.left.K).T
     points = ((rays * z[..., None]) @ pose[:3, :3].T + pose[:3, 3]).reshape(-1, 3)

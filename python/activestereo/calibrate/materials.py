@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from activestereo.calibrate.least_squares import INTERVAL_90
-from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, refine
-from activestereo.calibrate.material_views import MaterialScene, pictures
+from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, MaterialScene, pictures, refine
 from activestereo.capture.capture import read_capture
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.scene_surfaces import surface_names, surfaces_of_object
@@ -65,21 +64,15 @@ class Materials:
             if self.undetermined[surface]:
                 lines.append(f"  not determined by these pictures: {', '.join(self.undetermined[surface])}")
         before, after = self.loss
-        lines.append(
-            f"mean square of the residuals {after:.2f} (as the scene had it: {before:.2f}); {self.renders} candidates "
-            "rendered"
-        )
+        residuals = f"mean square of the residuals {after:.2f} (as the scene had it: {before:.2f})"
+        lines.append(f"{residuals}; {self.renders} candidates rendered")
         return "\n".join(lines)
 
 
 def calibrate_materials(
-    path: Path,
-    object_name: str,
-    seed: int = 0,
-    device: str = "auto",
-    model: SensorModel | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Materials:
+    path: Path, object_name: str, seed: int = 0, device: str = "auto", model: SensorModel | None = None,
+    tell: Callable[[float], object] = lambda fraction: None,
+) -> Materials:  # fmt: skip
     """Measures the materials of an object in the capture at `path`. model: a known rig and pattern in place of the
     capture's. Raises ValueError with the fault: no such object, a part without material, two surfaces of one name, out
     of view, no infrared image."""
@@ -90,13 +83,11 @@ def calibrate_materials(
     names = surface_names(capture.scene_path)
     own = [names[number] for number in surfaces]
     if twins := sorted({name for name in own if own.count(name) > 1}):
-        raise ValueError(
-            f"{capture.scene_path}: more than one surface is called '{twins[0]}': give each a name of its own"
-        )
+        twice = f"more than one surface is called '{twins[0]}': give each a name of its own"
+        raise ValueError(f"{capture.scene_path}: {twice}")
     scene = MaterialScene(capture, device)
     seen = pictures(scene, capture, surfaces)
     fit = MaterialFit(scene, seen, surfaces, seed)
-    tell = progress or (lambda fraction: None)
     nominal = fit.start()
     ranked = _wide(fit, nominal, seed, part_of(tell, 0.0, 0.5))
     scenes_own = fit.with_colors(nominal, _FINE_SAMPLES)

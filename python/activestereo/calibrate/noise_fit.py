@@ -94,9 +94,8 @@ class GammaModel(CountModel):
             grid = end * np.linspace(0.0, 1.0, 20001)
             table = gammainc(self.shape, grid)
             x, y = above[wide] * self.shape / signal[wide], self.sigma_dn * self.shape / signal[wide]
-            out[wide] = sum(
-                weight * np.interp(x - node * y, grid, table) for node, weight in zip(_NODES, _WEIGHTS, strict=True)
-            )
+            weighted = zip(_NODES, _WEIGHTS, strict=True)
+            out[wide] = sum(weight * np.interp(x - node * y, grid, table) for node, weight in weighted)
         if not wide.all():  # the Gaussian is wider: use its cumulative, and nodes of the gamma
             # A Gauss quadrature over the factor: Laguerre's, or Hermite's of Wilson and Hilferty's cube root.
             if self.shape < _LARGE_SHAPE:
@@ -137,9 +136,8 @@ class ShotModel(CountModel):
             electrons = np.arange(int(most + 9.0 * np.sqrt(most) + 10.0))
             some, which = np.unique(mean[few], return_inverse=True)
             poisson = np.exp(electrons * np.log(some)[:, None] - some[:, None] - gammaln(electrons + 1.0))
-            out[few] = (poisson[which] * ndtr((above[few][:, None] - self.shape * electrons) / self.sigma_dn)).sum(
-                axis=1
-            )
+            below = ndtr((above[few][:, None] - self.shape * electrons) / self.sigma_dn)
+            out[few] = (poisson[which] * below).sum(axis=1)
         return out
 
 
@@ -212,9 +210,9 @@ def log_density(counts: Counts, noise_model: CountModel) -> np.ndarray:
     mean."""
     # Means above black as finely spaced as a pixel's mean is known, and the width of each.
     repeats = counts.histograms[0].sum()
-    top = 1.1 * max(float(counts.means.max()) - noise_model.black_dn, 1.0) + 6.0 * np.sqrt(
-        noise_model.variance(np.array([counts.means.max()]))[0] / repeats
-    )
+    brightest = float(counts.means.max())
+    reach = 6.0 * np.sqrt(noise_model.variance(np.array([brightest]))[0] / repeats)
+    top = 1.1 * max(brightest - noise_model.black_dn, 1.0) + reach
     middles: list[float] = []
     at = 0.0
     while at < top:
@@ -245,8 +243,8 @@ def dark_log_density(counts: Counts, noise_model: CountModel) -> float:
 def fit_noise_model(
     kind: type[CountModel],
     counts: Counts,
-    start: CountModel | None = None,
-    fixed_black_dn: float | None = None,
+    start: CountModel | None,
+    fixed_black_dn: float | None,
     with_error: bool = True,
 ) -> NoiseFit:
     """Finds the most probable noise model of a kind. start: where the search begins, None: a guess. fixed_black_dn: a
@@ -267,12 +265,8 @@ def fit_noise_model(
 
     first = np.array([np.log(start.shape), np.log(start.sigma_dn), start.black_dn])[:free]
     scale = 1.0 / float(counts.histograms.sum())
-    found = minimize(
-        lambda x: scale * cost(x),
-        first,
-        method="L-BFGS-B",
-        options={"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40},
-    )
+    options = {"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40}
+    found = minimize(lambda x: scale * cost(x), first, method="L-BFGS-B", options=options)
     error = np.zeros(3)
     if with_error:
         hessian, steps = np.zeros((free, free)), np.diag(_STEPS[:free])

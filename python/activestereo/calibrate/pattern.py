@@ -2,7 +2,7 @@
 """Measures the projector's pattern from frames of a flat wall: each dot's direction and power, and the projector's
 position.
 
-Dots are found in the averaged images of both cameras (spots.py) and lie on the wall's plane (wall.py). Two distances
+Dots are found in the averaged images of both cameras (wall.py) and lie on the wall's plane (wall.py). Two distances
 give each dot a line; the projector is at the point where the lines meet. With one distance its position stays nominal.
 
 A dot's power follows from its image. The camera sees radiance, which falls with distance and angle to projector and
@@ -15,18 +15,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from activestereo.calibrate.frames import LEAST_REPEATS, Repeats, check_still
+from activestereo.calibrate import wall as walls_light
 from activestereo.calibrate.least_squares import INTERVAL_90, difference
-from activestereo.calibrate.spots import Spots, find_spots
-from activestereo.calibrate.wall import (
-    ProjectorView,
-    Wall,
-    background_samples,
-    find_wall,
-    light_between_dots,
-    power_factor,
-    wall_points,
-)
+from activestereo.calibrate.noise import LEAST_REPEATS, Repeats, check_still
+from activestereo.calibrate.wall import ProjectorView, Spots, Wall, find_spots, find_wall, power_factor, wall_points
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
@@ -85,20 +77,13 @@ class Pattern:
 
     def model(self) -> SensorModel:
         """Makes a SensorModel of the pattern and of the assumed rig with the projector's position, for model.json."""
-        source = f"calibrate pattern: {len(self.dots)} dots, walls at " + ", ".join(
-            f"{view.wall.distance_m:.3f} m" for view in self.views
-        )
-        where = (
-            "the projector's place is nominal" if self.position_error_m is None else "the projector's place is measured"
-        )
+        distances = ", ".join(f"{view.wall.distance_m:.3f} m" for view in self.views)
+        place = f"the projector's place is {'nominal' if self.position_error_m is None else 'measured'}"
         pattern = SensorPattern(
-            self.K,
-            dots=self.dots,
-            size=self.size,
-            dot_sigma_px=self.dot_sigma_px,
+            self.K, dots=self.dots, size=self.size, dot_sigma_px=self.dot_sigma_px,
             background=0.0 if self.background is None else self.background[0],
-            source=f"{source}; {where}",
-        )
+            source=f"calibrate pattern: {len(self.dots)} dots, walls at {distances}; {place}",
+        )  # fmt: skip
         nominal = Rig(
             self.rig.left, self.rig.right, self.rig.left_to_right, self.left_to_projector, self.rig.bit_depth,
             self.rig.line_time_s, source="the rig that calibrate pattern believed",
@@ -107,40 +92,27 @@ class Pattern:
 
     def summary(self) -> str:
         """Describes the pattern and its walls as text, which the command prints."""
-        lines = [
-            f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma "
-            f"{self.dot_sigma_px:.2f} px of the pattern"
-        ]
+        seen = f"{self.seen_twice} of them are seen at two distances"
+        lines = [f"{len(self.dots)} dots; {seen}; sigma {self.dot_sigma_px:.2f} px of the pattern"]
         for view in self.views:
-            wall = view.wall
-            share = 100.0 * np.mean(wall.is_seen_by_both)
-            lines.append(
-                f"{view.name}: wall at {wall.distance_m:.4f} m, {len(view.spots['left'])} and "
-                f"{len(view.spots['right'])} dots, {share:.0f} % matched, flat to {wall.flatness_px:.3f} px"
-            )
-        x, y, z = 1e3 * self.position_m
+            wall, (left, right) = view.wall, (len(view.spots[side]) for side in SIDES)
+            matched = f"{left} and {right} dots, {100.0 * np.mean(wall.is_seen_by_both):.0f} % matched"
+            lines.append(f"{view.name}: wall at {wall.distance_m:.4f} m, {matched}, flat to {wall.flatness_px:.3f} px")
+        place = 1e3 * self.position_m
         if self.position_error_m is None:
-            lines.append(
-                f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, "
-                "1.5 times as far, would tell it"
-            )
+            at = ", ".join(f"{value:.2f}" for value in place)
+            told = "NOMINAL; a wall at a second distance, 1.5 times as far, would tell it"
+            lines.append(f"projector at {at} mm of the left camera: {told}")
         else:
-            ex, ey, ez = 1e3 * INTERVAL_90 * self.position_error_m
-            lines.append(
-                f"projector at {x:.3f} ± {ex:.3f}, {y:.3f} ± {ey:.3f}, {z:.3f} ± {ez:.3f} mm of the left camera (90 %)"
-            )
-        if self.background is None:
-            lines.append(
-                "light between the dots: NOT MEASURED, taken as none; it takes walls at two distances, exposed alike"
-            )
-        else:
+            half = 1e3 * INTERVAL_90 * self.position_error_m
+            at = ", ".join(f"{value:.3f} ± {error:.3f}" for value, error in zip(place, half, strict=True))
+            lines.append(f"projector at {at} mm of the left camera (90 %)")
+        told = "NOT MEASURED, taken as none; it takes walls at two distances, exposed alike"
+        if self.background is not None:
             peak = float(self.dots[:, 2].max()) / (2.0 * np.pi * self.dot_sigma_px**2)
             value, differ = 100.0 * self.background[0] / peak, 200.0 * self.background[1] / peak
-            lines.append(
-                f"light between the dots: {value:.2f} % of the brightest dot's peak; the cameras differ by "
-                f"{differ:.2f} %"
-            )
-        return "\n".join(lines)
+            told = f"{value:.2f} % of the brightest dot's peak; the cameras differ by {differ:.2f} %"
+        return "\n".join([*lines, f"light between the dots: {told}"])
 
 
 def calibrate_pattern(
@@ -164,10 +136,8 @@ def calibrate_pattern(
     _check_rig(capture.rig, source)
     groups = capture.repeats()
     if not groups:
-        raise ValueError(
-            f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at "
-            "each distance"
-        )
+        told = f"no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at each distance"
+        raise ValueError(f"{capture.path}: {told}")
     views = []
     for number, (group, frames) in enumerate(groups.items()):
         share = part_of(tell, 0.95 * number / len(groups), 0.95 * (number + 1) / len(groups))
@@ -182,41 +152,33 @@ def _check_rig(rig: CaptureRig, source: str) -> None:
     """Raises ValueError unless the rig has no distortion and parallel cameras. source: the rig's file, for the
     message."""
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
-        raise ValueError(
-            f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "
-            "then, and calibrate rig takes --rectified"
-        )
+        remedy = "rectify the images; their capture has zeros then, and calibrate rig takes --rectified"
+        raise ValueError(f"{source}: rig.left.distortion: dots are matched along rows: {remedy}")
     turned = difference(np.eye(4), rig.left_to_right)[1]
     if turned > _MOST_TURNED_DEG:
-        raise ValueError(
-            f"{source}: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
-            f"{_MOST_TURNED_DEG:g} are taken for rectified images: rectify them"
-        )
+        told = f"turns the right camera by {turned:.2f} degrees, at most {_MOST_TURNED_DEG:g} are taken"
+        raise ValueError(f"{source}: rig.left_to_right: {told} for rectified images: rectify them")
     x, y, z = np.linalg.inv(rig.left_to_right)[:3, 3]
     if x <= 0:
         raise ValueError(f"{source}: rig.left_to_right: x is {-x:g}, expected below 0: left and right are swapped")
     if np.hypot(y, z) > _MOST_ASIDE * x:
-        raise ValueError(
-            f"{source}: rig.left_to_right: the right camera stands {1e3 * np.hypot(y, z):.2f} mm beside the left one's "
-            f"row, at most {1e3 * _MOST_ASIDE * x:.2f} mm are taken for rectified images: rectify them"
-        )
+        told = f"the right camera stands {1e3 * np.hypot(y, z):.2f} mm beside the left one's row, at most "
+        told += f"{1e3 * _MOST_ASIDE * x:.2f} mm are taken for rectified images: rectify them"
+        raise ValueError(f"{source}: rig.left_to_right: {told}")
 
 
 def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], object]) -> WallView:
     if len(frames) < LEAST_REPEATS:
-        raise ValueError(
-            f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
-        )
+        told = f"{len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
+        raise ValueError(f"{name}: {told}")
     rig, spots, cut = capture.rig, {}, {}
     for place, side in enumerate(SIDES):
         counts = np.stack([read_gray(frame.path(side), key=f"frames[id={frame.id}].{side}") for frame in frames])
         check_still(Repeats(f"{name}, {side}", counts))
         saturated = float(np.mean((counts == rig.max_dn).any(axis=0)))
         if saturated > _LARGEST_SATURATED:
-            raise ValueError(
-                f"{name}, {side}: {100 * saturated:.1f} % of the pixels reach {rig.max_dn} DN: the wall saturates: "
-                "shorten the exposure or lower the laser's power"
-            )
+            told = f"{100 * saturated:.1f} % of the pixels reach {rig.max_dn} DN: the wall saturates"
+            raise ValueError(f"{name}, {side}: {told}: shorten the exposure or lower the laser's power")
         part = part_of(tell, 0.5 * place, 0.5 * place + 0.5)
         found = find_spots(counts.mean(axis=0), _variance_of_mean(counts), part)
         is_whole = found.is_whole
@@ -295,12 +257,13 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     if len(walls) > 1 and far.exposure_s == near.exposure_s:
         lights = []
         for side in SIDES:
+            lit = [(view.spots[side].background, view.wall.plane) for view in walls]
             samples = [
-                background_samples(view.spots[side].background, view.wall.plane, *eyes[side], scale, projector)
-                for view, scale in zip(walls, scales, strict=True)
+                walls_light.background_samples(*own, *eyes[side], scale, projector)
+                for own, scale in zip(lit, scales, strict=True)
             ]
             counts, shares = (np.concatenate(part) for part in zip(*samples, strict=True))
-            lights.append(light_between_dots(counts, shares))
+            lights.append(walls_light.light_between_dots(counts, shares))
         background = max(float(np.mean(lights)), 0.0), float(0.5 * np.ptp(lights))
     # 4. Scale dots and background to the nominal pattern's light in the region with dots. Without a nominal pattern the
     # light is scaled to 1 a dot.
@@ -345,10 +308,8 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
         chosen = np.flatnonzero((distance < reach) & (back[other] == np.arange(len(first))))
         pairs = np.column_stack([chosen, other[chosen]])
         if len(pairs) < _LEAST_LINES:
-            raise ValueError(
-                f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f} "
-                "m: check the projector's nominal place and K"
-            )
+            told = f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f}"
+            raise ValueError(f"{told} m: check the projector's nominal place and K")
         a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
         place, error = _nearest_to_lines(a, b)
         projector = replace(projector, position_m=place)

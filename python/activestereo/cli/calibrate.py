@@ -279,9 +279,8 @@ def _materials(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
 def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
     """Calibrates the rig, and writes a picture of the corners' coverage and, with --robot, the camera's place on the
     gripper beside the model."""
-    from activestereo.calibrate.boards import Board
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
-    from activestereo.calibrate.rig import calibrate_rig, write_coverage
+    from activestereo.calibrate.rig import Board, calibrate_rig, write_coverage
 
     robot = {} if args.robot is None else {Path(name).stem: pose for name, pose in read_poses(args.robot).items()}
     has_lens = not args.rectified and args.k is None

@@ -77,7 +77,7 @@ def _run_step(args: argparse.Namespace, number: int, words: list[str]) -> None:
 def _outcome(secret: str, diagnosis: Mapping[str, Any]) -> str:
     """Returns two lines: the hidden effect, and the effects that the diagnosis found, with values and units."""
     from activestereo.benchmarks.example_capture import HIDDEN
-    from activestereo.report.diagnosis_text import parameter_text
+    from activestereo.report.diagnosis import parameter_text
 
     parameter, value = HIDDEN[secret]
     found = {entry["effect"]: entry["parameters"] for entry in diagnosis["ranking"]}

@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _run_pair(args: argparse.Namespace) -> None:
-    from activestereo.report.overview import colored, depth_span, matching_figure
+    from activestereo.report.pictures import colored, depth_span, matching_figure
 
     needed = ("out",) if args.calibration else ("k", "baseline", "out")
     missing = [option for option in needed if getattr(args, option) is None]

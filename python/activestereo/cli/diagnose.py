@@ -90,9 +90,8 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.diagnose.settings import PHASES
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
-    from activestereo.report.diagnosis_text import diagnosis_screen
-    from activestereo.report.write import WRITING, WRITING_S, write_diagnosis_report
-    from activestereo.report.write_diagnosis import write_diagnosis
+    from activestereo.report.diagnosis import diagnosis_screen
+    from activestereo.report.write import WRITING, WRITING_S, write_diagnosis, write_diagnosis_report
 
     cli.make_folder(args.out)
     cli.check_paper(args)

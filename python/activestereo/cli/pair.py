@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> None:
     entries = {name: [f.as_json() for f in own] for name, own in told.items()}
     write_text(args.out / "pair.json", json.dumps(entries, indent=1) + "\n")
     if "against" in pairs:
-        from activestereo.report.pair_figure import pair_figure
+        from activestereo.report.pictures import pair_figure
 
         write_figure(args.out / "against.png", pair_figure(pairs, disparity, statistics))
     if args.json:

@@ -313,7 +313,7 @@ def _sensor_pose(
 
 
 def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Accuracy]) -> None:
-    from activestereo.report.overview import simulation_figure
+    from activestereo.report.pictures import simulation_figure
 
     rgb, ir, depth, true_depth = sensor.get_rgb(), sensor.get_ir_measured(), sensor.get_depth(), sensor.get_true_depth()
     with written_together(args.out) as out:

@@ -97,8 +97,7 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
     device = kuafu.Device(args.device)
 
     def make(path: Path) -> Any:
-        from activestereo.report.view.capture_source import CaptureSource
-        from activestereo.report.view.scene_source import SceneSource
+        from activestereo.report.view.sources import CaptureSource, SceneSource
 
         if is_capture(path):
             return CaptureSource(read_capture(path), device, model)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes reports for people: pictures and browser pages of comparisons, diagnoses and simulated frames.
 
-write           compare.json, compare.png and report.html of a comparison, with a diagnosis beside it
-write_diagnosis diagnose.json and model.json
-overview        one picture of a simulated frame
+write           compare.json, compare.png and report.html of a comparison, with a diagnosis beside it, diagnose.json
+pictures        a simulated frame, a matched pair or pictures side by side, on one page
 view            the local page of `activestereo view`
 overlay         a scene's contours over pictures
 """

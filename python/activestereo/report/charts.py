@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the report's charts: error per frame, photon transfer, residual against covariates, error against effects
-added."""
+"""Draws compare.png and the report's charts: error per frame, photon transfer, residual against covariates, error
+against effects added."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from activestereo.capture.capture import SPLITS
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 from activestereo.compare.where import COVARIATES
 from activestereo.diagnose.words import error_text
 from activestereo.report.lettering import escape_dollars
+from activestereo.report.models import known_residual, residual_limit, worst_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+    from activestereo.compare.compare import Comparison
 
 _SPLIT_COLOR = {"train": BLUE, "test": ORANGE}
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
@@ -27,7 +33,7 @@ _RINGS = 12
 
 
 def _axes(
-    figure: Figure, *place: Any, x: str | None = None, y: str | None = None, title: str | None = None,
+    figure: Figure | SubFigure, *place: Any, x: str | None = None, y: str | None = None, title: str | None = None,
     grid: Any = "both",
 ) -> Axes:  # fmt: skip
     axes = figure.add_subplot(*place)
@@ -48,13 +54,49 @@ def _legend(axes: Axes, **place: Any) -> None:
     axes.legend(frameon=False, fontsize=8.5, labelcolor=INK, **place)
 
 
-def frames_chart(scores: Mapping[str, Any]) -> Figure:
+def comparison_figure(comparison: Comparison) -> Figure:
+    """Draws compare.png: the left images of each split's worst frame, measured, simulated and their residual, above
+    each frame's error with its noise floor."""
+    scores = comparison.scores
+    worst = [worst_frame(scores, split) for split in SPLITS if split in scores["ir"]]
+    heights = 2.7 * len(worst) + 0.8, 2.6
+    figure = Figure(figsize=(13.5, sum(heights)), facecolor="white", layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=heights)
+    told = []
+    for split, values in scores["ir"].items():
+        floor = values["noise_floor_dn"]
+        above = "" if floor is None else f" (noise floor {floor:.2f}, explainable {values['explainable_rmse_dn']:.2f})"
+        told.append(f"{split} RMSE {values['rmse_dn']:.2f} DN{above}")
+    title = f"{escape_dollars(scores['capture'])}: measured against simulated infrared\n{'     '.join(told)}"
+    top.suptitle(title, size=12, color=INK, x=0.01, ha="left")
+    for row, entry in zip(top.subplots(len(worst), 3, squeeze=False), worst, strict=True):
+        key = entry["id"], "left"
+        measured = comparison.measured[key]
+        residual = known_residual(comparison.capture, key, comparison.measured, comparison.predictions)
+        limit = residual_limit(residual, entry["noise_floor_dn"])
+        gray = {"cmap": "gray", "norm": PowerNorm(0.5, 0, float(np.quantile(measured, 0.998)))}
+        panels: Any = (
+            ("measured", measured, gray), ("simulated (square-root scale)", comparison.predictions[key], gray),
+            ("measured - simulated", residual, {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}),
+        )  # fmt: skip
+        for place, (name, image, style) in zip(row, panels, strict=True):
+            shown = place.imshow(image, interpolation="nearest", **style)
+            place.set(facecolor=MUTED, xticks=[], yticks=[])  # the background shows at pixels without known scene
+            place.set_title(name if entry is worst[0] else "", size=11, color=INK, loc="left")
+            if name != "measured":
+                top.colorbar(shown, ax=place, shrink=0.9).set_label("DN", size=8, color=MUTED)
+        row[0].set_ylabel(f"{entry['split']}, frame {entry['id']}, left", size=10, color=INK)
+    frames_chart(scores, bottom)
+    return figure
+
+
+def frames_chart(scores: Mapping[str, Any], figure: Figure | SubFigure | None = None) -> Figure | SubFigure:
     """Draws a bar for each frame's RMSE with its noise floor: infrared in DN, and disparity in pixels if the device
-    gave depth. scores: compare.json's contents."""
+    gave depth. scores: compare.json's contents. figure: where to draw; None for a new one."""
     infrared = [(e["id"], e["split"], e["rmse_dn"], e["noise_floor_dn"]) for e in scores["frames"]]
     depth = [(e["id"], s, e["rmse_px"], e["noise_floor_px"]) for s, v in scores["depth"].items() for e in v["frames"]]
     panels = [("Infrared RMSE, DN", infrared)] + ([("Disparity RMSE, px", sorted(depth))] if depth else [])
-    figure = Figure(figsize=(11.2, 2.5), layout="constrained")
+    figure = figure or Figure(figsize=(11.2, 2.5), layout="constrained")
     for index, (title, rows) in enumerate(panels):
         axes = _axes(figure, 1, len(panels), index + 1, x="frame", title=title, grid="y")
         for i, (_, split, value, floor) in enumerate(rows):
@@ -78,11 +120,9 @@ def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[
     gains = sorted({p["gain"] for p in points})
     for gain, color in zip(gains, [BLUE, ORANGE, GREEN] * len(gains), strict=False):
         own = [p for p in points if p["gain"] == gain]
-        axes.plot(
-            [p["mean_dn"] for p in own], [p["variance_dn2"] for p in own], ".", color=color, ms=5,
-            label=f"repeats, gain {gain:g}",
-        )  # fmt: skip
-        mean = np.linspace(min(p["mean_dn"] for p in own), max(p["mean_dn"] for p in own), 100)
+        means, variances = ([p[name] for p in own] for name in ("mean_dn", "variance_dn2"))
+        axes.plot(means, variances, ".", color=color, ms=5, label=f"repeats, gain {gain:g}")
+        mean = np.linspace(min(means), max(means), 100)
         signal = np.maximum(mean - noise["black_dn"], 0.0)
         variance = noise["offset"] + noise["shot"] * gain * signal + noise["relative"] * signal**2
         axes.plot(mean, variance, color=color, lw=1.2)
@@ -118,21 +158,13 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
     mean_low, mean_high = np.array([b["mean_interval"] for b in bins]).T
     axes.axhline(0.0, color=MUTED, lw=0.7)
     if categories or len(bins) < 6:
-        axes.errorbar(
-            x, rmse, [np.maximum(rmse - low, 0), np.maximum(high - rmse, 0)], fmt="o", ms=4, color=BLUE, lw=1.4,
-            label="RMSE",
-        )  # fmt: skip
-        axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5,
-                      color=ORANGE, lw=1.4, label="mean residual")  # fmt: skip
+        far = np.maximum(0, [[rmse - low, high - rmse], [mean - mean_low, mean_high - mean]])
+        axes.errorbar(x, rmse, far[0], fmt="o", ms=4, color=BLUE, lw=1.4, label="RMSE")
+        axes.errorbar(x, mean, far[1], fmt="s", ms=3.5, color=ORANGE, lw=1.4, label="mean residual")
         axes.hlines(floor, x - 0.4, x + 0.4, color=INK, lw=1.4, label="noise floor")
         names = [escape_dollars(b.get("label", f"{b.get('low', 0):.4g}")) for b in bins]
-        axes.set_xticks(
-            x,
-            names,
-            rotation=40 if categories else 0,
-            ha="right" if categories else "center",
-            size=7 if categories else 8,
-        )
+        style: Any = {"rotation": 40, "ha": "right", "size": 7} if categories else {"size": 8}
+        axes.set_xticks(x, names, **style)
         axes.set_xlim(-0.6, len(bins) - 0.4)
         return
     axes.fill_between(x, low, high, color=BLUE, alpha=0.22, lw=0)
@@ -170,9 +202,8 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
         axes.annotate(said, (i, error[i]), (0, 9), textcoords="offset points", ha="center", size=9.5, color=INK)
     if floor is not None:
         axes.axhline(floor, color=INK, lw=1.4, ls=(0, (4, 2)))
-        axes.annotate(
-            f"noise floor {floor:.2f}", (-0.45, floor), (0, -12), textcoords="offset points", size=9, color=INK
-        )
+        said = f"noise floor {floor:.2f}"
+        axes.annotate(said, (-0.45, floor), (0, -12), textcoords="offset points", size=9, color=INK)
     axes.set_ylim(0.0, 1.18 * max(error))
     axes.set_xlim(-0.5, max(len(error) - 0.5, 0.5))
     names: list[str] = []  # the effects that each step added or removed

@@ -1,25 +1,189 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the report's sections on a diagnosis: the missing effect, effects that cannot be told apart, the next
-measurement."""
+"""Tells a diagnosis in a terminal and in the report: the verdict in ten lines, the table of --verbose, sentences on the
+parts of the depth error (diagnose/depth_split.py), and the report's sections."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from math import isclose
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from activestereo.common.html_table import table, text
-from activestereo.common.shown import listed
-from activestereo.diagnose.words import alike
-from activestereo.report.diagnosis_text import (
-    EXPLAINS_WORDS,
-    FLOOR_WORDS,
-    NATS_WORDS,
-    parameter_text,
-    says_nothing,
-    split_sentences,
+from activestereo.common.shown import listed, without_unit
+from activestereo.diagnose.words import (
+    alike,
+    error_text,
+    errors_of,
+    errors_told,
+    geometry_words,
+    headline,
+    next_steps,
+    rival_words,
 )
-from activestereo.report.models import ROWS
 from activestereo.report.page import section, share_bar
+from activestereo.report.screen import Figure, Step, screen, wrapped
+
+_WORDS = {
+    "any matcher": "what any matcher makes of these images",
+    "image effects": "the effects found in the images",
+    "filters": "the depth engine's effects",
+    "calibration": "an offset and a scale of disparity",
+    "temperature": "their change with temperature",
+    "other matcher": "the device's own matching",
+}
+
+Split = Mapping[str, Any]
+
+
+def split_sentences(split: Split | None) -> list[str]:
+    """Returns sentences on the device's depth error under model.json: its size, its parts in whole percents that sum to
+    100, and its growth with distance."""
+    if not split:
+        return []
+    whole = split["after"]
+    size = f"{1e3 * whole['rms_m']:.2f} mm ({whole['rms_px']:.3f} px)"
+    said = [f"The device's depth errs by {size} against the geometry, RMS of {split['pixels']} pixels."]
+    percent = _whole_percents([whole["parts"][name]["share_m"] for name in _WORDS])
+    parts = sorted(zip(percent, _WORDS.values(), strict=True), key=lambda part: -part[0])
+    makes = listed([f"{share} % comes from {words}" for share, words in parts if share > 0])
+    takes = listed([f"{-share} % by {words}" for share, words in parts if share < 0])
+    said.append(f"Of the square of that error {makes}" + (f", less {takes}." if takes else "."))
+    if not split["images_agree"]:
+        said.append("The images still lack something, which counts as any matcher's.")
+    places = [
+        f"{1e3 * place['after']['rms_m']:.2f} mm at {place['from_m']:.2f} to {place['to_m']:.2f} m"
+        for place in split["by_distance"]
+    ]
+    return [*said, f"It is {listed(places)}."]
+
+
+def _whole_percents(shares: Sequence[float]) -> list[int]:
+    """Rounds shares that sum to 1 to whole percents that sum to 100, by largest remainder."""
+    exact = 100.0 * np.asarray(shares)
+    down = np.floor(exact).astype(int)
+    short = round(exact.sum()) - int(down.sum())
+    down[np.argsort(down - exact, kind="stable")[:short]] += 1
+    return [int(share) for share in down]
+
+
+NATS_WORDS = "nats: the logarithm of how much likelier the effect makes the images"
+EXPLAINS_WORDS = "explains: share of the squared error beyond noise (noise effects: of the noise, no error)"
+FLOOR_WORDS = "floor: the part of an interval that formulas and scenes, which are inexact, have put under it"
+_SHOWN, ROWS = 8, 12  # the ranked effects that the terminal and the report show
+_ALL = 0.95  # of an interval, which two digits do not tell from all
+_LEAST_NATS = 0.05  # the least gain that prints as more than 0.0
+
+
+def parameter_text(name: str, found: Mapping[str, Any]) -> str:
+    """Returns a fitted parameter as text: its materials if it selects surfaces, else value, interval and unit."""
+    if "materials" in found:
+        return f"on {', '.join(found['materials']) or 'all surfaces'}"
+    unit = "" if found["unit"] in ("", "1") else f" {found['unit']}"
+    value, low, high, floor = found["value"], found["low"], found["high"], found.get("floor")
+    shown = without_unit(name, found["unit"])
+    if low is None or high is None:
+        return f"{shown} {value:.4g}{unit}"
+    half = max(high - value, value - low)
+    least = f", floor ±{floor:.2g}" if floor else ""
+    if half <= 0.0 or not isclose(high - value, value - low, rel_tol=0.01):  # it meets an end of the range
+        return f"{shown} {value:.4g}{unit} ({low:.4g} to {high:.4g}{least})"
+    decimals = max(1 - int(np.floor(np.log10(half))), 0)
+    least = " (all floor)" if floor and floor > _ALL * half else least and f" ({least[2:]})"
+    return f"{shown} {value:.{decimals}f} ±{half:.{decimals}f}{unit}{least}"
+
+
+def _told_rows(result: Mapping[str, Any], most: int) -> list[tuple[int, Mapping[str, Any]]]:
+    """Returns (place, row of the ranking) of the user's own effects, and of the first ones with a gain that prints as
+    more than 0.0 nats."""
+    own, ranking = result.get("own", {}), enumerate(result["ranking"], 1)
+    is_told = lambda place, row: row["effect"] in own or (place <= most and row["score_nats"] >= _LEAST_NATS)  # noqa: E731
+    return [(place, row) for place, row in ranking if is_told(place, row)]
+
+
+def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool) -> str:
+    """Returns the final screen of `diagnose`. steps: commands to run next; page: the report's path; kept: text on the
+    cache and times, printed if `verbose`."""
+    name = f"{result['capture']}: " if result.get("capture") else ""
+    words = headline(result)
+    rows, floor = errors_told(result), result["heldout_noise_floor"]
+    figures = [Figure(own, error_text(error, floor, 2), max(error, floor or 0.0)) for own, error in rows]
+    if figures:
+        words += f" {errors_of(result)}:"
+        figures += [] if floor is None else [Figure("sensor noise", f"{floor:.2f} DN", floor)]
+    sentence = f"{name}{words[0].lower() if name else words[0]}{words[1:]}"
+    return screen(sentence, figures, _notes(result), steps, page, f"{diagnosis_table(result)}\n{kept}", verbose)
+
+
+def diagnosis_table(result: Mapping[str, Any]) -> str:
+    """Returns the text that --verbose adds: the ranking of effects, the depth engine's verdict and further
+    measurements."""
+    lines = _table(result)
+    if (size := result.get("binning", 1)) > 1:
+        lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
+    lines += _depth_lines(result.get("depth")) + split_sentences(result.get("depth_split"))
+    lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
+    if result.get("residual_model"):
+        lines.append(f"model of the residual ({result['residual_model']['stage']}): {result['residual_model']['text']}")
+    return "\n".join(lines)
+
+
+def _notes(result: Mapping[str, Any]) -> list[str]:
+    """Returns sentences for the lines below the figures, most important first."""
+    verdict, found = result["verdict"], {entry["effect"]: entry for entry in result["ranking"]}
+    named = [found[name] for name in result["added"] if found.get(name, {}).get("parameters")]
+    notes = [f"{entry['effect'] if len(named) > 1 else 'fitted'}: {_values(entry)}" for entry in named]
+    advice, engine = next_steps(result), result.get("depth") or {}
+    if verdict != "effect":
+        notes += advice[:1]
+    if result.get("reason") and verdict != "undetermined":
+        notes.append(result["reason"])
+    notes += rival_words(result) if verdict in ("effect", "undetermined") else []
+    if engine and engine["verdict"] != "undetermined" and (verdict != "none" or not engine.get("added")):
+        said = f"it has {', '.join(engine['added'])}" if engine.get("added") else "nothing is missing"
+        notes.append(f"depth engine: {said}.")
+    return [*notes, *geometry_words(result), *(advice[1:] if verdict != "effect" else advice)]
+
+
+def _table(result: Mapping[str, Any]) -> list[str]:
+    """Returns text rows of the ranking: the first effects with a gain and the user's own, each with the effects it
+    cannot be told from."""
+    own, told = result.get("own", {}), _told_rows(result, _SHOWN)
+    lines = [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}"] if told else []
+    for place, entry in told:
+        part = entry["explained_share"]
+        share = "-" if part is None else f"{100 * part:.0f} %"
+        lines.append(f"{place:>2}  {entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}")
+        words, others = [_values(entry)], alike(result, entry)
+        words += [f"cannot be told from {', '.join(others)}"] if others else []
+        words += [f"yours: {own[entry['effect']]}"] if entry["effect"] in own else []
+        lines += [line for said in words for line in wrapped(said, " " * 4)]
+    placed = {entry["effect"] for entry in result["ranking"]}
+    lines += [NATS_WORDS, EXPLAINS_WORDS, FLOOR_WORDS] if told else []
+    return lines + [f" -  {name:26}yours: {why}" for name, why in own.items() if name not in placed]
+
+
+def _values(entry: Mapping[str, Any]) -> str:
+    """Returns the parameters as text. One that lies at 0, where its interval starts, does nothing and is left out."""
+    found = entry["parameters"]
+    told = {name: own for name, own in found.items() if (own.get("value"), own.get("low")) != (0.0, 0.0)}
+    return ", ".join(parameter_text(name, own) for name, own in (told or found).items())
+
+
+def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
+    """Returns lines on the depth engine: the verdict, added effects, and differences that are no fault of the
+    sensor."""
+    if not depth:
+        return []
+    lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]
+    for entry in depth["ranking"]:
+        if entry["effect"] in depth["added"] or (entry["nuisance"] and entry["score_nats"] > 0):
+            kind = "not a fault of the sensor" if entry["nuisance"] else "added"
+            lines.append(
+                f"  {entry['effect']}, {kind}: {_values(entry)}; {100 * entry['explained_share']:.0f} % of its error"
+            )
+    return lines
+
 
 _NO_IMAGE = '<span class="muted small">no expected image of its own</span>'
 _EMPTY = ("—", _NO_IMAGE)  # a column of these is left out
@@ -64,9 +228,7 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
 
 def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
     rows, ranking, own = [], diagnosis["ranking"], diagnosis.get("own", {})
-    for place, entry in enumerate(ranking, 1):
-        if entry["effect"] not in own and (place > ROWS or says_nothing(entry)):
-            continue
+    for place, entry in _told_rows(diagnosis, ROWS):
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
         twins = "".join(f'<span class="tag">{text(e)}</span>' for e in alike(diagnosis, entry)) or "—"
         name = f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>"
@@ -83,7 +245,7 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
     used = [any(row[column] not in _EMPTY for row in rows) for column in range(len(head))]
     head, *rows = ([cell for cell, is_used in zip(row, used, strict=True) if is_used] for row in [head, *rows])
     placed = {entry["effect"] for entry in ranking}
-    silent = [entry["effect"] for entry in ranking if says_nothing(entry) and entry["effect"] not in own]
+    silent = [e["effect"] for e in ranking if e["score_nats"] < _LEAST_NATS and e["effect"] not in own]
     said = f"<p>Nothing speaks for {text(listed(silent))}.</p>" if silent else ""
     left_out = "".join(f"<p>{text(n)}, yours: {text(why)}</p>" for n, why in own.items() if n not in placed)
     more = len(ranking) - len(rows) - len(silent)

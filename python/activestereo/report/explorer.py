@@ -12,10 +12,17 @@ from matplotlib import colormaps
 
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.html_table import text
-from activestereo.report.encode import encoded_image
-from activestereo.report.models import BASE, FOUND, ModelImages, ToldErrors
-from activestereo.report.page import web_file
-from activestereo.report.worst import known_residual, residual_limit, rmse, worst_frame
+from activestereo.report.models import (
+    BASE,
+    FOUND,
+    ModelImages,
+    ToldErrors,
+    known_residual,
+    residual_limit,
+    rmse,
+    worst_frame,
+)
+from activestereo.report.page import encoded_image, web_file
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame

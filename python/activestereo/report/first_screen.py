@@ -24,12 +24,10 @@ from activestereo.diagnose.words import (
     rival_words,
 )
 from activestereo.report.charts import covariates_chart, effects_chart, falloff_chart
-from activestereo.report.encode import data_address
-from activestereo.report.models import BASE, FOUND, ModelImages, ToldErrors
-from activestereo.report.page import chart
+from activestereo.report.models import BASE, FOUND, ModelImages, ToldErrors, known_residual, residual_limit, rmse
+from activestereo.report.page import chart, data_address
 from activestereo.report.screen import Step
 from activestereo.report.summary import error_places
-from activestereo.report.worst import known_residual, residual_limit, rmse
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the images that a report compares: those that the base model, the model with found effects, and each ranked
-effect expect."""
+"""Computes the images that a report compares, which the base model, the model with found effects and each ranked effect
+expect, picks the frame that it shows first, and computes residuals and their colour scale."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.common.processes import forked
 from activestereo.compare.measured_image import MeasuredImage
@@ -16,17 +17,19 @@ from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import predict_under_model
 from activestereo.diagnose.pixels import LightMemory
 from activestereo.effects import Model, Randomness, Stage, View
+from activestereo.report.diagnosis import ROWS
 
 if TYPE_CHECKING:
+    from activestereo.capture.capture import Capture, ImageKey
     from activestereo.compare.compare import Comparison
     from activestereo.compare.image_errors import ImageErrors
     from activestereo.effects.core.descriptor import Effect
 
-# The number of ranked effects that the report shows.
-ROWS = 12
 BASE, FOUND = "base", "found"
 ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, side): expected DN}}
 ToldErrors = Mapping[str, Mapping[tuple[int, str], float]]
+# The colour scale keeps white noise pale, and spans all but a few pixels of the residual.
+_NOISE_FLOORS, _SPANNED = 4.0, 0.995
 
 
 def model_images(
@@ -111,3 +114,33 @@ def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, par
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):
         return model
+
+
+def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
+    """Returns the entry of scores["frames"] in `split` whose infrared error is furthest above the noise floor, or
+    largest without floors."""
+    entries = [e for e in scores["frames"] if e["split"] == split]
+    return max(
+        entries, key=lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0
+    )
+
+
+def known_residual(
+    capture: Capture, key: ImageKey, measured: Mapping[ImageKey, NDArray], expected: Mapping[ImageKey, NDArray]
+) -> NDArray[np.float64]:
+    """Returns measured minus expected DN [height][width], NaN at pixels whose scene is unknown; the report's figures
+    leave them out too."""
+    residual = measured[key].astype(np.float64) - expected[key]
+    known = capture.known(next(f for f in capture.frames if f.id == key[0]), key[1])
+    return residual if known is None else np.where(known, residual, np.nan)
+
+
+def rmse(residual: NDArray[np.float64]) -> float:
+    """Returns the root mean square of the pixels that are not NaN."""
+    return float(np.sqrt(np.nanmean(residual**2)))
+
+
+def residual_limit(residual: NDArray[np.float64], floor_dn: float | None) -> float:
+    """Returns the DN at both ends of a residual's colour scale. floor_dn: the noise floor, or None."""
+    spanned = float(np.nanquantile(np.abs(residual), _SPANNED))
+    return max(_NOISE_FLOORS * (floor_dn or 0.0), spanned, 1e-3)

@@ -18,7 +18,7 @@ from activestereo.common.palette import INK, MUTED
 from activestereo.diagnose.words import alike, headline
 from activestereo.report.charts import covariates_chart, effects_chart, frames_chart, photon_transfer_chart
 from activestereo.report.lettering import escape_dollars, save_figure
-from activestereo.report.worst import known_residual, residual_limit, worst_frame
+from activestereo.report.models import known_residual, residual_limit, worst_frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

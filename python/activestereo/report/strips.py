@@ -20,9 +20,8 @@ from activestereo.common.palette import INK, MUTED
 from activestereo.compare.effect_strip import StripView
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import SURFACES
-from activestereo.report.encode import data_address
 from activestereo.report.first_screen import where_most_goes
-from activestereo.report.page import page, web_file
+from activestereo.report.page import data_address, page, web_file
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison

@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a comparison as compare.json, compare.png and report.html, a self-contained page, also with a diagnosis. Also
-writes the page of a diagnosis alone.
-
-Files appear whole or not at all: they are written aside, then renamed.
-"""
+"""Writes a comparison as compare.json, compare.png and report.html, a self-contained page, also with a diagnosis, and
+the files of a diagnosis: its own page, diagnose.json, model.json and effect_stub.py."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +14,13 @@ import numpy as np
 
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
-from activestereo.common.output_files import replace_file, write_text
+from activestereo.common.output_files import write_text
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library
+from activestereo.compare.model_file import write_model as write_effects
 from activestereo.diagnose.kept import content_key
+from activestereo.model import write_model
+from activestereo.report.charts import comparison_figure
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
@@ -30,7 +29,6 @@ from activestereo.report.lettering import write_figure
 from activestereo.report.models import model_images, told_errors
 from activestereo.report.page import page
 from activestereo.report.screen import Step
-from activestereo.report.sheet import comparison_figure
 from activestereo.report.strips import found_strips
 from activestereo.report.summary import what_is_missed
 
@@ -61,12 +59,10 @@ def write_report(
     folder.mkdir(parents=True, exist_ok=True)
     if diagnosis is None:
         diagnosis = _stored_diagnosis(folder, comparison.capture.name)
-    json_text = json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n"
     html_text = report_page(comparison, diagnosis, effects, progress, steps=steps)
-    replace_file(folder / "compare.json", lambda file: file.write(json_text.encode()))
-    figure = comparison_figure(comparison)
-    write_figure(folder / "compare.png", figure)
-    replace_file(folder / "report.html", lambda file: file.write(html_text.encode()))
+    write_text(folder / "compare.json", json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n")
+    write_figure(folder / "compare.png", comparison_figure(comparison))
+    write_text(folder / "report.html", html_text)
     return folder / "compare.json", folder / "report.html"
 
 
@@ -103,8 +99,15 @@ def write_diagnosis_report(
     """
     path = Path(folder) / "report.html"
     path.parent.mkdir(parents=True, exist_ok=True)
-    make = partial(_diagnosis_page, diagnosis, effects, progress)
-    write_text(path, make(steps) if diagnosis.kept_as is None else _kept_page(diagnosis.kept_as, steps, make))
+
+    def made(steps: Sequence[Step]) -> str:
+        result, comparison = diagnosis.result, diagnosis.comparison()
+        if comparison is not None:
+            return report_page(comparison, result, effects, progress, diagnosis.after, steps)
+        screen = first_screen(result, steps=steps, unseen=diagnosis.unseen)
+        return page(f"{result.get('capture', 'capture')}: diagnosis", [screen, *diagnosis_sections(result)])
+
+    write_text(path, made(steps) if diagnosis.kept_as is None else _kept_page(diagnosis.kept_as, steps, made))
     return path
 
 
@@ -124,19 +127,6 @@ def _kept_page(kept_as: str, steps: Sequence[Step], make: Callable[[Sequence[Ste
     return kept
 
 
-def _diagnosis_page(
-    diagnosis: Diagnosis,
-    effects: Mapping[str, Effect] | None,
-    progress: Callable[[float], object] | None,
-    steps: Sequence[Step],
-) -> str:
-    result, comparison = diagnosis.result, diagnosis.comparison()
-    if comparison is None:
-        title = f"{result.get('capture', 'capture')}: diagnosis"
-        return page(title, [first_screen(result, steps=steps, unseen=diagnosis.unseen), *diagnosis_sections(result)])
-    return report_page(comparison, result, effects, progress, diagnosis.after, steps)
-
-
 def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
     """Reads the folder's diagnose.json. Returns None if it cannot be read or belongs to another capture."""
     try:
@@ -144,3 +134,21 @@ def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return diagnosis if isinstance(diagnosis, dict) and diagnosis.get("capture", capture) == capture else None
+
+
+def write_diagnosis(diagnosis: Diagnosis, folder: str | Path) -> list[Path]:
+    """Writes diagnose.json, model.json and, for an unknown effect, effect_stub.py into the folder, made if absent.
+    Returns their paths."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {"diagnose.json": json.dumps(diagnosis.result, indent=1) + "\n"}
+    if diagnosis.stub:
+        texts["effect_stub.py"] = diagnosis.stub
+    for name, content in texts.items():
+        write_text(folder / name, content)
+    paths = [folder / "model.json"]
+    if diagnosis.sensor_model is None:
+        write_effects(paths[0], diagnosis.model)
+    else:
+        paths = write_model(paths[0], diagnosis.sensor_model)
+    return [*(folder / name for name in texts), *paths]

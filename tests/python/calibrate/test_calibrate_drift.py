@@ -21,13 +21,8 @@ CELSIUS = 27.0 + _KELVIN * (1.0 - np.exp(-np.arange(_FRAMES) / 3.0))
 def warm_up(folder: Path, **per_k: float) -> Path:
     """The capture of a warm-up with drifts per kelvin, beside its temperatures.csv."""
     warm = CELSIUS - CELSIUS[0]
-    states = [
-        Warm(
-            per_k.get("cx_px_per_k", 0.0) * k, per_k.get("focal_per_k", 0.0) * k, per_k.get("pattern", 0.0) * k,
-            float(np.exp(per_k.get("power", 0.0) * k)),
-        )
-        for k in warm
-    ]  # fmt: skip
+    cx, focal, pattern, power = (per_k.get(name, 0.0) for name in ("cx_px_per_k", "focal_per_k", "pattern", "power"))
+    states = [Warm(cx * k, focal * k, pattern * k, float(np.exp(power * k))) for k in warm]
     Room(turns_deg=((0, 0),), exposures=(1.0,)).write_warm_up(folder / "views", states, off=2)
     stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--sensor", "d415"]
     assert main(["import", str(folder / "views"), *stated, "-o", str(folder / "capture")]) == 0
@@ -54,13 +49,11 @@ def drawn(tmp_path_factory):
     "hidden, truth",
     [
         ({}, {}),
-        (
-            {"cx_px_per_k": 0.012, "focal_per_k": -4e-5},
-            {"thermal_drift.cx_px_per_k": 0.012, "thermal_drift.focal_per_k": -4e-5},
-        ),
+        ({"cx_px_per_k": 0.012, "focal_per_k": -4e-5},
+         {"thermal_drift.cx_px_per_k": 0.012, "thermal_drift.focal_per_k": -4e-5}),
         ({"pattern": -7e-5, "power": 0.006}, {"pattern_scale_drift.per_k": -7e-5, "laser_power_drift.per_k": 0.006}),
     ],
-)
+)  # fmt: skip
 def test_what_drifts_is_named_and_what_stays_is_not(drawn, tmp_path, capsys, hidden, truth):
     capture, model = drawn(hidden), tmp_path / "model.json"
     given = ["--temperatures", str(capture.parent / "temperatures.csv"), "-o", str(model)]

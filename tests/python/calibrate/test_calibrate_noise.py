@@ -5,9 +5,10 @@ import json
 
 import numpy as np
 import pytest
+import simsense
 
 from activestereo import StereoDepthSensorConfig
-from activestereo.calibrate.frames import Repeats
+from activestereo.calibrate.noise import Repeats
 from activestereo.model.write import replace_sections
 from activestereo.calibrate.noise import calibrate_noise
 from activestereo.calibrate.noise_fit import GammaModel, ShotModel
@@ -19,27 +20,19 @@ from command_line import refused
 _SIZE = (40, 64)
 
 
-def clean_image(
-    seed: int, low: float = 0.4, high: float = 110.0, size: tuple[int, int] = _SIZE
-) -> np.ndarray:
+def clean_image(seed: int, low: float = 0.4, high: float = 110.0, size: tuple[int, int] = _SIZE) -> np.ndarray:
     """Counts above black: levels spread over the range, in blocks."""
     rng = np.random.default_rng(seed)
     return np.exp(rng.uniform(np.log(low), np.log(high), size))
 
 
-def drawn(
-    noise_model: GammaModel | ShotModel, clean: np.ndarray, repeats: int, seed: int, max_dn: int = 255
-) -> np.ndarray:
+def drawn(noise_model: GammaModel | ShotModel, clean: np.ndarray, repeats: int, seed: int) -> np.ndarray:
     """Repeats by NumPy's own generators."""
-    rng = np.random.default_rng(seed)
-    shape = (repeats, *clean.shape)
-    light = (
-        clean * rng.gamma(noise_model.shape, 1.0 / noise_model.shape, shape)
-        if noise_model.name == "gamma"
-        else noise_model.shape * rng.poisson(clean / noise_model.shape, shape)
-    )
+    rng, shape, k = np.random.default_rng(seed), (repeats, *clean.shape), noise_model.shape
+    is_gamma = noise_model.name == "gamma"
+    light = clean * rng.gamma(k, 1.0 / k, shape) if is_gamma else k * rng.poisson(clean / k, shape)
     counts = np.rint(light + noise_model.black_dn + rng.normal(0.0, noise_model.sigma_dn, shape))
-    return counts.clip(0, max_dn).astype(np.uint8 if max_dn == 255 else np.uint16)
+    return counts.clip(0, 255).astype(np.uint8)
 
 
 def views(noise_model: GammaModel | ShotModel, repeats: int, seed: int = 0, **more: float) -> list[Repeats]:
@@ -67,37 +60,21 @@ def test_a_table_is_the_histogram_of_draws(noise_model):
 
 def test_the_paper_law_of_simsense_is_read_back():
     """simsense draws its paper-d415 preset: the figures asked for are k and sigma to 3 %, black to 0.05 DN."""
-    import simsense
-
     signal, (height, width), repeats = simsense.signal_preset("paper-d415"), _SIZE, 100
     camera = simsense.Camera(width, height, np.array([[200.0, 0, 32], [0, 200, 20], [0, 0, 1]]))
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
-    engine = simsense.Engine(
-        simsense.Device("host"),
-        camera,
-        camera,
-        left_to_right,
-        rectified=True,
-        max_disparity=32,
-        batch_count=repeats,
-        noise_seed=5,
-    )
+    how = {"rectified": True, "max_disparity": 32, "batch_count": repeats, "noise_seed": 5}
+    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, **how)
     engine.set_signal(signal, signal)
-    lit, covered = (
-        np.repeat(image[None].astype(np.float32), repeats, 0) for image in (clean_image(1), np.zeros(_SIZE))
-    )
-    frames = []
-    for index, stack in enumerate((lit, covered)):
-        engine.set_parameters(frame_index=index)
-        frames.append([Repeats("simsense", engine.compute(stack, stack, ("ir_left",))["ir_left"].copy())])
-    noise = calibrate_noise(frames[0])
+    stack = np.repeat(clean_image(1)[None].astype(np.float32), repeats, 0)
+    engine.set_parameters(frame_index=0)
+    noise = calibrate_noise([Repeats("simsense", engine.compute(stack, stack, ("ir_left",))["ir_left"].copy())])
     assert noise.chosen == "gamma" and noise.margin_nats[0] > 5.0 * noise.margin_nats[1]
     noise_model = noise.fit.noise_model
     assert noise_model.shape == pytest.approx(3.98, rel=0.03)
-    assert noise_model.sigma_dn == pytest.approx(
-        0.83, rel=0.03 + 1.6 * noise.fit.error[1]
-    )  # without dark frames its own error is 1.4 %
+    # Without dark frames its own error is 1.4 %.
+    assert noise_model.sigma_dn == pytest.approx(0.83, rel=0.03 + 1.6 * noise.fit.error[1])
     assert noise_model.black_dn == pytest.approx(-0.231, abs=0.05 + 1.6 * noise.fit.error[2])
     assert noise.model().imager.relative.value == pytest.approx(1.0 / noise_model.shape)
 
@@ -134,9 +111,8 @@ def test_exposures_tell_black_and_photon_transfer():
     assert noise.fit.noise_model.black_dn == pytest.approx(6.0, abs=0.05)
     assert noise.chosen == "shot" and noise.fit.noise_model.shape == pytest.approx(0.4, rel=0.03)
     assert [p.exposure_gain for p in noise.transfer] == [0.001, 0.002, 0.004]
-    slope = (noise.transfer[2].variance_dn2 - noise.transfer[0].variance_dn2) / (
-        noise.transfer[2].mean_dn - noise.transfer[0].mean_dn
-    )
+    first, _, last = noise.transfer
+    slope = (last.variance_dn2 - first.variance_dn2) / (last.mean_dn - first.mean_dn)
     assert slope == pytest.approx(0.4, rel=0.03)
 
 
@@ -152,18 +128,11 @@ def folder(tmp_path):
 
 def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
     out = tmp_path / "model.json"
-    out.write_text(
-        json.dumps(
-            {"format": "active-stereo-model", "version": 2, "kept": {"as": 1}, "nuisances": {"focal_left": 0.001}}
-        )
-    )
+    before = {"format": "active-stereo-model", "version": 2, "kept": {"as": 1}, "nuisances": {"focal_left": 0.001}}
+    out.write_text(json.dumps(before))
     assert main(["calibrate", "noise", str(folder), "-o", str(out), "--verbose"]) == 0
     text = " ".join(capsys.readouterr().out.split())  # lines break where the path's length has it
-    assert (
-        "noise model: gamma" in text
-        and "1/k: a gauge" in text
-        and "never show in repeats" in text
-    )
+    assert all(words in text for words in ("noise model: gamma", "1/k: a gauge", "never show in repeats"))
     model = json.loads(out.read_text())
     assert model["kept"] == {"as": 1} and model["nuisances"]["focal_left"] == 0.001
     assert sorted(p.name for p in tmp_path.iterdir()) == ["model.json", "view"]
@@ -182,26 +151,19 @@ def test_the_sensor_takes_what_was_measured(tmp_path):
 
 
 def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
-    out = tmp_path / "model.json"
-    ask = ["calibrate", "noise", folder, "-o", out]
-    (folder / "000.png").unlink()
-    (folder / "001.png").unlink()
-    (folder / "002.png").unlink()
+    out, files = tmp_path / "model.json", [folder / f"{i:03d}.png" for i in range(12)]
+    ask, model, clean = ["calibrate", "noise", folder, "-o", out], GammaModel(400.0, 0.5, 5.0), clean_image(3)
+    for file in files[:3]:
+        file.unlink()
     assert "9 repeats, at least 10" in refused(ask, capsys)
-    for i in range(12):  # the view shifts by a pixel half way
-        write_gray(
-            folder / f"{i:03d}.png",
-            np.roll(drawn(GammaModel(400.0, 0.5, 5.0), clean_image(3), 1, i)[0], i // 6, axis=1),
-        )
-    assert "the repeats move" in refused(ask, capsys)
-    for i in range(12):
-        write_gray(
-            folder / f"{i:03d}.png", drawn(GammaModel(400.0, 0.5, 5.0), clean_image(3) * (1 + 0.01 * i), 1, i)[0]
-        )
-    assert "brightness drifts" in refused(ask, capsys)
-    for i in range(12):
-        write_gray(folder / f"{i:03d}.png", drawn(GammaModel(400.0, 0.5, 5.0), 40 * clean_image(3, 6.0), 1, i)[0])
-    assert "pixels clip" in refused(ask, capsys)
+    for says, image in (
+        ("the repeats move", lambda i: np.roll(drawn(model, clean, 1, i)[0], i // 6, axis=1)),  # by a pixel half way
+        ("brightness drifts", lambda i: drawn(model, clean * (1 + 0.01 * i), 1, i)[0]),
+        ("pixels clip", lambda i: drawn(model, 40 * clean_image(3, 6.0), 1, i)[0]),
+    ):
+        for i, file in enumerate(files):
+            write_gray(file, image(i))
+        assert says in refused(ask, capsys)
     write_gray(folder / "005.png", np.zeros((4, 4), np.uint8))
     assert "005.png: is 4x4" in refused(ask, capsys)
     (folder / "005.png").write_bytes(b"\x89PNG broken")

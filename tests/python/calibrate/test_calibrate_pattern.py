@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from activestereo import StereoDepthSensorConfig
 from activestereo.model.write import replace_sections
 from activestereo.calibrate.pattern import _align_right_spots, _meeting_point, _variance_of_mean, calibrate_pattern
-from activestereo.calibrate.spots import Spots, find_spots
+from activestereo.calibrate.wall import Spots, find_spots
 from activestereo.calibrate.wall import ProjectorView, find_wall
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
@@ -121,18 +121,13 @@ def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
     config = StereoDepthSensorConfig.from_model(read_model(out))
     assert np.allclose(config.light_dots, pattern.dots, rtol=1e-5)
     assert config.light_dot_background == pytest.approx(pattern.background[0])
-    body = (
-        np.linalg.inv(config.trans_pose_l.to_transformation_matrix())
-        @ config.pose_rgb_irproj.to_transformation_matrix()
-    )
-    x, y, z = body[:3, 3]  # body axes: x forward, y left, z up
+    left, projector = (pose.to_transformation_matrix() for pose in (config.trans_pose_l, config.pose_rgb_irproj))
+    x, y, z = (np.linalg.inv(left) @ projector)[:3, 3]  # body axes: x forward, y left, z up
     assert (-y, -z, x) == pytest.approx(tuple(pattern.position_m), abs=1e-6)
     model = json.loads(out.read_text())
     model["rig"] |= {"gain": 2.0, "left_to_projector": np.eye(4).ravel().tolist()}
     out.write_text(json.dumps(model))
-    replace_sections(
-        out, pattern.model(), keep_rig=True
-    )  # of a rig that is there, the projector's place alone is replaced
+    replace_sections(out, pattern.model(), keep_rig=True)  # the projector's place alone is replaced
     again = read_model(out).rig
     assert again.gain == 2.0 and np.allclose(again.left_to_projector[:3, 3], -pattern.position_m)
 
@@ -193,10 +188,8 @@ def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch
 def test_merged_spots_are_told_apart():
     """Two dots at 2.6 sigma, which show one peak, and one alone, in a grid of others."""
     rng, (height, width), sigma = np.random.default_rng(0), (120, 160), 1.3
-    u, v = (
-        part.ravel() + rng.uniform(-0.5, 0.5, part.size)
-        for part in np.meshgrid(np.arange(12, 150, 12.0), np.arange(12, 110, 12.0))
-    )
+    grid = np.meshgrid(np.arange(12, 150, 12.0), np.arange(12, 110, 12.0))
+    u, v = (part.ravel() + rng.uniform(-0.5, 0.5, part.size) for part in grid)
     u, v = np.append(u, u[40] + 2.6 * sigma), np.append(v, v[40])
     y, x = np.mgrid[:height, :width]
     image = 8.0 + sum(60.0 * np.exp(-0.5 * ((x - a) ** 2 + (y - b) ** 2) / sigma**2) for a, b in zip(u, v, strict=True))
@@ -223,22 +216,17 @@ def test_spots_whose_middles_lie_outside_are_found():
 def test_intervals_of_dim_walls_hold_the_truth():
     """Dots of 2 to 12 DN under the noise of 12 repeats, of which the far wall's weakest are lost. 12 intervals of 90 %
     hold 11 truths on average, below 8 by chance in less than one run of 200."""
-    left_K, dots_K = (
-        np.array([[213.5, 0, 79.5], [0, 213.5, 59.5], [0, 0, 1.0]]),
-        np.array([[400.0, 0, 250], [0, 400.0, 200], [0, 0, 1]]),
-    )
+    left_K = np.array([[213.5, 0, 79.5], [0, 213.5, 59.5], [0, 0, 1.0]])
+    dots_K = np.array([[400.0, 0, 250], [0, 400.0, 200], [0, 0, 1]])
     place, baseline_m, scores = np.array([0.0293, 0.0004, -0.0012]), 0.05, []
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        u, v = (
-            part.ravel() + rng.uniform(-5, 5, part.size)
-            for part in np.meshgrid(np.arange(80, 420, 12.0), np.arange(80, 320, 12.0))
-        )
+        grid = np.meshgrid(np.arange(80, 420, 12.0), np.arange(80, 320, 12.0))
+        u, v = (part.ravel() + rng.uniform(-5, 5, part.size) for part in grid)
         power, walls = rng.uniform(0.4, 1.6, u.size), []
         for distance_m, peak_dn in ((1.0, 8.0), (1.8, 3.0)):
-            ray = np.column_stack(
-                [(u - dots_K[0, 2]) / dots_K[0, 0], (v - dots_K[1, 2]) / dots_K[1, 1], np.ones(u.size)]
-            )
+            x, y = (u - dots_K[0, 2]) / dots_K[0, 0], (v - dots_K[1, 2]) / dots_K[1, 1]
+            ray = np.column_stack([x, y, np.ones(u.size)])
             points = place + (distance_m - place[2]) * ray
             seen = [_spots_of(points - [shift, 0, 0], peak_dn * power, left_K, rng) for shift in (0.0, baseline_m)]
             walls.append(find_wall(*seen, left_K, left_K, baseline_m, "wall"))
@@ -297,11 +285,10 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
     assert "swapped" in refusal("swapped", swapped)
     assert "rig.left_to_right: x is" in refusal("sign", wrong_sign)
     bright = _copied(capture_path, tmp_path / "bright", lambda root: None)
+    capture = read_capture(capture_path)
     for side in ("left", "right"):
-        capture = read_capture(capture_path)
         for frame in capture.frames:
-            write_gray(
-                bright / side / frame.path(side).name, np.minimum(5.0 * capture.ir(frame, side), 255).astype(np.uint8)
-            )
+            image = np.minimum(5.0 * capture.ir(frame, side), 255).astype(np.uint8)
+            write_gray(bright / side / frame.path(side).name, image)
     assert "the wall saturates" in refused(["calibrate", "pattern", bright, "-o", out], capsys)
     assert not out.exists()

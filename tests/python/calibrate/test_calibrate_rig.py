@@ -3,21 +3,20 @@
 boards."""
 
 import json
+from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from activestereo.calibrate.boards import Board
+from activestereo.calibrate.rig import Board
 from activestereo.calibrate.hand_eye import hand_eye, read_poses
 from activestereo.calibrate.least_squares import difference
 from activestereo.calibrate.rig import BoardView, calibrate
-from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
-from board_worlds import BOARD, RigWorld, matrix
-from command_line import refused
+from board_worlds import BOARD, RigWorld, matrix, projected
+from command_line import refused, run_here
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -41,9 +40,7 @@ def test_with_a_known_k_boards_are_placed_to_a_fifth_of_a_millimetre():
     world = RigWorld.make(5, has_lens=False)
     K = world.K["left"]
     world.K["right"][:] = K
-    world = RigWorld(
-        world.size, world.K, world.distortion, world.left_to_right, world.boards, _again(world), world.camera_to_gripper
-    )
+    world = replace(world, views=_again(world))
     found = calibrate(world.views, world.size, has_lens=False, known_K=K)
     apart = np.array([difference(found.board_to_left[view.name], world.boards[view.name]) for view in world.views])
     assert np.median(apart[:, 0]) < 2e-4 and np.median(apart[:, 1]) < 0.1
@@ -57,9 +54,7 @@ def _again(world):
         corners = {}
         for side in ("left", "right"):
             pose = world.boards[view.name] if side == "left" else world.left_to_right @ world.boards[view.name]
-            pixels = cv2.projectPoints(points, cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K[side], None)[
-                0
-            ].reshape(-1, 2)
+            pixels = projected(points, pose, world.K[side])
             corners[side] = points, pixels + 0.08 * rng.standard_normal(pixels.shape)
         views.append(BoardView(view.name, corners))
     return views
@@ -68,10 +63,8 @@ def _again(world):
 def test_a_false_detection_is_left_out():
     world = RigWorld.make(3)
     points, pixels = world.views[7].corners["right"]
-    world.views[7].corners["right"] = (
-        points,
-        pixels[::-1].copy() + 6.0 * np.random.default_rng(0).standard_normal(pixels.shape),
-    )
+    wrong = pixels[::-1].copy() + 6.0 * np.random.default_rng(0).standard_normal(pixels.shape)
+    world.views[7].corners["right"] = points, wrong
     found = calibrate(world.views, world.size)
     assert world.views[7].name not in found.board_to_left and len(found.views) == 19
     assert found.rms_px < 0.13
@@ -85,13 +78,10 @@ def test_boards_are_found_where_the_camera_draws_them(board):
     for view in world.views:
         pose = world.boards[view.name]
         pose[:3, 3] *= 1.1
-        margin = (
-            0.05 if board.kind == "chessboard" else 0.02
-        )  # to the first corner: a print's margin, and a chessboard's first square
+        # To the first corner: a print's margin, and a chessboard's first square.
+        margin = 0.05 if board.kind == "chessboard" else 0.02
         points, pixels = board.find(world.rendered(view.name, "left", board, np.array([margin, margin])))
-        drawn = cv2.projectPoints(
-            points * [1, 1, 0], cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K["left"], None
-        )[0].reshape(-1, 2)
+        drawn = projected(points * [1, 1, 0], pose, world.K["left"])
         if board.kind == "chessboard" and np.linalg.norm(drawn[0] - pixels[0]) > np.linalg.norm(drawn[-1] - pixels[0]):
             drawn = drawn[::-1]  # counted from its other end
         assert np.median(np.linalg.norm(drawn - pixels, axis=1)) < 0.2
@@ -117,25 +107,8 @@ def frames(tmp_path_factory):
 def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
     folder, world = frames
     out = tmp_path / "model.json"
-    assert (
-        main(
-            [
-                "calibrate",
-                "rig",
-                str(folder),
-                "--board",
-                "9x6:0.03",
-                "--rectified",
-                "--robot",
-                str(folder / "poses.csv"),
-                "-o",
-                str(out),
-                "--verbose",
-            ]
-        )
-        == 0
-    )
-    text = capsys.readouterr().out
+    options = ("--board", "9x6:0.03", "--rectified", "--robot", folder / "poses.csv", "--verbose")
+    text = run_here(capsys, "calibrate", "rig", folder, *options, "-o", out).stdout
     assert "6 boards" in text and "camera on gripper" in text and "corners reach" in text
     rig = read_model(out).rig
     assert rig.left.K[0, 0] == pytest.approx(world.K["left"][0, 0], rel=5e-3)
@@ -152,13 +125,12 @@ def test_bad_boards_are_refused_in_one_line(frames, tmp_path, capsys):
         (few / side).mkdir(parents=True)
         for view in world.views[:2]:
             (few / side / view.name).symlink_to(folder / side / view.name)
-    assert "2 of 2 frame pairs show the board" in refused(
-        ["calibrate", "rig", few, "--board", "9x6:0.03", "-o", out], capsys
-    )
-    assert "0 of 2 frame pairs" in refused(["calibrate", "rig", few, "--board", "8x5:0.03", "-o", out], capsys)
-    assert "no PNG file is in both" in refused(["calibrate", "rig", tmp_path, "--board", "9x6:0.03", "-o", out], capsys)
+    says = lambda path, board: refused(["calibrate", "rig", path, "--board", board, "-o", out], capsys)  # noqa: E731
+    assert "2 of 2 frame pairs show the board" in says(few, "9x6:0.03")
+    assert "0 of 2 frame pairs" in says(few, "8x5:0.03")
+    assert "no PNG file is in both" in says(tmp_path, "9x6:0.03")
     for wrong in ("9x6", "9x6:0.03:0.1", "charuco:9x6:0.02:0.03", "9:0.03", "1x6:0.03"):
-        assert wrong in refused(["calibrate", "rig", few, "--board", wrong, "-o", out], capsys)
+        assert wrong in says(few, wrong)
     assert not out.exists()
 
 

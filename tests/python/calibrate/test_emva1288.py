@@ -27,16 +27,11 @@ def test_intervals_hold():
         found = measure(Camera(seed).recording())
         dark = found.spatial.dark
         for name, truth, quantity in (
-            ("gain", GAIN, found.transfer.gain),
-            ("dark noise", SIGMA, found.transfer.dark_noise),
-            ("black", BLACK, found.black),
-            ("responsivity", GAIN * EFFICIENCY, found.responsivity),
-            ("prnu", PRNU, found.prnu),
-            ("pixel", DSNU, dark.pixel),
-            ("column", COLUMN, dark.column),
-            ("row", ROW, dark.row),
-            ("wave", WAVE, dark.waves[0].amplitude),
-        ):
+            ("gain", GAIN, found.transfer.gain), ("dark noise", SIGMA, found.transfer.dark_noise),
+            ("black", BLACK, found.black), ("responsivity", GAIN * EFFICIENCY, found.responsivity),
+            ("prnu", PRNU, found.prnu), ("pixel", DSNU, dark.pixel), ("column", COLUMN, dark.column),
+            ("row", ROW, dark.row), ("wave", WAVE, dark.waves[0].amplitude),
+        ):  # fmt: skip
             hits[name] = hits.get(name, 0) + inside(truth, quantity)
     assert min(hits.values()) >= binom.ppf(1e-3, cameras, 0.9), hits
     assert sum(hits.values()) <= 0.96 * cameras * len(hits), hits  # nor are they wide for nothing
@@ -53,11 +48,9 @@ def test_a_gain_of_few_counts_is_told_by_lit_steps():
     rng = np.random.default_rng(3)
 
     def step(photons: float, frames: int = 2) -> Step:
-        drawn = (
-            np.rint(0.05 * rng.poisson(0.5 * photons, (128, 128)) + rng.normal(5.3, 0.2, (128, 128))).astype(np.uint8)
-            for _ in range(frames)
-        )
-        return step_of(drawn, 255, 0.0, photons, "drawn")
+        size = (128, 128)
+        dn = (0.05 * rng.poisson(0.5 * photons, size) + rng.normal(5.3, 0.2, size) for _ in range(frames))
+        return step_of((np.rint(frame).astype(np.uint8) for frame in dn), 255, 0.0, photons, "drawn")
 
     found = measure(Recording("drawn", 8, tuple(step(p) for p in (*np.linspace(500.0, 9000.0, 20), 0.0)))).transfer
     assert inside(0.2, found.dark_noise) and inside(0.05, found.gain)
@@ -81,18 +74,8 @@ def written(folder: Path, change=lambda lines: lines, size: tuple[int, int] = SI
 
 def test_the_command_reads_a_descriptor_into_a_model(tmp_path, capsys):
     path, out = written(tmp_path), tmp_path / "model.json"
-    out.write_text(
-        json.dumps(
-            {
-                "format": "active-stereo-model",
-                "version": 2,
-                "effects": [
-                    {"id": "prnu", "parameters": {"sigma": 0.3}},
-                    {"id": "haze", "parameters": {}},
-                ],
-            }
-        )
-    )
+    effects = [{"id": "prnu", "parameters": {"sigma": 0.3}}, {"id": "haze", "parameters": {}}]
+    out.write_text(json.dumps({"format": "active-stereo-model", "version": 2, "effects": effects}))
     result = run_here(capsys, "calibrate", "noise", path, "-o", out, "--verbose")
     assert result.returncode == 0, result.stderr
     for words in ("12 steps of light", "system gain K", "DSNU columns", "wave in the dark"):

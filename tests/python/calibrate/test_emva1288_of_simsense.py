@@ -16,19 +16,10 @@ from drawn_camera import Camera
 
 WIDTH, HEIGHT, STACK = 256, 192, 32
 SENSOR = {
-    "responsivity_e": 1.0,
-    "shot_noise": 1.0,
-    "conversion_gain_dn_per_e": 0.05,
-    "read_noise_e": 14.0,
-    "full_well_e": 60000.0,
-    "dark_current_e_per_s": 700.0,
-    "prnu": 0.012,
-    "dsnu_e": 18.0,
-    "row_fixed_e": 8.0,
-    "column_fixed_e": 11.0,
-    "black_level_dn": 60.0,
-    "bit_depth": 12,
-}
+    "responsivity_e": 1.0, "shot_noise": 1.0, "conversion_gain_dn_per_e": 0.05, "read_noise_e": 14.0,
+    "full_well_e": 60000.0, "dark_current_e_per_s": 700.0, "prnu": 0.012, "dsnu_e": 18.0, "row_fixed_e": 8.0,
+    "column_fixed_e": 11.0, "black_level_dn": 60.0, "bit_depth": 12,
+}  # fmt: skip
 LIGHT_E_PER_S = 70000.0
 EXPOSURES_S = np.linspace(0.02, 1.0, 50)
 
@@ -79,19 +70,13 @@ def found() -> Emva1288:
 
 def test_gives_back_what_was_put_in_within_the_intervals(found):
     k, dark = SENSOR["conversion_gain_dn_per_e"], found.spatial.dark
-    check(
-        [
-            (k, found.transfer.gain),
-            (k, found.responsivity),
-            (k * SENSOR["read_noise_e"], found.transfer.dark_noise),
-            (k * SENSOR["dark_current_e_per_s"], found.transfer.dark_current),
-            (SENSOR["prnu"], found.prnu),
-            (k * SENSOR["dsnu_e"], dark.pixel),
-            (k * SENSOR["row_fixed_e"], dark.row),
-            (k * SENSOR["column_fixed_e"], dark.column),
-            (SENSOR["black_level_dn"], found.black),
-        ]
-    )
+    electrons = {
+        "read_noise_e": found.transfer.dark_noise, "dark_current_e_per_s": found.transfer.dark_current,
+        "dsnu_e": dark.pixel, "row_fixed_e": dark.row, "column_fixed_e": dark.column,
+    }  # fmt: skip
+    truths = [(k * SENSOR[name], quantity) for name, quantity in electrons.items()]
+    truths += [(SENSOR["prnu"], found.prnu), (SENSOR["black_level_dn"], found.black)]
+    check([*truths, (k, found.transfer.gain), (k, found.responsivity)])
     assert found.transfer.saturation_dn / k == pytest.approx(SENSOR["full_well_e"], rel=0.05)
     assert not dark.waves and not len(dark.excess)
 

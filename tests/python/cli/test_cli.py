@@ -14,6 +14,7 @@ from moving_wall import write_moving_wall
 from PIL import Image
 
 K = "120,0,79.5,0,120,47.5,0,0,1"
+RIG = ("--k", K, "--baseline", "0.05", "--max-disparity", "32")
 
 
 @pytest.fixture(scope="session")
@@ -73,16 +74,7 @@ def assert_refused(result, *words):
 def test_help_of_each_command(run):
     assert all(name in run("--help").stdout for name in ("simulate", "depth", "compare", "doctor"))
     for command, words in {
-        "simulate": (
-            "--sensor",
-            "--spp",
-            "--seed",
-            "--device",
-            "--camera-to-world",
-            "--out",
-            "depth_true.png",
-            "example",
-        ),
+        "simulate": "--sensor --spp --seed --device --camera-to-world --out depth_true.png example".split(),
         "depth": ("--k", "--baseline", "more (--help-all): matching", "cloud.ply", "example", " \\\n      427.12,0"),
         "compare": ("--out", "compare.json", "--spp"),
         "doctor": ("lavapipe", "--device"),
@@ -100,19 +92,12 @@ def test_without_a_driver_it_says_what_to_install(process, table_top, tmp_path):
 
 def test_simulate_writes_all_files(process, table_top, tmp_path):
     out = tmp_path / "deep" / "out"
-    result = process(
-        "simulate", table_top, "--sensor", "D435", "--resolution", "212x120", "--spp", "1", "--max-bounces", "1",
-        "--verbose", "--out", out,
-    )  # fmt: skip
+    few = ("--resolution", "212x120", "--spp", "1", "--max-bounces", "1")
+    result = process("simulate", table_top, "--sensor", "D435", *few, "--verbose", "--out", out)
     assert result.returncode == 0, result.stderr
     pictures = {f"{name}.png" for name in ("rgb", "ir_left", "ir_right", "depth", "depth_true", "overview")}
     assert {path.name for path in out.iterdir()} == pictures | {"cloud.ply", "camera.json"}
-    assert (
-        "device:" in result.stdout
-        and "infrared" in result.stdout
-        and "wood" in result.stdout
-        and "done in" in result.stderr
-    )
+    assert all(word in result.stdout for word in ("device:", "infrared", "wood")) and "done in" in result.stderr
     depth, true = (np.asarray(Image.open(out / name)) for name in ("depth.png", "depth_true.png"))
     assert depth.dtype == true.dtype and depth.shape == (120, 212) and depth.max() > 255
     both = (depth > 0) & (true > 0)
@@ -122,10 +107,8 @@ def test_simulate_writes_all_files(process, table_top, tmp_path):
 def test_simulate_repeats_with_its_seed(run, table_top, tmp_path):
     files = []
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
-        result = run(
-            "simulate", table_top, "--resolution", "212x120", "--spp", 1, "--max-bounces", 0, "--seed", seed,
-            "--out", tmp_path / name,
-        )  # fmt: skip
+        quick = ("--resolution", "212x120", "--spp", 1, "--max-bounces", 0, "--seed", seed)
+        result = run("simulate", table_top, *quick, "--out", tmp_path / name)
         assert result.returncode == 0, result.stderr
         files.append((tmp_path / name / "ir_left.png").read_bytes())
     assert files[0] == files[1] != files[2]
@@ -175,10 +158,7 @@ def test_simulate_from_a_given_pose(run, table_top, tmp_path):
 
 
 def test_depth_of_a_pair(process, pair, tmp_path):
-    result = process(
-        "depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32",
-        "--out", tmp_path,
-    )  # fmt: skip
+    result = process("depth", pair / "left.png", pair / "right.png", *RIG, "--out", tmp_path)
     assert result.returncode == 0, result.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "cloud.ply", "depth.npy", "depth.png", "disparity.npy", "disparity.png", "overview.png",
@@ -192,21 +172,18 @@ def test_depth_of_a_pair(process, pair, tmp_path):
 
 def test_depth_takes_equal_channels_and_arrays_like_gray(run, pair, tmp_path):
     np.save(tmp_path / "right.npy", np.asarray(Image.open(pair / "right.png")))
-    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out")
+    rest = (*RIG, "--out")
     for left, right, out in (("left.png", pair / "right.png", "a"), ("gray3.png", tmp_path / "right.npy", "b")):
         result = run("depth", pair / left, right, *rest, tmp_path / out)
         assert result.returncode == 0 and "hint" not in result.stdout and "cut off" not in result.stdout, result.stderr
     assert (tmp_path / "a" / "depth.npy").read_bytes() == (tmp_path / "b" / "depth.npy").read_bytes()
     np.save(tmp_path / "float.npy", np.zeros((96, 160)))
-    assert_refused(
-        run("depth", tmp_path / "float.npy", tmp_path / "right.npy", *rest, tmp_path / "c"),
-        "float.npy",
-        "uint8 or uint16",
-    )
+    result = run("depth", tmp_path / "float.npy", tmp_path / "right.npy", *rest, tmp_path / "c")
+    assert_refused(result, "float.npy", "uint8 or uint16")
 
 
 def test_depth_hints_at_exchanged_cameras_and_tells_what_it_cut(run, pair, tmp_path):
-    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
+    rest = (*RIG, "--out", tmp_path)
     result = run("depth", pair / "right.png", pair / "left.png", *rest)
     told = " ".join(result.stdout.split())
     assert result.returncode == 0 and "is LEFT the right camera's image?" in told, result.stdout
@@ -214,16 +191,12 @@ def test_depth_hints_at_exchanged_cameras_and_tells_what_it_cut(run, pair, tmp_p
     line = " ".join(result.stdout.split()).partition("cut off: ")[2]
     line = f"cut off: {line.partition(')')[0]}"
     count, share = int(line.split()[2]), float(line.split()[8])
-    assert (
-        "--max-depth-m 0.4" in line
-        and count > 0.8 * 96 * 140
-        and share == pytest.approx(100 * count / (96 * 160), abs=0.1)
-    )
+    assert "--max-depth-m 0.4" in line and count > 0.8 * 96 * 140
+    assert share == pytest.approx(100 * count / (96 * 160), abs=0.1)
 
 
 def test_depth_of_a_passive_pair_has_a_profile_and_options_go_before_it(run, pair, tmp_path):
-    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--profile", "passive", "--out", tmp_path)
-    rest += ("--verbose",)
+    rest = (*RIG, "--profile", "passive", "--out", tmp_path, "--verbose")
     for options, words in (((), "block 5x5"), (("--block", "3x3"), "block 3x3")):
         result = run("depth", pair / "left.png", pair / "right.png", *rest, *options)
         told = " ".join(result.stdout.split())
@@ -235,38 +208,29 @@ def test_profiles_of_depth_are_for_dots_for_textures_and_the_engine_itself(run, 
     for name in ("left", "right"):
         deep.append(tmp_path / f"{name}.png")
         Image.fromarray(np.asarray(Image.open(pair / f"{name}.png")).astype(np.uint16) * 256).save(deep[-1])
-    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32")
     told = {"active": "uniqueness 10 %", "passive": "uniqueness 5 %", "engine": "uniqueness 15 %"}
     for name, words in told.items():
         maps = []
         for count, images in enumerate(((pair / "left.png", pair / "right.png"), deep)):
             out = tmp_path / f"{name}{count}"
-            result = run("depth", *images, *rest, "--profile", name, "--out", out, "--verbose")
+            result = run("depth", *images, *RIG, "--profile", name, "--out", out, "--verbose")
             assert result.returncode == 0 and words in " ".join(result.stdout.split()), result.stderr
             maps.append(np.load(out / "disparity.npy"))
         assert np.mean(maps[0] == maps[1]) > 0.99, "counts of 16 bits mean what those of 8 do"
 
 
 def test_depth_explains_itself_where_asked(run, pair, tmp_path):
-    options = ("--max-disparity", "32", "--subpixel", "none", "--confidence", "--reason")
-    result = run(
-        "depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", *options, "--out", tmp_path
-    )
+    options = ("--subpixel", "none", "--confidence", "--reason")
+    result = run("depth", pair / "left.png", pair / "right.png", *RIG, *options, "--out", tmp_path)
     assert result.returncode == 0, result.stderr
-    depth, confidence, reason = (
-        np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("depth", "confidence", "reason")
-    )
+    files = (tmp_path / f"{name}.png" for name in ("depth", "confidence", "reason"))
+    depth, confidence, reason = (np.asarray(Image.open(file)) for file in files)
     assert ((reason == 0) == (depth > 0)).all() and np.median(confidence[depth > 0]) > 0.15 * 65535
-    assert set(np.unique(depth)) <= {0} | {round(6000 / d) for d in range(1, 32)}, (
-        "whole disparities alone: f B is 6 px m"
-    )
+    assert set(np.unique(depth)) <= {0} | {round(6000 / d) for d in range(1, 32)}  # whole disparities: f B is 6 px m
 
 
 def test_depth_is_the_same_on_every_back_end_and_takes_faults_by_name(run, pair, tmp_path):
-    call = (
-        "depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32",
-        "--out", tmp_path,
-    )  # fmt: skip
+    call = ("depth", pair / "left.png", pair / "right.png", *RIG, "--out", tmp_path)
 
     def depth(*options):
         result = run(*call, *options)
@@ -286,10 +250,7 @@ def test_depth_of_a_dim_16_bit_pair_with_one_bright_pixel(run, pair, tmp_path):
         dim = np.asarray(Image.open(pair / f"{name}.png")).astype(np.uint16)
         dim[3, 5] = 65535
         Image.fromarray(dim).save(tmp_path / f"{name}.png")
-    result = run(
-        "depth", tmp_path / "left.png", tmp_path / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity",
-        "32", "--out", tmp_path, "--verbose",
-    )  # fmt: skip
+    result = run("depth", tmp_path / "left.png", tmp_path / "right.png", *RIG, "--out", tmp_path, "--verbose")
     assert result.returncode == 0 and "matching 160x96" in result.stderr, result.stderr
     assert all(said in " ".join(result.stdout.split()) for said in ("p1 12, p2 32", "disparities 0..31"))
     depth = np.asarray(Image.open(tmp_path / "depth.png"))

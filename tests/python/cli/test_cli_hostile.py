@@ -44,18 +44,10 @@ def test_depths_beyond_any_scene(run, tmp_path):
     assert "1e+300 m" in one_line(run("depth-quality", tmp_path / "depth.npy", "--k", K, "--baseline", "0.05"))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        '{"ranking": 1}',
-        '{"model": 3}',
-        '{"ranking": [3]}',
-        '{"ranking": [{"effect": "read_noise", "parameters": 4}]}',
-        "[]",
-        "{",
-        "7",
-    ],
-)
+PARAMETERS = '{"ranking": [{"effect": "read_noise", "parameters": 4}]}'
+
+
+@pytest.mark.parametrize("text", ['{"ranking": 1}', '{"model": 3}', '{"ranking": [3]}', PARAMETERS, "[]", "{", "7"])
 def test_parameters_from_a_file_that_is_no_diagnosis(run, tmp_path, text):
     (tmp_path / "other.json").write_text(text)
     one_line(run("add", "read_noise", "--from", tmp_path / "other.json", "-o", tmp_path / "model.json"))

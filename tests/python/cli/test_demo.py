@@ -75,10 +75,8 @@ def test_what_is_hidden_follows_its_law_under_the_labs_names(tmp_path):
     moved = np.array([((u - 76.0) * bent).sum(), ((v - 16.0) * bent).sum()]) / bent.sum()
     r2 = x * x + y * y
     assert moved == pytest.approx(80.0 * HIDDEN["radial_distortion"][1] * r2 * np.array([x, y]), abs=5e-3)
-    plain, hidden = (
-        example_capture.write_example_capture(tmp_path / str(name), "cpu", samples_per_pixel=1, hidden=name)
-        for name in (None, "gain_mismatch")
-    )
+    write, names = example_capture.write_example_capture, (None, "gain_mismatch")
+    plain, hidden = (write(tmp_path / str(name), "cpu", samples_per_pixel=1, hidden=name) for name in names)
     gain = [hidden.ir(hidden.frames[0], side).sum() / plain.ir(plain.frames[0], side).sum() for side in SIDES]
     half = 0.5 * HIDDEN["gain_mismatch"][1]
     assert gain == pytest.approx([1.0 - half, 1.0 + half], abs=0.02)

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from activestereo.cli import main
+from command_line import run_here
 
 F_PX, BASELINE_M, SHIFT_PX, OFFSET_PX, WIDTH, HEIGHT = 100.0, 0.06, 12, 8.0, 128, 96
 CX, CY = 63.5, 47.5
@@ -35,10 +36,8 @@ def matrix(cx, shift=None):
 
 
 def ros(cx, shift):
-    return (
-        f"image_width: {WIDTH}\nimage_height: {HEIGHT}\nK: {matrix(cx)}\nD: []\nR: {rows(np.eye(3))}\n"
-        f"P: {matrix(cx, shift)}\n"
-    )
+    size = f"image_width: {WIDTH}\nimage_height: {HEIGHT}\n"
+    return f"{size}K: {matrix(cx)}\nD: []\nR: {rows(np.eye(3))}\nP: {matrix(cx, shift)}\n"
 
 
 CALIBRATIONS = {
@@ -49,6 +48,7 @@ CALIBRATIONS = {
     "ros": [ros(CX, 0.0), ros(CX + OFFSET_PX, -F_PX * BASELINE_M)],
     "ros without baseline": [ros(CX, 0.0), ros(CX + OFFSET_PX, 0.0)],
 }  # fmt: skip
+LEFT = ["--k", f"{F_PX},{F_PX},{CX},{CY}", "--baseline", "0.06"]
 OPTIONS = ["--k", f"{F_PX},{F_PX},{CX},{CY}", "--k-right", f"{F_PX},{F_PX},{CX + OFFSET_PX},{CY}", "--baseline", "0.06"]
 
 
@@ -87,28 +87,17 @@ def test_a_search_beside_truth_knows_the_offset(pair, capsys):
     [
         ([], "a pair of images needs --k, --baseline (or --calibration FILE)"),
         (["--k", "100,100,63.5,47.5", "--baseline", "60"], "is it in millimetres? Then give --baseline 0.06"),
-        (
-            [*OPTIONS[:2], *OPTIONS[4:], "--k-right", "100,100,600,47.5"],
-            "--k-right has its centre at 600, 47.5, outside",
-        ),
-        (
-            [*OPTIONS[:2], *OPTIONS[4:], "--k-right", "150,150,63.5,47.5"],
-            "do not match: focal lengths of 100 and 150 px",
-        ),
+        ([*LEFT, "--k-right", "100,100,600,47.5"], "--k-right has its centre at 600, 47.5, outside"),
+        ([*LEFT, "--k-right", "150,150,63.5,47.5"], "do not match: focal lengths of 100 and 150 px"),
         (["--calibration", "{folder}/turned.yml"], "turned.yml: the pairs are not rectified, its cameras have a lens"),
         (["--calibration", "{folder}/none.yml"], "No such file"),
         (["--calibration", "{folder}/turned.yml", *OPTIONS[:2]], "--calibration tells K of both cameras"),
     ],
 )
 def test_cameras_that_cannot_be_are_told_in_one_line(pair, capsys, words, said):
-    text = CALIBRATIONS["opencv"][0].replace(
-        f"R: {rows(np.eye(3))}", "R: [0.995, -0.0998, 0, 0.0998, 0.995, 0, 0, 0, 1]"
-    )
-    (pair / "turned.yml").write_text(text)
-    command = ["depth", str(pair / "rec/left/1.png"), str(pair / "rec/right/1.png"), "--out", str(pair / "out")]
-    try:
-        status = main([*command, *(word.format(folder=pair) for word in words)])
-    except SystemExit as ended:
-        status = ended.code
-    error = capsys.readouterr().err.strip().splitlines()
-    assert status == 2 and len(error) == 1 and said in error[0]
+    turned = "R: [0.995, -0.0998, 0, 0.0998, 0.995, 0, 0, 0, 1]"
+    (pair / "turned.yml").write_text(CALIBRATIONS["opencv"][0].replace(f"R: {rows(np.eye(3))}", turned))
+    command = ["depth", pair / "rec/left/1.png", pair / "rec/right/1.png", "--out", pair / "out"]
+    result = run_here(capsys, *command, *(word.format(folder=pair) for word in words))
+    error = result.stderr.strip().splitlines()
+    assert result.returncode == 2 and len(error) == 1 and said in error[0]

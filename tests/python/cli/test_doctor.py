@@ -19,9 +19,8 @@ def doctor(**changes):
     """(exit status, what it says in JSON) under changed variables of the environment."""
     command = [sys.executable, "-m", "activestereo", "doctor", "--json"]
     environment = {name: value for name, value in os.environ.items() if name not in ("VK_DRIVER_FILES",)}
-    result = subprocess.run(
-        command, capture_output=True, text=True, timeout=120, env=environment | {k: str(v) for k, v in changes.items()}
-    )
+    environment |= {name: str(value) for name, value in changes.items()}
+    result = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
     assert "Traceback" not in result.stderr, result.stderr
     return result.returncode, json.loads(result.stdout)
 
@@ -45,16 +44,9 @@ def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
     assert set(found["packages"]) >= {"cv2", "mujoco", "pxr"} and found["cache"]["used_bytes"] == 0
 
 
-@pytest.mark.parametrize(
-    "path, is_slow",
-    [
-        ("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0", True),
-        ("/usr/lib/libopenblasp-r0.3.21.so", False),
-        (None, False),
-    ],
-)
-def test_a_slow_reference_of_matrix_products_is_told(path, is_slow):
-    assert doctor_module.is_reference(path) == is_slow
+def test_a_slow_reference_of_matrix_products_is_told():
+    assert doctor_module.is_reference("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0")
+    assert not any(map(doctor_module.is_reference, ("/usr/lib/libopenblasp-r0.3.21.so", None)))
 
 
 def test_no_loader(tmp_path):

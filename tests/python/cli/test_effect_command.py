@@ -44,9 +44,8 @@ def test_list_names_every_effect_with_its_units(capsys):
 
 def test_the_documentation_page_is_what_the_command_prints(capsys):
     assert main(["effect", "list", "--markdown"]) == 0
-    assert capsys.readouterr().out == PAGE.read_text(encoding="utf-8"), (
-        "activestereo effect list --markdown > examples/effects/README.md"
-    )
+    renewed = "activestereo effect list --markdown > examples/effects/README.md"
+    assert capsys.readouterr().out == PAGE.read_text(encoding="utf-8"), renewed
 
 
 def test_the_pages_ten_line_example_is_lawful_and_joins_a_model(tmp_path, capsys):
@@ -116,10 +115,8 @@ def test_a_file_that_does_not_load_is_one_line_with_the_place(tmp_path, capsys, 
 def test_missing_and_foreign_files_are_refused(tmp_path, capsys):
     foreign = tmp_path / "foreign.so"
     foreign.write_bytes(b"no library")
-    for path, words in (
-        (tmp_path / "none.py", "no such effect file"),
-        (foreign, "neither a Python file nor a shared library"),
-    ):
+    kinds = {tmp_path / "none.py": "no such effect file", foreign: "neither a Python file nor a shared library"}
+    for path, words in kinds.items():
         status, _, err = check(capsys, path)
         assert status == 2 and words in err
 
@@ -135,16 +132,7 @@ def compiled(tmp_path_factory):
             path.write_text(source)
             source = path
         library = folder / f"{name}.so"
-        flags = [
-            "-std=c99",
-            "-pedantic",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-            "-shared",
-            "-fPIC",
-            f"-I{ROOT / 'capi/include'}",
-        ]
+        flags = [*"-std=c99 -pedantic -Wall -Wextra -Werror -shared -fPIC".split(), f"-I{ROOT / 'capi/include'}"]
         subprocess.run(["cc", *flags, str(source), "-o", str(library)], check=True, capture_output=True, text=True)
         return library
 
@@ -192,16 +180,8 @@ def test_what_c_sees_is_what_python_has(compiled):
     (spy,) = load_effects(compiled(SPY % (0, 7), "spy")).values()
     view = example_view()
     seen = spy(np.zeros(view.shape), view, a=0.5)[0]
-    expected = [
-        view.K[0, 2],
-        view.camera_to_projector[0, 3],
-        view.depth_m[0, -1],
-        -1.0,
-        view.pattern[-1, -1],
-        45.0,
-        1.0,
-    ]
-    np.testing.assert_allclose(seen[:7], expected)
+    place, depth_m = view.camera_to_projector[0, 3], view.depth_m[0, -1]
+    np.testing.assert_allclose(seen[:7], [view.K[0, 2], place, depth_m, -1.0, view.pattern[-1, -1], 45.0, 1.0])
     np.testing.assert_allclose(seen[8:10], [view.baseline_m, 1.0])
     with pytest.raises(ValueError, match="gave status -3"):
         spy(np.zeros(view.shape), view, a=1.0)
@@ -257,12 +237,10 @@ def test_the_python_mirror_of_the_c_descriptor_has_its_layout(tmp_path):
     prints += [f'printf("%u\\n", (unsigned)offsetof({name}, {field}));' for name, field in fields]
     source, program = tmp_path / "layout.c", tmp_path / "layout"
     body = "\n".join(prints)
-    source.write_text(
-        f'#include <stddef.h>\n#include <stdio.h>\n#include "ks/effect.h"\nint main(void) {{\n{body}\nreturn 0; }}\n'
-    )
+    includes = '#include <stddef.h>\n#include <stdio.h>\n#include "ks/effect.h"\n'
+    source.write_text(f"{includes}int main(void) {{\n{body}\nreturn 0; }}\n")
     subprocess.run(["cc", "-std=c99", f"-I{ROOT / 'capi/include'}", str(source), "-o", str(program)], check=True)
     seen = [int(line) for line in subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()]
-    assert (
-        seen[:3] == [size for _, size in structs.values()] == [ctypes.sizeof(mirror) for mirror, _ in structs.values()]
-    )
+    sizes = [size for _, size in structs.values()]
+    assert seen[:3] == sizes == [ctypes.sizeof(mirror) for mirror, _ in structs.values()]
     assert seen[3:] == [getattr(structs[name][0], field).offset for name, field in fields]

@@ -67,9 +67,8 @@ def test_no_command_is_answered_with_what_one_may_want(capsys):
 def test_a_misspelt_effect_is_answered_with_the_nearest(capsys, tmp_path):
     assert main(["add", "vigneting", "-o", str(tmp_path / "model.json")]) == 2
     assert capsys.readouterr().err.endswith("; did you mean 'vignetting'?\n")
-    (tmp_path / "model.json").write_text(
-        '{"format": "active-stereo-model", "version": 1, "effects": [{"id": "lens_psff", "parameters": {}}]}'
-    )
+    misspelt = '"effects": [{"id": "lens_psff", "parameters": {}}]'
+    (tmp_path / "model.json").write_text(f'{{"format": "active-stereo-model", "version": 1, {misspelt}}}')
     assert main(["model", "show", str(tmp_path / "model.json")]) == 2
     assert capsys.readouterr().err.endswith("; did you mean 'lens_psf'?\n")
 

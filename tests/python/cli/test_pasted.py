@@ -62,9 +62,8 @@ def quick(monkeypatch):
 def _kind(words):
     """A command without its paths: its name, and the options that are given."""
     name = words[:2] if words[0] in ("calibrate", "model") else words[:1]
-    return " ".join(
-        [*name, *sorted(word for word in words if word in ("--model", "--effects", "--search", "--settings"))]
-    )
+    told = ("--model", "--effects", "--search", "--settings")
+    return " ".join([*name, *sorted(word for word in words if word in told)])
 
 
 def _follow(capsys, *seed):

@@ -67,12 +67,8 @@ def test_changed_tables(library: Path) -> None:
         count = dice.randrange(1, 4)
         effects = (plugin.records.Effect * 3)(*(record(dice, count, c.pointer(term)) for _ in range(3)))
         for _ in range(dice.randrange(3)):
-            disturb(
-                dice,
-                dice.choice([effects[0], effects[0], term, effects[0].parameters[0]])
-                if effects[0].parameters
-                else effects[0],
-            )
+            first = effects[0]
+            disturb(dice, dice.choice([first, first, term, first.parameters[0]]) if first.parameters else first)
         if effects[0].random_terms and 1 < effects[0].random_term_count <= 64:
             effects[0].random_term_count = 1  # more than there are, C cannot tell
         if effects[0].parameters and 3 < effects[0].parameter_count <= 64:

@@ -27,21 +27,12 @@ def test_first_page_fits_one_screen():
 def test_example_runs_and_measures_most_of_the_table(tmp_path, build):
     (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
     assert len(code.strip().splitlines()) <= 24
-    run = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(build / "python")},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(build / "python")}}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, **where)
     assert run.returncode == 0, run.stderr
-    measured, error_mm, points = re.fullmatch(
-        r"([\d.]+) % measured, median error ([\d.]+) mm, (\d+) points\n", run.stdout
-    ).groups()
-    assert float(measured) > 85.0
-    assert float(error_mm) < 15.0
-    assert int(points) > 50_000
+    said = r"([\d.]+) % measured, median error ([\d.]+) mm, (\d+) points\n"
+    measured, error_mm, points = map(float, re.fullmatch(said, run.stdout).groups())
+    assert measured > 85.0 and error_mm < 15.0 and points > 50_000
 
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(GUIDE.glob("*.md"))], ids=lambda page: page.name)

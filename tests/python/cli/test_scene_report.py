@@ -35,9 +35,8 @@ def _tetrahedron(path: Path, size: float, opacity: str = "") -> Path:
 def _room(path: Path, lamp_w_sr: float | None) -> Path:
     """A wall 1 m before the camera, a ball behind the camera, one to its right, and one behind the wall."""
     writer = GltfWriter()
-    grey = writer.add_material(
-        "grey", pbrMetallicRoughness={"baseColorFactor": [0.6, 0.6, 0.6, 1], "metallicFactor": 0}
-    )
+    surface = {"baseColorFactor": [0.6, 0.6, 0.6, 1], "metallicFactor": 0}
+    grey = writer.add_material("grey", pbrMetallicRoughness=surface)
     writer.add_mesh("wall", meshes.sheet((-1, -1, -1), (2, 0, 0), (0, 2, 0)), grey)
     writer.add_mesh("follower", meshes.sphere(0.1), grey, (0, 0, 2))
     writer.add_mesh("neighbour", meshes.sphere(0.1), grey, (2, 0, 0))
@@ -63,13 +62,10 @@ def test_bodies_that_are_not_seen_are_named_with_the_reason(run, tmp_path: Path)
     ("size", "options", "words"),
     [
         (200.0, (), ("beyond the sensor's 10 m", "200 m large", "--unit 0.001")),
-        (0.2, ("--unit", "0.001"), ("0.2 mm large", "--unit 1000")),
-        (200.0, ("--unit", "0.001"), ()),
+        (0.2, ("--unit", "0.001"), ("0.2 mm large", "--unit 1000")), (200.0, ("--unit", "0.001"), ()),
     ],
-)
-def test_a_scene_in_another_unit(
-    run, tmp_path: Path, size: float, options: tuple[str, ...], words: tuple[str, ...]
-) -> None:
+)  # fmt: skip
+def test_a_scene_in_another_unit(run, tmp_path: Path, size: float, options: tuple, words: tuple) -> None:
     thing = _tetrahedron(tmp_path / "a.obj", size)
     result = run("simulate", thing, *options, *_QUICK, "--json", "--out", tmp_path / "out")
     said = [line for line in result.stderr.splitlines() if "nothing can be measured" in line]

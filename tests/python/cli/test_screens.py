@@ -47,21 +47,14 @@ def test_a_shell_gets_the_words_that_were_meant():
 @pytest.mark.parametrize(
     "words",
     [
-        ("add", "projector_defocus", "-o", "model.json"),
-        ("model", "show", "model.json"),
-        ("model", "diff", "model.json", "model.json"),
-        ("depth", "left.png", "right.png", *_RIG, "-o", "depth"),
-        ("depth", "left.png", "right.png", *_RIG, "-o", "depth", "--verbose"),
-        ("depth", "table", "-o", "again"),
-        ("pair", "left.png", "right.png", *_RIG, "-o", "pair"),
-        ("depth-quality", "depth/depth.npy", *_RIG),
-        ("effect", "list"),
-        ("effect", "check", "vignetting"),
-        ("presets",),
-        ("doctor",),
+        ("add", "projector_defocus", "-o", "model.json"), ("model", "show", "model.json"),
+        ("model", "diff", "model.json", "model.json"), ("depth", "left.png", "right.png", *_RIG, "-o", "depth"),
+        ("depth", "left.png", "right.png", *_RIG, "-o", "depth", "--verbose"), ("depth", "table", "-o", "again"),
+        ("pair", "left.png", "right.png", *_RIG, "-o", "pair"), ("depth-quality", "depth/depth.npy", *_RIG),
+        ("effect", "list"), ("effect", "check", "vignetting"), ("presets",), ("doctor",),
     ],
     ids=" ".join,
-)
+)  # fmt: skip
 def test_every_screen_fits_a_terminal(words, files, monkeypatch, capsys):
     """Only a path, which a shell must take whole, is wider."""
     monkeypatch.chdir(files)
@@ -81,9 +74,8 @@ def test_a_pair_leads_on_to_its_sensor_and_a_capture_brings_its_cameras(files, m
 
 
 def test_what_a_command_does_not_know_points_to_its_own_help(capsys):
-    assert run_here(capsys, "add", "haze", "model.json", "-o", "m.json").stderr.endswith(
-        "unrecognized arguments: model.json (see activestereo add --help)\n"
-    )
+    said = run_here(capsys, "add", "haze", "model.json", "-o", "m.json").stderr
+    assert said.endswith("unrecognized arguments: model.json (see activestereo add --help)\n")
 
 
 def test_a_strip_is_a_picture_or_a_page(capsys, tmp_path):

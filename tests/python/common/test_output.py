@@ -14,7 +14,7 @@ from PIL import Image
 
 from activestereo.common.accuracy import accuracy_by_material, accuracy_table
 from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png, write_text
-from activestereo.report.overview import simulation_figure
+from activestereo.report.pictures import simulation_figure
 from activestereo.common.progress_bar import ProgressBar, duration
 
 
@@ -125,14 +125,11 @@ def test_accuracy_by_material():
     measured = true + 0.002
     measured[:5, 10:] = 0.0
     measured[5:, 10:] = 1.02
-    rows = {
-        row.name: row
-        for row in accuracy_by_material(measured, true, ids, lambda i: ["good", "bad"][i], least_pixels=10)
-    }
-    assert (rows["good"].pixels, rows["good"].fill) == (100, 1.0) and rows["good"].median_error_m == pytest.approx(
-        0.002
-    )
-    assert (rows["bad"].pixels, rows["bad"].fill) == (90, 0.5) and rows["bad"].median_error_m == pytest.approx(0.02)
+    found = accuracy_by_material(measured, true, ids, lambda i: ["good", "bad"][i], least_pixels=10)
+    rows = {row.name: row for row in found}
+    for name, pixels, fill, error_m in (("good", 100, 1.0, 0.002), ("bad", 90, 0.5, 0.02)):
+        row = rows[name]
+        assert (row.pixels, row.fill) == (pixels, fill) and row.median_error_m == pytest.approx(error_m)
     assert rows["all"].pixels == 190 and rows["all"].invented == 0.0
     assert "good" in accuracy_table(list(rows.values()))
 

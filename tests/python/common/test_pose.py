@@ -32,9 +32,8 @@ def test_body_pose_inverts_camera_to_world():
 
 def test_product_and_inverse():
     a, b = Pose([1, 0, 0], QUARTER_TURN_LEFT), Pose([0, 2, 0], [0.9, 0.1, -0.3, 0.2])
-    np.testing.assert_allclose(
-        (a * b).to_transformation_matrix(), a.to_transformation_matrix() @ b.to_transformation_matrix(), atol=1e-12
-    )
+    product, (one, two) = (a * b).to_transformation_matrix(), (p.to_transformation_matrix() for p in (a, b))
+    np.testing.assert_allclose(product, one @ two, atol=1e-12)
     np.testing.assert_allclose((a * a.inv()).to_transformation_matrix(), np.eye(4), atol=1e-12)
 
 
@@ -42,10 +41,8 @@ def test_product_and_inverse():
     "q", [(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (1e-9, 1, 1, 0), (0.5, -0.5, 0.5, -0.5)]
 )
 def test_quaternion_survives_the_matrix(q):
-    pose = Pose((0, 0, 0), q)
-    np.testing.assert_allclose(
-        Pose(pose.to_transformation_matrix()).to_transformation_matrix(), pose.to_transformation_matrix(), atol=1e-12
-    )
+    matrix = Pose((0, 0, 0), q).to_transformation_matrix()
+    np.testing.assert_allclose(Pose(matrix).to_transformation_matrix(), matrix, atol=1e-12)
 
 
 def test_camera_to_camera_moves_points_the_other_way():

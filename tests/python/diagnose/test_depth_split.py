@@ -14,7 +14,7 @@ from activestereo.compare.render import render_halves
 from activestereo.diagnose.depth_engine import Depth
 from activestereo.diagnose.depth_split import OWN, PARTS, DepthErrors, depth_split, split_of
 from activestereo.effects import Model, builtin
-from activestereo.report.diagnosis_text import split_sentences
+from activestereo.report.diagnosis import split_sentences
 from lab_worlds import WorldRenderer, with_device_depth
 from virtual_sensor.world import make_world
 

@@ -17,8 +17,8 @@ from activestereo.effects import Model, builtin
 from activestereo.lab import Lab
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.goodness import Z90
-from activestereo.report.diagnosis_text import diagnosis_table
-from activestereo.report.write_diagnosis import write_diagnosis
+from activestereo.report.diagnosis import diagnosis_table
+from activestereo.report.write import write_diagnosis
 from activestereo.compare.model_file import library, read_model, write_model
 
 FEW = (

@@ -26,7 +26,7 @@ from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 from activestereo.model import diagnosed_model, read_model, write_model
 from activestereo.report.screen import Step
 from activestereo.report.write import write_diagnosis_report
-from activestereo.report.write_diagnosis import write_diagnosis
+from activestereo.report.write import write_diagnosis
 
 FEW = {name: builtin()[name] for name in ("vignetting", "response_gamma", "gain_mismatch")}
 SAMPLING = 16, 1, 3  # per pixel, bounces, seed

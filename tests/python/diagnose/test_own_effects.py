@@ -14,7 +14,7 @@ from activestereo.diagnose import diagnose
 from activestereo.diagnose.residual_model import ResidualModel, Term
 from activestereo.effects import Parameter, Stage, builtin, effect
 from activestereo.effects.core.load import load_effects
-from activestereo.report.diagnosis_text import diagnosis_screen
+from activestereo.report.diagnosis import diagnosis_screen
 from activestereo.report.write import write_diagnosis_report
 from lab_worlds import BLACK_DN, WorldRenderer, altered
 from schema_check import violations

@@ -18,10 +18,8 @@ from chromium import Page, is_installed
 from report_worlds import DIAGNOSIS, WITH_MODEL
 
 SAYS = "The lenses distort more or less than calibrated"
-FOUND = WITH_MODEL | {
-    "capture": "world",
-    "ranking": [DIAGNOSIS["ranking"][0] | {"finding": SAYS}, DIAGNOSIS["ranking"][1]],
-}
+_FIRST, _SECOND = DIAGNOSIS["ranking"]
+FOUND = WITH_MODEL | {"capture": "world", "ranking": [_FIRST | {"finding": SAYS}, _SECOND]}
 
 
 @pytest.fixture(scope="module")
@@ -56,21 +54,15 @@ def test_the_pictures_are_the_images(screen, ball_comparison):
     for key in tests:
         measured = ball_comparison.capture.ir(next(f for f in ball_comparison.capture.frames if f.id == key[0]), key[1])
         fall = (measured - images["base"][key]) ** 2 - (measured - images["found"][key]) ** 2
-        for top in range(0, 90 - 79 + 1):
-            for left in range(0, 160 - 140 + 1):
-                falls[key, top, left] = fall[top : top + 79, left : left + 140].sum()
+        for top, left in np.ndindex(90 - 79 + 1, 160 - 140 + 1):
+            falls[key, top, left] = fall[top : top + 79, left : left + 140].sum()
     key, top, left = max(falls, key=falls.get)
     shown = pictures["measured"][..., 0]
     assert shown.shape == (79, 140)
     measured = ball_comparison.measured[key].astype(np.float64)
     level = np.rint(255.0 * np.sqrt(np.clip(measured / np.quantile(measured, 0.998), 0.0, 1.0)))
-    places = [
-        (v, u)
-        for v in range(90 - 79 + 1)
-        for u in range(160 - 140 + 1)
-        if np.abs(level[v : v + 79, u : u + 140] - shown).max() <= 1.0
-    ]
-    assert places == [(top, left)]
+    windows = np.lib.stride_tricks.sliding_window_view(level, shown.shape)
+    assert np.argwhere(np.abs(windows - shown).max(axis=(2, 3)) <= 1.0).tolist() == [[top, left]]
 
 
 @pytest.mark.parametrize("size, detail", [((480, 848), (160, 283)), ((120, 212), (79, 140)), ((60, 100), (60, 100))])
@@ -121,9 +113,8 @@ def test_what_was_found_has_a_slider_of_its_strength(shown):
     assert names == [f"What {name} does here" for name in FOUND["added"]]
     seen = {}
     for value in ("4", "0", "8"):
-        page.value(
-            f"(() => {{ const s = document.querySelector('.strip input'); s.value = '{value}'; s.oninput(); }})()"
-        )
+        moved = f"const s = document.querySelector('.strip input'); s.value = '{value}'; s.oninput();"
+        page.value(f"(() => {{ {moved} }})()")
         images = page.value("[...document.querySelector('.strip').querySelectorAll('img')].map((i) => i.src)")
         seen[value] = images, page.text(".strip output")
     assert seen["0"][0][1] == seen["0"][0][0] and len({pictures[1] for pictures, _ in seen.values()}) == 3

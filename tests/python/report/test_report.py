@@ -14,8 +14,8 @@ from command_line import led_on
 from schema_check import violations
 from activestereo.report import explorer, write
 from activestereo.report.charts import effects_chart
-from activestereo.report.diagnosis_text import diagnosis_screen
-from activestereo.report.encode import encoded_image
+from activestereo.report.diagnosis import diagnosis_screen
+from activestereo.report.page import encoded_image
 from activestereo.report.explorer import explorer_data
 from activestereo.report.first_screen import first_screen, where_most_goes
 from activestereo.report.models import model_images, told_errors
@@ -83,10 +83,7 @@ def test_the_page_is_whole_and_loads_nothing(comparison, files):
     page = _Page(files[1].read_text())
     assert page.open == []
     explained = {name for name, region in comparison.scores["regions"].items() if region["is_explainable"]}
-    assert explained >= {
-        "infrared",
-        "disparity",
-    }  # the missing ball moves both; a channel at its noise floor has no chart
+    assert explained >= {"infrared", "disparity"}  # the missing ball moves both; one at its noise floor has no chart
     charts = [address for address in page.addresses if re.match(r"data:image/svg\+xml;base64,", address)]
     pictures = [address for address in page.addresses if re.match(r"data:image/webp;base64,", address)]
     # charts: frames, photon transfer, one of covariates per such channel, and the first screen's
@@ -121,10 +118,8 @@ def test_the_page_holds_every_frame_and_camera_under_every_model(comparison):
     values = decoded(depth["layers"]["measured"])
     assert np.array_equal(np.isnan(values), device.measured <= 0)
     seen = device.measured > 0
-    assert (
-        np.abs(values[seen] - device.focal_baseline / device.measured[seen]).max()
-        <= 0.5 * depth["layers"]["measured"]["step"] + 1e-6
-    )
+    off = np.abs(values[seen] - device.focal_baseline / device.measured[seen]).max()
+    assert off <= 0.5 * depth["layers"]["measured"]["step"] + 1e-6
 
 
 def test_pictures_quote_the_figures_of_their_frames(comparison):
@@ -220,12 +215,8 @@ def test_an_empty_diagnosis_has_a_page_too(comparison):
 
 def test_an_unknown_effect_shows_the_model_of_its_residual(comparison):
     term = {"term": "r^2", "value": -0.31, "low": -0.35, "high": -0.27}
-    model = {
-        "stage": "PROJECTOR",
-        "text": "residual / the projector's light = -0.31 r^2",
-        "terms": [term],
-        "explained_share": 0.8,
-    }
+    words = "residual / the projector's light = -0.31 r^2"
+    model = {"stage": "PROJECTOR", "text": words, "terms": [term], "explained_share": 0.8}
     unknown = DIAGNOSIS | {"verdict": "unknown", "added": [], "residual_model": model}
     assert violations(unknown, _schema("diagnose")) == []
     page = report_page(comparison, unknown)

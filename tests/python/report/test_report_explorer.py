@@ -129,10 +129,8 @@ def test_depth_is_the_third_camera(page, ball_comparison):
 def test_the_slider_fades_from_measured_to_base_to_found(page, ball_comparison, images):
     u, v = 80, 40
     high = np.quantile(ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left"), 0.998)
-    values = [
-        ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left")[v, u],
-        *(images[n][0, "left"][v, u] for n in ("base", "found")),
-    ]
+    measured = ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left")
+    values = [measured[v, u], *(images[n][0, "left"][v, u] for n in ("base", "found"))]
     page.point("#readout")
     for at in (0.0, 0.5, 1.0, 1.75, 2.0):
         slide(page, at)
@@ -151,9 +149,8 @@ def test_one_zoom_for_all_pictures(page):
     page.wait("document.getElementById('zoom').textContent === '4×'")
     first, *others = [shown_part(page, p) for p in pictures]
     assert others == [first] * 3
-    assert first == pytest.approx(
-        [30, 33.75, 40, 22.5], abs=0.3
-    )  # what was under the pointer, a quarter from the left, has stayed
+    # What was under the pointer, a quarter from the left, has stayed.
+    assert first == pytest.approx([30, 33.75, 40, 22.5], abs=0.3)
     start = page.place("#picture", 0.5, 0.5)
     page.mouse("mousePressed", start, button="left", clickCount=1)
     width = page.value("document.getElementById('picture').clientWidth")
@@ -174,18 +171,15 @@ def test_each_row_shows_its_own_residual(page, ball_comparison, images):
     measured = ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left")
     for name in ("radial_distortion", "vignetting"):
         rmse = np.sqrt(np.mean((measured - images[name][0, "left"]) ** 2))
-        caption = page.value(
-            f"document.querySelector('canvas[data-model={name}]').parentElement.querySelector('figcaption').textContent"
-        )
-        assert caption == f"RMSE {rmse:.2f} DN"
+        row = f"document.querySelector('canvas[data-model={name}]').parentElement"
+        assert page.value(f"{row}.querySelector('figcaption').textContent") == f"RMSE {rmse:.2f} DN"
         page.click(f"canvas[data-model={name}]")
         assert page.text("#fade-names button:last-child") == f"base model with {name} alone"
         slide(page, 2)
         assert page.text("#picture-name") == f"base model with {name} alone"
         assert page.value("document.getElementById('residual-other').dataset.model") == name
-        assert page.value("document.getElementById('other').selectedOptions[0].textContent").endswith(
-            f"base model with {name} alone"
-        )
+        chosen = page.value("document.getElementById('other').selectedOptions[0].textContent")
+        assert chosen.endswith(f"base model with {name} alone")
     both = [images[name][0, "left"] for name in ("radial_distortion", "vignetting")]
     v, u = np.unravel_index(np.argmax(np.abs(both[0] - both[1])), both[0].shape)
     page.point("#picture", (u + 0.5) / _WIDTH, (v + 0.5) / _HEIGHT)

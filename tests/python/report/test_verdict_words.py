@@ -7,7 +7,7 @@ from pathlib import Path
 
 from activestereo.diagnose.words import alike, headline, next_steps, rival_words
 from activestereo.report.diagnosis import diagnosis_sections
-from activestereo.report.diagnosis_text import diagnosis_screen, diagnosis_table
+from activestereo.report.diagnosis import diagnosis_screen, diagnosis_table
 from activestereo.report.screen import command
 from command_line import led_on
 from report_worlds import DIAGNOSIS

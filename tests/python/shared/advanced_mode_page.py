@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of all keys of the advanced mode, camera/advanced_mode/README.md:
 
-    PYTHONPATH=build/python python3 tests/python/shared/advanced_mode_page.py > README.md
+PYTHONPATH=build/python python3 tests/python/shared/advanced_mode_page.py > README.md
 """
 
 from activestereo.camera.advanced_mode.settings import keys

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from activestereo.calibrate.boards import Board
+from activestereo.calibrate.rig import Board
 from activestereo.calibrate.rig import BoardView
 
 BOARD = Board("chessboard", 9, 6, 0.03)
@@ -35,6 +35,11 @@ def matrix(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
     return pose
 
 
+def projected(points: np.ndarray, pose: np.ndarray, K: np.ndarray, lens: np.ndarray | None = None) -> np.ndarray:
+    """Pixels of points under a pose [4][4] to the camera."""
+    return cv2.projectPoints(points, cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], K, lens)[0].reshape(-1, 2)
+
+
 @dataclass(frozen=True)
 class RigWorld:
     """K, distortion: by camera; boards: {view's name: board_to_left}; views: corners with noise of 0.08 px."""
@@ -53,19 +58,12 @@ class RigWorld:
         size, K, distortion = (848, 480), {}, {}
         for side in ("left", "right"):
             f = 430.0 * (1 + 0.01 * rng.standard_normal())
-            K[side] = np.array(
-                [
-                    [f, 0, 424 + 4 * rng.standard_normal()],
-                    [0, f * (1 + 0.001 * rng.standard_normal()), 239 + 4 * rng.standard_normal()],
-                    [0, 0, 1],
-                ]
-            )
+            cx, ratio, cy = 424 + 4 * rng.standard_normal(), rng.standard_normal(), 239 + 4 * rng.standard_normal()
+            K[side] = np.array([[f, 0, cx], [0, f * (1 + 0.001 * ratio), cy], [0, 0, 1]])
             lens = np.array([-0.05, 0.03, 5e-4, -3e-4, 0.0]) * (1 + 0.2 * rng.standard_normal(5))
             distortion[side] = lens if has_lens else np.zeros(5)
-        left_to_right = matrix(
-            np.deg2rad([0.2, -0.3, 0.1]) if has_lens else np.zeros(3),
-            np.array([-0.05, 2e-4, -1e-4] if has_lens else [-0.05, 0, 0]),
-        )
+        turn, place = ([0.2, -0.3, 0.1], [-0.05, 2e-4, -1e-4]) if has_lens else (np.zeros(3), [-0.05, 0, 0])
+        left_to_right = matrix(np.deg2rad(turn), np.array(place))
         boards, views = {}, []
         points = BOARD.chessboard_points()
         middle = points.mean(axis=0)
@@ -78,9 +76,7 @@ class RigWorld:
             corners = {}
             for side in ("left", "right"):
                 camera = pose if side == "left" else left_to_right @ pose
-                pixels = cv2.projectPoints(
-                    points, cv2.Rodrigues(camera[:3, :3])[0], camera[:3, 3], K[side], distortion[side]
-                )[0].reshape(-1, 2)
+                pixels = projected(points, camera, K[side], distortion[side])
                 if np.all(pixels > 6) and np.all(pixels < np.array(size) - 7):
                     corners[side] = points, pixels + _CORNER_NOISE_PX * rng.standard_normal(pixels.shape)
             if len(corners) == 2:
@@ -97,9 +93,8 @@ class RigWorld:
         poses = []
         for view in self.views:
             true = board_to_base @ np.linalg.inv(self.boards[view.name]) @ np.linalg.inv(self.camera_to_gripper)
-            poses.append(
-                true @ matrix(_ROBOT_NOISE_RAD * rng.standard_normal(3), _ROBOT_NOISE_M * rng.standard_normal(3))
-            )
+            turn = _ROBOT_NOISE_RAD * rng.standard_normal(3)
+            poses.append(true @ matrix(turn, _ROBOT_NOISE_M * rng.standard_normal(3)))
         return poses
 
     def rendered(
@@ -112,13 +107,8 @@ class RigWorld:
         print_ = printed(board, density, margin_m)
         pose = self.boards[name] if side == "left" else self.left_to_right @ self.boards[name]
         # Print pixels to board metres to fine pixels.
-        to_board = np.array(
-            [
-                [1 / density, 0, 0.5 / density - first_corner_m[0]],
-                [0, 1 / density, 0.5 / density - first_corner_m[1]],
-                [0, 0, 1.0],
-            ]
-        )
+        x, y = 0.5 / density - first_corner_m
+        to_board = np.array([[1 / density, 0, x], [0, 1 / density, y], [0, 0, 1.0]])
         K = self.K[side].copy()
         grow = np.array([[fine, 0, 0.5 * (fine - 1)], [0, fine, 0.5 * (fine - 1)], [0, 0, 1.0]])
         H = grow @ K @ pose[:3, [0, 1, 3]] @ to_board

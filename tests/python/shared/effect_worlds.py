@@ -39,16 +39,8 @@ def seen(side="right", left_to_world=POSE, baseline_m=0.05, projector_K=PROJECTO
 def view_of(geometry, side="right"):
     frame = Frame(0, None, None, 0.0, 0.004, POSE, "train", camera_velocity=TWIST, temperature_c=45.0)
     left_to_camera = RIG.left_to_right if side == "right" else np.eye(4)
-    return View(
-        side,
-        CAMERA_K,
-        *geometry,
-        PATTERN,
-        PROJECTOR_K,
-        shift(-0.015) @ np.linalg.inv(left_to_camera),
-        left_to_camera,
-        frame,
-    )
+    to_projector = shift(-0.015) @ np.linalg.inv(left_to_camera)
+    return View(side, CAMERA_K, *geometry, PATTERN, PROJECTOR_K, to_projector, left_to_camera, frame)
 
 
 def smooth_places(depth):

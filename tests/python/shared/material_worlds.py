@@ -7,7 +7,7 @@ import numpy as np
 
 import kuafu
 from activestereo.scene_io import meshes
-from activestereo.calibrate.material_views import MaterialScene, Picture, pictures
+from activestereo.calibrate.material_fit import MaterialScene, Picture, pictures
 from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.scene_io.gltf_writer import GltfWriter

@@ -31,16 +31,9 @@ class MitsubaWorld:
         self._mi, self._thing, self._place, self._bsdf, self._spp = mitsuba(), thing, place, bsdf, spp
 
     def see(
-        self,
-        camera_to_world: Image,
-        lit: bool,
-        band: str,
-        seed: int,
-        projector_pose: Image | None = None,
-        bounces: int = 6,
-        box: tuple[int, int, int, int] | None = None,
-        spp: int | None = None,
-    ) -> Image:
+        self, camera_to_world: Image, lit: bool, band: str, seed: int, projector_pose: Image | None = None,
+        bounces: int = 6, box: tuple[int, int, int, int] | None = None, spp: int | None = None,
+    ) -> Image:  # fmt: skip
         """Radiance from there; projector_pose: of the left camera, where the picture is the right one's; bounces:
         surfaces after the first; box: left, top, width and height of what is rendered, all else is 0."""
         is_ir = band == "infrared"

@@ -41,22 +41,15 @@ def write_moving_wall(path: Path) -> Path:
     primitive = {"attributes": {"POSITION": corners}, "targets": [{"POSITION": back}]}
     two_s, one_s = gltf.accessor([0, 2], "SCALAR"), gltf.accessor([0, 1], "SCALAR")
     way, weights = gltf.accessor([[0, 0, 0], [0, 0, 1]], "VEC3"), gltf.accessor([0, 1], "SCALAR")
-    target = {"node": 0, "path": "translation"}
+
+    def animation(name: str, path: str, times: int, values: int) -> dict[str, Any]:
+        channel = {"sampler": 0, "target": {"node": 0, "path": path}}
+        return {"name": name, "channels": [channel], "samplers": [{"input": times, "output": values}]}
+
     gltf.root |= {
         "meshes": [{"primitives": [primitive]}],
         "nodes": [{"name": "wall", "mesh": 0}],
         "scenes": [{"nodes": [0]}],
-        "animations": [
-            {
-                "name": "go",
-                "channels": [{"sampler": 0, "target": target}],
-                "samplers": [{"input": two_s, "output": way}],
-            },
-            {
-                "name": "bend",
-                "channels": [{"sampler": 0, "target": target | {"path": "weights"}}],
-                "samplers": [{"input": one_s, "output": weights}],
-            },
-        ],
+        "animations": [animation("go", "translation", two_s, way), animation("bend", "weights", one_s, weights)],
     }
     return gltf.write(path)

@@ -66,11 +66,8 @@ class WallWorld:
         scene = kuafu.Scene(device)
         box = meshes.box(12, 12, 0.02)
         mesh = scene.add_mesh(box.positions, box.indices.reshape(-1, 3), normals=box.normals)
-        matt = scene.add_material(
-            kuafu.Material(
-                name="wall", base_color=(0.6, 0.6, 0.6, 1), metallic=0, roughness=1, specular=0, ir_albedo=0.6
-            )
-        )
+        grey = {"name": "wall", "base_color": (0.6, 0.6, 0.6, 1), "ir_albedo": 0.6}
+        matt = scene.add_material(kuafu.Material(metallic=0, roughness=1, specular=0, **grey))
         lift = np.eye(4)
         lift[1, 3], lift[2, 3] = -6.0, 0.01
         scene.add_instance(mesh, [matt], local_to_world=self.wall_pose(wall) @ lift)
@@ -84,14 +81,9 @@ class WallWorld:
         return kuafu.Light(kind="projector", ir_intensity=3.0, texture=texture, k=self.projector_K, light_to_world=pose)
 
     def write(
-        self,
-        folder: Path,
-        device: kuafu.Device,
-        repeats: int = 20,
-        spp: int = 32,
-        seed: int = 0,
+        self, folder: Path, device: kuafu.Device, repeats: int = 20, spp: int = 32, seed: int = 0,
         brightest_dn: float = 190.0,
-    ) -> Capture:
+    ) -> Capture:  # fmt: skip
         """Writes a capture of the walls, one repeat group each, exposed alike; the brightest dots of the first one come
         to brightest_dn above black."""
         rng = np.random.default_rng(seed)
@@ -123,11 +115,8 @@ class WallWorld:
 def exposed(light_dn: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """One noisy 8-bit frame of an expected image above black."""
     electrons = rng.poisson(np.maximum(light_dn, 0.0) / GAIN_DN_PER_E)
-    return (
-        np.rint(electrons * GAIN_DN_PER_E + BLACK_DN + rng.normal(0.0, READ_DN, light_dn.shape))
-        .clip(0, 255)
-        .astype(np.uint8)
-    )
+    counts = np.rint(electrons * GAIN_DN_PER_E + BLACK_DN + rng.normal(0.0, READ_DN, light_dn.shape))
+    return counts.clip(0, 255).astype(np.uint8)
 
 
 def seen_dots(
@@ -143,8 +132,6 @@ def seen_dots(
     points[:, 0] -= BASELINE_M if side == "right" else 0.0
     u, v = (K[i, i] * points[:, i] / points[:, 2] + K[i, 2] for i in (0, 1))
     width, height = world.config.ir_resolution
-    inside = (
-        (reach > 0) & (u > border_px) & (u < width - 1 - border_px) & (v > border_px) & (v < height - 1 - border_px)
-    )
-    numbers = np.flatnonzero(inside)
+    inside = (reach > 0) & (u > border_px) & (u < width - 1 - border_px)
+    numbers = np.flatnonzero(inside & (v > border_px) & (v < height - 1 - border_px))
     return numbers, np.column_stack([u, v])[numbers]

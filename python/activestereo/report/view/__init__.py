@@ -7,9 +7,7 @@ view`.
 | server.py | HTTP on the loopback address, and which requests are answered |
 | routes.py | the page's calls, answers and saved models |
 | library.py | a folder's entries, and pairs of pictures as captures |
-| capture_source.py | a capture: its frames, and the sensor that took them, with light and noise fitted |
-| scene_source.py | a scene file: its cameras, and a preset's sensor |
-| settings.py | the sliders' settings |
-| sliders.py | the sliders' ends |
+| sources.py | a capture: its frames, and the sensor that took them, with light and noise fitted; a scene file |
+| settings.py | the sliders, and their settings |
 | simulation.py | one exposure under these settings |
 """

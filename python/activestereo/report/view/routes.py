@@ -25,10 +25,10 @@ from activestereo.effects import Effect
 from activestereo.model import Quantity, SensorModel, write_model
 from activestereo.model.model import NUISANCES
 from activestereo.report.explorer import colour_stops
+from activestereo.report.view import settings as positions
 from activestereo.report.view.library import Library
 from activestereo.report.view.settings import BY_HAND, Settings, settings_of
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, Superseded
-from activestereo.report.view.sliders import camera_sliders, catalogue, present_effects, surface_sliders
 
 # The most pages whose latest request is remembered.
 _MOST_PAGES = 64
@@ -61,7 +61,9 @@ class Routes:
         """Opens one entry. Answers with its title, its frames, and the camera figures that the page draws with."""
         source = self._library.source(given.get("entry"))
         facts = {"title": source.title, "frames": source.frames(), **source.facts()}
-        return packed(facts | {"is_simulated": source.simulation() is not None, "catalogue": catalogue(self._effects)})
+        return packed(
+            facts | {"is_simulated": source.simulation() is not None, "catalogue": positions.catalogue(self._effects)}
+        )
 
     def measured(self, given: dict[str, Any]) -> bytes:
         """Answers with one measured frame."""
@@ -73,8 +75,8 @@ class Routes:
         source = self._library.source(given.get("entry"))
         _simulation(source)
         exposure = source.exposure(_whole(given, "frame"))
-        camera = [slider.as_json() for slider in camera_sliders(exposure)]
-        return packed({"camera": camera, "effects": present_effects(exposure.model)})
+        camera = positions.camera_sliders(exposure.config)
+        return packed({"camera": camera, "effects": positions.present_effects(exposure.model)})
 
     def surface(self, given: dict[str, Any]) -> bytes:
         """Answers with the name and sliders of the material at pixel u, v of the left image; the name is null without a
@@ -87,7 +89,7 @@ class Routes:
             *(_whole(given, name) for name in "uv"),
         )
         name, values = (None, None) if found is None else found
-        return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
+        return packed({"name": name, "sliders": positions.surface_sliders(values) if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
         """Writes a model.json of the sensor with the page's settings applied. Answers with its path and a

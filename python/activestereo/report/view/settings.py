@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parses and applies the positions of the page's sliders: exposure, gain, laser power, surfaces, effects. A slider that
-nobody moved is absent, and its value stays."""
+"""Defines the page's sliders, their ranges and first positions, and parses and applies what they are moved to:
+exposure, gain, laser power, surfaces, effects. A slider that nobody moved is absent, and its value stays."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import ANY, EXPOSURE, GAIN, Limits
 from activestereo.common.nearest import unknown
+from activestereo.common.shown import without_unit
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import Quantity, SensorModel
@@ -27,6 +28,10 @@ _NOISE = (
     "column_noise_e", "read_noise_e", "adc_noise_dn",
 )  # fmt: skip
 BY_HAND = "set by hand in activestereo view"
+# A camera's slider spans this factor below and above its first position.
+_REACH = 16.0
+# An effect's slider reaches so many prior deviations from neutral; its field takes all that is possible.
+_DEVIATIONS = 5.0
 
 
 @dataclass(frozen=True)
@@ -145,3 +150,64 @@ def _object(value: Any, name: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ValueError(f"{name} is {value!r}, expected a JSON object")
     return value
+
+
+def _slider(
+    name: str, label: str, unit: str, value: float, low: float, high: float, least: float, most: float,
+    is_log: bool = False,
+) -> dict[str, Any]:  # fmt: skip
+    """Describes a slider of one number for the page. least, most: limits of typed numbers; low, high: the slider's
+    ends; is_log: equal steps are equal ratios."""
+    return {
+        "name": name, "label": label, "unit": "" if unit == "1" else unit, "value": value, "low": low, "high": high,
+        "least": least, "most": most, "is_log": is_log,
+    }  # fmt: skip
+
+
+def camera_sliders(config: StereoDepthSensorConfig) -> list[dict[str, Any]]:
+    """Returns the sliders of exposure, gain and laser power. Their values are the configuration's; under automatic
+    exposure the picture itself states exposure and gain."""
+    ratios = (("exposure_s", "exposure", "s", config.ir_camera_exposure), ("gain", "gain", "", config.ir_camera_gain))
+    out = []
+    for name, label, unit, value in ratios:
+        low, high = value / _REACH, value * _REACH
+        out.append(_slider(name, label, unit, value, low, high, low, high, is_log=True))
+    power, (_, most, _) = config.laser_power_mw, config.laser_power_limits_mw
+    return [*out, _slider("laser_power_mw", "laser power", "mW", power, 0.0, most, 0.0, most)]
+
+
+def surface_sliders(values: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Returns a slider for each property of a surface, from 0 to 1. values: {one of SURFACE_FIELDS: its value}."""
+    out = []
+    for name in SURFACE_FIELDS:
+        unit, low, high = MATERIAL_FIELDS[name]
+        out.append(_slider(name, name.replace("ir_", "infrared "), unit, values[name], low, high, low, high))
+    return out
+
+
+def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
+    """Returns every effect that the page can add, with its summary and a slider for each numeric parameter, at its
+    typical value, for JSON."""
+    out = []
+    for effect in effects.values():
+        sliders = []
+        for p in effect.parameters:
+            if p.name != SURFACES.name:
+                reach = _DEVIATIONS * p.typical
+                low, high = max(p.low, p.neutral - reach), min(p.high, p.neutral + reach)
+                label = without_unit(p.name, p.unit).replace("_", " ")
+                sliders.append(_slider(p.name, label, p.unit, p.typical_value, low, high, p.low, p.high))
+        summary = " ".join(effect.summary.split()).partition(". ")[0].removesuffix(".") + "."
+        named = {"id": effect.id, "family": effect.family, "summary": summary}
+        out.append(named | {"on_surfaces": SURFACES in effect.parameters, "sliders": sliders})
+    return out
+
+
+def present_effects(model: SensorModel) -> dict[str, dict[str, Any]]:
+    """Returns the model's effects as {id: {parameter: value}}, the form of the page's settings."""
+    out: dict[str, dict[str, Any]] = {}
+    for entry in model.effects:
+        out[entry.effect.id] = {name: q.value for name, q in entry.parameters.items()}
+        if entry.surfaces:
+            out[entry.effect.id][SURFACES.name] = list(entry.surfaces)
+    return out

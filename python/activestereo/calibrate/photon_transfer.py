@@ -1,5 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures photon transfer: gain, temporal noise and linearity of a camera from pairs of evenly lit and of dark frames.
+"""Reads an EMVA 1288 measurement frame by frame, from its descriptor file or from folders, and measures photon
+transfer: gain, temporal noise and linearity of a camera from pairs of evenly lit and of dark frames.
+
+The descriptor has the format of the standard's public reference sets; its paths are relative to it:
+
+    v 3.0                      the standard's release
+    n BITS WIDTH HEIGHT
+    b EXPOSURE_NS PHOTONS      frames of even light follow
+    d EXPOSURE_NS              dark frames follow
+    i IMAGE
+
+Two frames of each step give the temporal noise; more frames of one lit and one dark step give the fixed pattern
+(Release 3.1, 6.5 and 8.1; Release 4.0 Linear has the same).
 
 Release 4.0 Linear (Release 3.1, sections 6.6 and 6.7) takes the gain K as the slope of variance over mean, which a
 nonlinear response biases. Here the response is fitted as well if photons are known, and K is stated at its origin:
@@ -9,17 +21,166 @@ nonlinear response biases. Here the response is fitted as well if photons are kn
 
 A fit takes its values' known errors, and adds scatter if the residuals show more."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
-from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording, Step
+from activestereo.calibrate.noise import bit_depth, read_repeats
+from activestereo.capture.images import read_gray
+from activestereo.common.input_files import read_text
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Quantity
+
+# Largest share of a step's counts that may clip; more would bias its mean and narrow its noise.
+LARGEST_CLIPPED = 0.005
+_NS = 1e-9
+# Frames of one step may differ in their mean by this share, or by this many counts in the dark.
+_LARGEST_DRIFT, _LARGEST_DRIFT_DN = 0.02, 0.5
+_HEADS = {"v": 1, "n": 3, "b": 2, "d": 1, "i": 1}
+
+
+@dataclass(frozen=True)
+class Step:
+    """Frames of one exposure time under one even light. photons: per pixel, 0 in the dark, None if unknown.
+    variance_dn2: temporal variance, averaged over all pixels. clipped: share of the counts at an end of the range.
+    average: mean frame [height, width]; None of fewer than three frames."""
+
+    place: str
+    exposure_s: float
+    photons: float | None
+    frames: int
+    pixels: int
+    mean_dn: float
+    variance_dn2: float
+    clipped: float
+    average: NDArray[np.float64] | None = None
+
+    @property
+    def is_dark(self) -> bool:
+        return self.photons == 0.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """An EMVA 1288 measurement; its steps are in the file's order."""
+
+    name: str
+    bit_depth: int
+    steps: tuple[Step, ...]
+
+    @property
+    def max_dn(self) -> int:
+        return int(2**self.bit_depth - 1)
+
+
+def step_of(
+    frames: Iterable[NDArray[np.generic]], max_dn: int, exposure_s: float, photons: float | None, place: str
+) -> Step:
+    """Makes a Step from its frames, counts [height, width], which are read one by one. Raises ValueError for fewer than
+    two, or if their means differ because the lamp drifts."""
+    total = squares = np.zeros(1)
+    means, clipped = [], 0.0
+    for frame in frames:
+        counts = np.asarray(frame, dtype=np.float64)
+        total, squares = total + counts, squares + counts**2
+        clipped += float(np.mean((counts <= 0) | (counts >= max_dn)))
+        means.append(float(counts.mean()))
+    n = len(means)
+    if n < 2:
+        told = f"has {n} frame{'s'[: n != 1]}: record two of each step, 100 of one lit and one dark step"
+        raise ValueError(f"{place}: {told}")
+    average = total / n
+    # A frame's mean is the lamp's or the offset's, not a pixel's noise (Release 4.0 Linear, 6.6).
+    variance = float((squares / n - average**2).mean() * n / (n - 1) - np.var(means, ddof=1))
+    drift = float(np.ptp(means))
+    if drift > max(_LARGEST_DRIFT * float(np.mean(means)), _LARGEST_DRIFT_DN):
+        differ = f"the frames' means differ by {drift:.2f} DN of {np.mean(means):.1f}"
+        remedy = "let lamp and camera warm up and record the frames of a step right after each other"
+        raise ValueError(f"{place}: {differ}: {remedy}")
+    mean, kept = float(np.mean(means)), average if n > 2 else None
+    return Step(place, exposure_s, photons, n, average.size, mean, variance, clipped / n, kept)
+
+
+def read_descriptor(path: Path, tell: Callable[[float], object]) -> Recording:
+    """Reads the measurement that a descriptor file lists. Raises ValueError with file, line and remedy."""
+    bits = size = None
+    heads: list[tuple[str, float, float]] = []
+    files: list[list[Path]] = []
+    for number, line in enumerate(read_text(path, errors="replace").splitlines(), 1):
+        words, place = line.split(), f"{path}:{number}"
+        if not words or words[0].startswith("#"):
+            continue
+        head, values = words[0], words[1:]
+        if head == "i" and values:
+            values = [line.split(maxsplit=1)[1].strip()]
+        if _HEADS.get(head) != len(values):
+            told = f"is {line.strip()[:60]!r}, expected a line 'v', 'n', 'b', 'd' or 'i' of EMVA 1288"
+            raise ValueError(f"{place}: {told}")
+        if head == "n":
+            bits, *size = (int(_number(value, place)) for value in values)
+            if not 8 <= bits <= 16:
+                raise ValueError(f"{place}: has {bits} bits, 8 to 16 can be read")
+        elif head in "bd":
+            photons = _number(values[1], place) if head == "b" else 0.0
+            if head == "b" and photons == 0.0:
+                raise ValueError(f"{place}: has 0 photons: dark frames stand after 'd {values[0]}'")
+            heads.append((place, _NS * _number(values[0], place), photons))
+            files.append([])
+        elif head == "i":
+            if not files:
+                raise ValueError(f"{place}: an image before any line 'b' or 'd'")
+            files[-1].append(path.parent / values[0].replace("\\", "/"))
+    if bits is None or size is None:
+        raise ValueError(f"{path}: has no line 'n BITS WIDTH HEIGHT': is it a descriptor of EMVA 1288?")
+    steps, max_dn = [], 2**bits - 1
+    for done, ((place, exposure_s, photons), images) in enumerate(zip(heads, files, strict=True)):
+        frames = (_frame(file, (size[0], size[1]), max_dn, place) for file in images)
+        steps.append(step_of(frames, max_dn, exposure_s, photons, place))
+        tell((done + 1) / len(heads))
+    return Recording(str(path), bits, tuple(steps))
+
+
+def read_folders(lit: Path, dark: Path) -> Recording:
+    """Reads a measurement from a folder with one subfolder for each step of light, and a folder of dark frames.
+    Exposures and photons stay unknown. Raises ValueError as read_repeats() does."""
+    stacks = [(view, None) for view in read_repeats(lit, 2)] + [(view, 0.0) for view in read_repeats(dark, 2)]
+    shapes = {view.counts.shape[1:]: view.name for view, _ in stacks}
+    if len(shapes) > 1:
+        (first, name), (other, other_name) = list(shapes.items())[:2]
+        sizes = f"is {other[1]}x{other[0]}, {name} is {first[1]}x{first[0]}"
+        raise ValueError(f"{other_name}: {sizes}: record all steps with one setting")
+    bits = bit_depth([view for view, _ in stacks])
+    steps = [step_of(view.counts, 2**bits - 1, 0.0, photons, view.name) for view, photons in stacks]
+    return Recording(str(lit), bits, tuple(steps))
+
+
+def _frame(file: Path, size: tuple[int, int], max_dn: int, place: str) -> NDArray[np.generic]:
+    try:
+        counts = read_gray(file, size)
+    except OSError as error:
+        raise ValueError(f"{place}: {file}: {error.strerror}") from error
+    except ValueError as error:
+        raise ValueError(f"{place}: {error}: record all steps with one setting") from error
+    if counts.max() > max_dn:
+        raise ValueError(f"{place}: {file} has counts of {counts.max()}, line 'n' states at most {max_dn}")
+    return counts
+
+
+def _number(text: str, place: str) -> float:
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < np.inf:
+        raise ValueError(f"{place}: {text[:40]!r} is no number of 0 or more")
+    return value
+
 
 # Both tails of a 90 % interval, and half of its width in standard deviations.
 _TAIL = 0.95
@@ -37,7 +198,6 @@ class WeightedFit:
     bic: float
 
     def error(self, place: int) -> float:
-        """Returns the standard deviation of a value."""
         return float(np.sqrt(max(self.covariance[place, place], 0.0)))
 
     def quantity(self, place: int, unit: str, source: str) -> Quantity:
@@ -122,9 +282,9 @@ class PhotonTransfer:
     is_saturated: bool
     steps: int
     used_steps: int
-    responsivity: Quantity | None = None
-    response: Response | None = None
-    dark_current: Quantity | None = None
+    responsivity: Quantity | None
+    response: Response | None
+    dark_current: Quantity | None
 
 
 @dataclass(frozen=True)
@@ -148,23 +308,19 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     lit = [step for step in recording.steps if not step.is_dark]
     lit = [step for step in lit if step.average is None] or lit
     if len(lit) < _LEAST_STEPS:
-        raise ValueError(
-            f"{recording.name}: {len(lit)} step{'s'[: len(lit) != 1]} of light: the gain needs {_LEAST_STEPS} or more "
-            "of two frames each, better 50 from dark to saturation"
-        )
+        needed = f"the gain needs {_LEAST_STEPS} or more of two frames each, better 50 from dark to saturation"
+        raise ValueError(f"{recording.name}: {len(lit)} step{'s'[: len(lit) != 1]} of light: {needed}")
     if not dark:
         raise ValueError(f"{recording.name}: no dark frames: cover the lens and record two at each exposure time")
     for step in dark:
         if step.clipped > LARGEST_CLIPPED:
-            raise ValueError(
-                f"{step.place}: {100 * step.clipped:.1f} % of the dark counts clip: raise the camera's black level"
-            )
+            clipped = f"{100 * step.clipped:.1f} % of the dark counts clip"
+            raise ValueError(f"{step.place}: {clipped}: raise the camera's black level")
     clear = sum(step.clipped <= LARGEST_CLIPPED for step in lit)
     if clear < _LEAST_STEPS:
-        raise ValueError(
-            f"{recording.name}: {len(lit) - clear} of {len(lit)} steps of light have counts that clip at 0 or "
-            f"{recording.max_dn}: record {_LEAST_STEPS} or more with less light, or raise the black level"
-        )
+        counts = f"{len(lit) - clear} of {len(lit)} steps of light have counts that clip at 0 or {recording.max_dn}"
+        remedy = f"record {_LEAST_STEPS} or more with less light, or raise the black level"
+        raise ValueError(f"{recording.name}: {counts}: {remedy}")
     # 2. Each step less the dark of its own exposure; several darks of one exposure count by their frames.
     means: dict[float, float] = {}
     for exposure in {step.exposure_s for step in dark}:
@@ -172,10 +328,8 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
         means[exposure] = float(np.average([s.mean_dn for s in same], weights=[s.frames for s in same]))
     for step in lit:
         if step.exposure_s not in means:
-            raise ValueError(
-                f"{step.place}: no dark frames of its exposure time, {step.exposure_s:g} s: cover the lens and record "
-                "two at each exposure time"
-            )
+            lacks = f"no dark frames of its exposure time, {step.exposure_s:g} s"
+            raise ValueError(f"{step.place}: {lacks}: cover the lens and record two at each exposure time")
     photons = np.array([np.nan if step.photons is None else step.photons for step in lit])
     signal = np.array([step.mean_dn - means[step.exposure_s] for step in lit])
     order = np.argsort(photons if np.isfinite(photons).all() else signal, kind="stable")
@@ -187,10 +341,8 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     top = int(np.flatnonzero(levels.variance >= levels.variance[peak] - 2.0 * error)[-1])
     used = (levels.signal <= _GAIN_RANGE * levels.signal[top]) & (np.arange(len(levels.signal)) <= top)
     if used.sum() < _LEAST_STEPS:
-        raise ValueError(
-            f"{recording.name}: {used.sum()} of {len(lit)} steps of light lie below {100 * _GAIN_RANGE:.0f} % of "
-            "saturation: record ten or more from dark to saturation"
-        )
+        below = f"{used.sum()} of {len(lit)} steps of light lie below {100 * _GAIN_RANGE:.0f} % of saturation"
+        raise ValueError(f"{recording.name}: {below}: record ten or more from dark to saturation")
     # 3. The dark, at exposure 0.
     times = np.array([step.exposure_s for step in dark])
     several = len(set(times)) >= _LEAST_STEPS
@@ -205,17 +357,10 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     dark_at_used = at_used @ dark_variance.values
     gain, dark_noise = _gain(levels, used, dark_variance, dark_at_used, response)
     return PhotonTransfer(
-        gain=gain,
-        dark_noise=dark_noise,
-        black=black.quantity(0, "DN", _SOURCE),
-        saturation_dn=float(levels.signal[top]),
-        is_saturated=top < len(levels.signal) - 1,
-        steps=len(lit),
-        used_steps=int(used.sum()),
-        responsivity=response[1].quantity(0, "DN", _SOURCE) if response else None,
-        response=response[0] if response else None,
-        dark_current=black.quantity(1, "DN/s", _SOURCE) if several else None,
-    )
+        gain, dark_noise, black.quantity(0, "DN", _SOURCE), float(levels.signal[top]), top < len(levels.signal) - 1,
+        len(lit), int(used.sum()), response[1].quantity(0, "DN", _SOURCE) if response else None,
+        response[0] if response else None, black.quantity(1, "DN/s", _SOURCE) if several else None,
+    )  # fmt: skip
 
 
 def _noise(steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -232,9 +377,8 @@ def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response
     low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
     inside = (levels.signal >= low) & (levels.signal <= high) & (np.arange(len(levels.signal)) <= top)
     if inside.sum() < _LEAST_STEPS:
-        raise ValueError(
-            f"{recording.name}: {inside.sum()} steps of light lie between 5 and 95 % of saturation: record ten or more"
-        )
+        told = f"{inside.sum()} steps of light lie between 5 and 95 % of saturation: record ten or more"
+        raise ValueError(f"{recording.name}: {told}")
     photons, signal = levels.photons[inside], levels.signal[inside]
     error = levels.mean_error[inside] / photons
     largest, ratio = float(photons.max()), signal / photons
@@ -253,10 +397,8 @@ def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response
     departure = signal / expected - 1.0
     worst = int(np.argmax(np.abs(departure)))
     if abs(departure[worst]) > _LARGEST_DEPARTURE:
-        raise ValueError(
-            f"{recording.name}: the step of {photons[worst]:g} photons is {100 * departure[worst]:+.1f} % off what the "
-            "others tell: let the lamp warm up and measure its light with each step"
-        )
+        off = f"the step of {photons[worst]:g} photons is {100 * departure[worst]:+.1f} % off what the others tell"
+        raise ValueError(f"{recording.name}: {off}: let the lamp warm up and measure its light with each step")
     return response, chosen
 
 
@@ -270,10 +412,8 @@ def _gain(
     variance, error = levels.variance[used], levels.variance_error[used]
     well = variance >= _ROUNDED_WELL
     if well.sum() < _LEAST_STEPS:
-        raise ValueError(
-            f"{well.sum()} steps of light have half a count of noise: rounding hides the rest; use a higher gain or "
-            "more bits"
-        )
+        told = f"{well.sum()} steps of light have half a count of noise: rounding hides the rest"
+        raise ValueError(f"{told}; use a higher gain or more bits")
 
     def fitted(curve: Response | None) -> WeightedFit:
         if curve is None:

@@ -1,22 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a result on one page. Figures are made without pyplot, so that no global state changes."""
+"""Draws results on one page: a simulated frame, a matched pair, a real pair beside a simulated one, or pictures side by
+side. Figures are made without pyplot, so that no global state changes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from numpy.typing import NDArray
 
 from activestereo.common.accuracy import Accuracy
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
+from activestereo.compare.pair_findings import Finding, residual_image
 from activestereo.report.lettering import escape_dollars
 
 _NO_DATA = "#15181c"
 _LEAST_SPAN_MM = 5.0  # least range of an error's colours, which else span nine in ten pixels
 _LONGEST_NAME = 17
+_PANEL_IN, _TITLE_IN, _BAR_IN = 4.0, 0.35, 0.6
+_DETAIL = 0.25  # share of the image's width that the detail shows, from its middle
 
 
 def simulation_figure(
@@ -33,22 +40,15 @@ def simulation_figure(
     page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=aspect, chart_height=chart_height)
     _picture(page.picture(0, 0), rgb, "RGB camera")
     for column, (image, side) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
-        _picture(
-            page.picture(0, column),
-            image,
-            f"infrared {side}, as measured (display gamma 2)",
-            cmap="gray",
-            norm=PowerNorm(0.5, 0, 255),
-        )
+        name, shades = f"infrared {side}, as measured (display gamma 2)", PowerNorm(0.5, 0, 255)
+        _picture(page.picture(0, column), image, name, cmap="gray", norm=shades)
     span = depth_span(true_depth)
     _depth(page.picture(1, 0), depth, "measured depth, registered to RGB (black: none)", span)
     _depth(page.picture(1, 1), true_depth, "true depth", span)
     _error(page.picture(1, 2), depth, true_depth)
     _bars(page.chart(0, 3), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", BLUE)
-    _bars(
-        page.chart(2, 3), rows, [100.0 * r.invented for r in rows], "invented: nothing is there, or 5 % off,", "%",
-        MUTED,
-    )  # fmt: skip
+    words = "invented: nothing is there, or 5 % off,"
+    _bars(page.chart(2, 3), rows, [100.0 * r.invented for r in rows], words, "%", MUTED)
     _bars(page.chart(1, 3), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", ORANGE)
     return page.figure
 
@@ -80,10 +80,8 @@ class _Page:
         self._chart_height = chart_height
         self._inner = columns * self.WIDTH + (columns - 1) * self.BAR
         below = chart_height + 0.95 if chart_height else 0.25
-        self._size = (
-            self._inner + 2 * self.MARGIN + 0.3,
-            self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below,
-        )
+        height = self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below
+        self._size = self._inner + 2 * self.MARGIN + 0.3, height
         self.figure = Figure(figsize=self._size, facecolor="white")
         self._text(0.42, escape_dollars(title), fontsize=18, weight="bold", color=INK)
         self._text(0.76, subtitle, fontsize=12, color=MUTED)
@@ -119,8 +117,6 @@ def depth_span(depth: np.ndarray) -> tuple[float, float]:
 def colored(values: np.ndarray, span: tuple[float, float], cmap: str) -> np.ndarray:
     """Colours positive values by a colour map, uint8 [h, w, 3]; other pixels are dark. span: the values at the map's
     ends."""
-    from matplotlib import colormaps
-
     rgba = colormaps[cmap](Normalize(*span, clip=True)(values))[..., :3]
     rgba[~(values > 0)] = [int(_NO_DATA[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     return np.rint(255.0 * rgba).astype(np.uint8)
@@ -192,3 +188,86 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
     axes.set_axisbelow(True)
     for spine in axes.spines.values():
         spine.set_visible(False)
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Names a picture: RGB [height][width][3] or grey [height][width] in 0..1, or depth [height][width] in metres, 0 =
+    none. near_far_m: the ends of the depth scale; None for no depth."""
+
+    name: str
+    image: NDArray
+    near_far_m: tuple[float, float] | None = None
+
+
+def labelled_figure(pictures: Sequence[Labelled], columns: int) -> Figure:
+    """Draws the pictures in rows of `columns`. Measured depth is coloured, and black where there is none."""
+    rows = -(-len(pictures) // columns)
+    aspect = pictures[0].image.shape[0] / pictures[0].image.shape[1]
+    has_depth = any(picture.near_far_m is not None for picture in pictures)
+    size = columns * _PANEL_IN + has_depth * _BAR_IN, rows * (_PANEL_IN * aspect + _TITLE_IN)
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    colours = colormaps["viridis_r"].with_extremes(bad="black")
+    for place, picture in zip(figure.subplots(rows, columns, squeeze=False).ravel(), pictures, strict=False):
+        if picture.near_far_m is None:
+            place.imshow(np.clip(picture.image, 0.0, 1.0), cmap="gray", vmin=0.0, vmax=1.0)
+        else:
+            known = np.ma.masked_equal(picture.image, 0.0)
+            near, far = picture.near_far_m
+            shown = place.imshow(known, cmap=colours, vmin=near, vmax=far, interpolation="nearest")
+            bar = figure.colorbar(shown, ax=place, extend="both", fraction=0.04, pad=0.02)
+            bar.set_label("m (black: none)", size=8, color=MUTED)
+            bar.ax.tick_params(labelsize=8, colors=MUTED)
+        place.set_title(picture.name, size=10, color=INK, loc="left")
+        place.set_axis_off()
+    return figure
+
+
+def pair_figure(
+    pairs: Mapping[str, tuple[NDArray, NDArray]],
+    disparities: Mapping[str, NDArray],
+    findings_of: Mapping[str, Sequence[Finding]],
+) -> Figure:
+    """Draws two infrared pairs in rows. pairs: {name: (left, right) DN [height][width]}; disparities: {name: px of the
+    left image, 0 = none}; findings_of: {name: results of pair_statistics()}."""
+    figure = Figure(figsize=(15, 10.5), layout="constrained")
+    grid = figure.add_gridspec(3, 4, height_ratios=(1, 1, 0.9))
+    highest = max(float(np.quantile(pair[0], 0.995)) for pair in pairs.values())
+    for row, (name, (left, right)) in enumerate(pairs.items()):
+        rest, _ = residual_image(left.astype(np.float64), right.astype(np.float64), disparities[name])
+        axes = [figure.add_subplot(grid[row, column]) for column in range(4)]
+        axes[0].imshow(left, cmap="gray", norm=PowerNorm(0.5, 0, highest))
+        axes[0].set_title(f"{escape_dollars(name)}: left camera (display gamma 2)", fontsize=9)
+        height, width = left.shape
+        half = int(0.5 * _DETAIL * width), int(0.5 * _DETAIL * height)
+        middle = np.s_[height // 2 - half[1] : height // 2 + half[1], width // 2 - half[0] : width // 2 + half[0]]
+        axes[1].imshow(left[middle], cmap="gray", norm=PowerNorm(0.5, 0, highest))
+        axes[1].set_title("its middle, four times as large", fontsize=9)
+        axes[2].imshow(rest[middle], cmap="RdBu", vmin=-0.15 * highest, vmax=0.15 * highest)
+        axes[2].set_title(f"left less right there, ±{0.15 * highest:.0f} DN", fontsize=9)
+        axes[3].imshow(np.where(disparities[name] > 0, disparities[name], np.nan), cmap="viridis")
+        axes[3].set_title("disparity (white: none)", fontsize=9)
+        for each in axes:
+            each.set_axis_off()
+    counts = figure.add_subplot(grid[2, :2])
+    for colour, (name, pair) in zip((BLUE, ORANGE), pairs.items(), strict=False):
+        values = np.bincount(np.minimum(pair[0].ravel().astype(np.int64), 4095))
+        counts.plot(np.arange(len(values)), values / pair[0].size, color=colour, label=name, lw=1.2)
+    counts.set(yscale="log", xlim=(0, 1.1 * highest), xlabel="left image, DN", ylabel="share of the pixels")
+    counts.legend(frameon=False)
+    beside = figure.add_subplot(grid[2, 2:])
+    beside.set_axis_off()
+    names = {f.name: f for findings in findings_of.values() for f in findings}
+    rows = []
+    for shown in names.values():
+        scale, unit = (100.0, "%") if shown.unit == "1" else (1.0, shown.unit)
+        found = [next((f for f in findings if f.name == shown.name), None) for findings in findings_of.values()]
+        rows.append([shown.text, *("-" if f is None else f"{scale * f.value:.3g} {unit}" for f in found)])
+    table = beside.table(
+        cellText=rows, colLabels=["", *findings_of], colWidths=[0.56, 0.22, 0.22], loc="center", cellLoc="left",
+        edges="horizontal",
+    )  # fmt: skip
+    table.auto_set_font_size(False)
+    table.set_fontsize(9)
+    table.scale(1.0, 1.35)
+    return figure

@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serves a capture to the page: its measured frames, and the sensor that takes them in the capture's scene."""
+"""Serves a capture to the page: its measured frames, and the sensor that takes them in the capture's scene; or a scene
+file: a preset's sensor at the scene's cameras, compared with the first picture before any slider moved."""
 
 from __future__ import annotations
 
 import threading
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json_object
-from activestereo.common.pose import Pose
+from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.compare.noise import fit_noise_model, repeat_statistics
@@ -24,7 +30,9 @@ from activestereo.model.configure import exposed
 from activestereo.model.diagnosed import calibrated
 from activestereo.model.model import NOISE_TERMS, NUISANCES
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, drawn_from_left
+from activestereo.scene_io.defaults import light_closed_room, overall_view
 from activestereo.scene_io.scene_files import load_scene_file
+from activestereo.scene_io.staging import room_radiance
 
 # The laser's slider ends at this multiple of the capture's power.
 _STRONGEST_LASER = 3.0
@@ -63,11 +71,8 @@ class CaptureSource:
         """Returns the left camera's figures (size, max_dn, K, focal_baseline_px_m), with which the page computes
         depth and points."""
         rig = self._capture.rig
-        return {
-            "kind": "capture", "has_measured": True, "width": rig.left.width, "height": rig.left.height,
-            "max_dn": rig.max_dn, "k": rig.left.K.ravel().tolist(), "has_depth": True,
-            "focal_baseline_px_m": self._focal_baseline(),
-        }  # fmt: skip
+        size, baseline = (rig.left.width, rig.left.height), self._focal_baseline()
+        return _facts("capture", size, rig.max_dn, rig.left.K, baseline)
 
     def measured(self, frame_id: int) -> Pictures:
         """Returns one measured frame with the device's depth, or with depth matched from the pair if the device gave
@@ -97,17 +102,11 @@ class CaptureSource:
     def exposure(self, frame_id: int) -> Exposure:
         """Returns the Exposure that simulates one frame: the sensor's settings, model and pose."""
         if frame_id not in self._exposures:
-            self._exposures[frame_id] = self._exposure(frame_id)
+            frame, model = self._frame(frame_id), self._model()
+            config = self._config(frame)
+            conditions = config.ir_ambient_radiance, frame.temperature_c, frame.timestamp_s, frame.camera_velocity
+            self._exposures[frame_id] = Exposure(config, model, frame.camera_to_world, *conditions)
         return self._exposures[frame_id]
-
-    def _exposure(self, frame_id: int) -> Exposure:
-        """Computes the Exposure that exposure() keeps."""
-        frame, model = self._frame(frame_id), self._model()
-        config = self._config(frame)
-        return Exposure(
-            config, model, frame.camera_to_world, config.ir_ambient_radiance, frame.temperature_c,
-            frame.timestamp_s, frame.camera_velocity,
-        )  # fmt: skip
 
     def _frame(self, frame_id: int) -> Frame:
         if frame_id not in self._frames:
@@ -170,6 +169,68 @@ def _fitted_noise(capture: Capture, black_dn: float) -> Imager | None:
     noise_model = fit_noise_model(repeat_statistics(capture), black_dn, capture.rig.max_dn)
     if noise_model is None:
         return None
-    return Imager(
-        **{n: Quantity(getattr(noise_model, n), unit=unit, source=_SOURCE) for n, unit in NOISE_TERMS.items()}
-    )
+    terms = {n: Quantity(getattr(noise_model, n), unit=unit, source=_SOURCE) for n, unit in NOISE_TERMS.items()}
+    return Imager(**terms)
+
+
+class SceneSource:
+    """Simulates the viewer's pictures of a scene file. config: the sensor; model: the sensor's effects, None for
+    none."""
+
+    def __init__(
+        self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None = None
+    ) -> None:
+        self.title, self._path, self._device = path.name, path, device
+        self._config, self._model = config, SensorModel() if model is None else model
+        self._left_config = drawn_from_left(config)
+
+    def frames(self) -> list[dict[str, object]]:
+        """Returns [{id, label}] of the scene's cameras, or of one chosen view if it has none."""
+        count = self._scene().summary.camera_count
+        return [{"id": n, "label": f"camera {n}" if count else "chosen view"} for n in range(max(count, 1))]
+
+    def facts(self) -> dict[str, object]:
+        """Returns the left camera's figures as CaptureSource.facts()."""
+        signal = self._config.ir_signal
+        bits = int(signal.get("bit_depth", 8)) if isinstance(signal, dict) else 8
+        own = self._left_config
+        return _facts("scene", own.ir_resolution, 2**bits - 1, own.ir_intrinsic, own.focal_baseline_px_m)
+
+    def measured(self, frame_id: int) -> Pictures:
+        raise ValueError(f"{self.title} is a scene: nothing was measured in it")
+
+    @computed_once
+    def simulation(self) -> Simulation:
+        return Simulation(self._scene())
+
+    def exposure(self, frame_id: int) -> Exposure:
+        """Returns the Exposure of the sensor whose colour camera stands at one of the scene's cameras."""
+        scene = self._scene()
+        known = [frame["id"] for frame in self.frames()]
+        if frame_id not in known:
+            raise ValueError(f"{self.title} has no camera {frame_id!r}, only {known[0]} to {known[-1]}")
+        colour = scene.camera(frame_id).camera_to_world if scene.summary.camera_count else self._chosen()
+        colour_to_left = CAMERA_TO_BODY.T @ as_matrix(self._config.trans_pose_l) @ CAMERA_TO_BODY
+        return Exposure(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
+
+    @computed_once
+    def _chosen(self) -> NDArray[np.float64]:
+        return overall_view(self._scene())[0]
+
+    @computed_once
+    def _scene(self) -> kuafu.Scene:
+        scene = kuafu.Scene(self._device)
+        dome = load_scene_file(scene, self._path)
+        if not scene.summary.triangle_count:
+            raise ValueError(f"{self._path}: there is nothing to see in it: no triangles")
+        if dome is None:
+            light_closed_room(scene)
+        room = room_radiance(scene)
+        scene.set_environment(dome or (room, room, room))
+        return scene
+
+
+def _facts(kind: str, size: tuple[int, int], max_dn: int, K: Any, focal_baseline_px_m: float) -> dict[str, object]:
+    named = {"kind": kind, "has_measured": kind == "capture", "width": size[0], "height": size[1], "max_dn": max_dn}
+    k = np.ravel(K).tolist()
+    return named | {"k": k, "has_depth": True, "focal_baseline_px_m": focal_baseline_px_m}
