@@ -50,14 +50,11 @@ class Block:
 @dataclass(frozen=True)
 class Normal:
     """Holds the normal equations for the columns' coefficients, after the cells' radiances are projected out.
-    information [tile][column][column], score [tile][column]; tiles of all bands. spread: {band: standard deviation of
-    the residuals over the expected one}. trust: {band: mean of the cells' final weights over 1 / variance}. prior: the
-    columns' prior precision [column][column]."""
+    information [tile][column][column], score [tile][column]; tiles of all bands. trust: {band: mean of the cells' final
+    weights over 1 / variance}. prior: the columns' prior precision [column][column]."""
 
-    names: tuple[str, ...]
     information: NDArray[np.float64]
     score: NDArray[np.float64]
-    spread: Mapping[str, float]
     trust: Mapping[str, float]
     prior: NDArray[np.float64]
 
@@ -181,17 +178,17 @@ def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], besid
     A cell's weight falls with its own residual (Student's distribution); a band is scaled by its cells' spread.
     Information and scores are divided by the overdispersion of the tiles' scores, at least 1 (a tempered likelihood).
     """
-    prior, spread, trust = prior_precision(room, columns), {}, {}
+    prior, trust = prior_precision(room, columns), {}
     information, score = _empty(room, columns)
     for band, of_band, own in _blocks_by_band(room, blocks):
         first = [1.0 / b.variance for b in own]
-        weights, spread[band] = _student(own, first, beside, prior)
+        weights = _student(own, first, beside, prior)
         _sum_tiles(own, weights, information, score)
         temper = _temper(information[of_band], score[of_band], beside, prior)
         information[of_band] /= temper
         score[of_band] /= temper
         trust[band] = float(sum(w.sum() for w in weights) / sum(w.sum() for w in first)) / temper
-    return Normal(tuple(c.name for c in columns), information, score, spread, trust, prior)
+    return Normal(information, score, trust, prior)
 
 
 def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], trust: Mapping[str, float]) -> Normal:
@@ -201,8 +198,7 @@ def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], tru
     for band, _, own in _blocks_by_band(room, blocks):
         weights = [np.float32(trust.get(band, 0.0)) / b.variance for b in own]
         _sum_tiles(own, weights, information, score)
-    names, prior = tuple(c.name for c in columns), prior_precision(room, columns)
-    return Normal(names, information, np.zeros_like(score), {}, trust, prior)
+    return Normal(information, np.zeros_like(score), trust, prior_precision(room, columns))
 
 
 def _empty(room: Room, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -248,11 +244,10 @@ def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArra
 
 def _student(
     blocks: Sequence[Block], weights: list[NDArray[np.float32]], beside: Sequence[int], prior: NDArray[np.float64]
-) -> tuple[list[NDArray[np.float32]], float]:
-    """Returns (robust weights [image][cell] of each block, standard deviation of the residuals in units of the expected
-    one). A weight falls with the cell's residual after a fit of the columns `beside`. prior: the columns' prior
-    precisions."""
-    first, scale, of = [w.copy() for w in weights], 1.0, np.asarray(beside)
+) -> list[NDArray[np.float32]]:
+    """Returns robust weights [image][cell] of each block. A weight falls with the cell's residual after a fit of the
+    columns `beside`, in units of the residuals' spread. prior: the columns' prior precisions."""
+    first, of = [w.copy() for w in weights], np.asarray(beside)
     for _ in range(_ROUNDS):
         z = [_projected(np.concatenate([b.residual[None], b.columns[of]]), w, b.gain)
              for b, w in zip(blocks, weights, strict=True)]  # fmt: skip
@@ -268,7 +263,7 @@ def _student(
             (w / (1.0 + x / scale**2 / _STUDENT) / scale**2).astype(np.float32)
             for w, x in zip(first, each, strict=True)
         ]
-    return weights, scale
+    return weights
 
 
 def _temper(

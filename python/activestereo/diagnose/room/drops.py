@@ -20,11 +20,10 @@ _LEAST_SEEN, BLURRED_LOG = 0.4, 0.5
 @dataclass(frozen=True)
 class Blurred:
     """Describes how blurred one camera (side) is in places, against the other one. Only places count that two or more
-    views show. depth: how far the worst place lies below the median sharpness, in robust deviations; log_ratio: the
-    same distance as a log ratio of high-frequency energy. share: blurred part of the image, 0..1."""
+    views show. log_ratio: how far the worst place lies below the median sharpness, as a log ratio of high-frequency
+    energy. share: blurred part of the image, 0..1."""
 
     side: str
-    depth: float
     log_ratio: float
     share: float
 
@@ -41,10 +40,8 @@ def blurred_places(room: Room, exponent: float) -> list[Blurred]:
             continue
         mildest = np.nanmax(each[:, often], axis=0)
         middle = float(np.median(mildest))
-        deviation = 1.4826 * float(np.median(np.abs(mildest - middle)))
-        low = middle - float(mildest.min())
         share = float((mildest < middle - BLURRED_LOG).mean())
-        out.append(Blurred(side, low / max(deviation, 1e-3), low, share))
+        out.append(Blurred(side, middle - float(mildest.min()), share))
     return out
 
 
