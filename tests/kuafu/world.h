@@ -178,6 +178,18 @@ inline kuafu_material_desc glass(float ior) {
   return m;
 }
 
+/// A texture of bytes or floats, which must outlive it.
+template <class Texel>
+kuafu_texture_desc texture_of(const std::vector<Texel>& texels, uint32_t width, uint32_t channels = 1) {
+  kuafu_texture_desc t = kuafu_texture_desc_init();
+  t.texels = texels.data();
+  t.width = width;
+  t.height = uint32_t(texels.size()) / width / channels;
+  t.channels = channels;
+  t.format = sizeof(Texel) == 1 ? KS_FORMAT_U8 : KS_FORMAT_F32;
+  return t;
+}
+
 /// The one renderer of a thread's worlds whose tracer compiles its shaders, which takes seconds.
 inline kuafu_renderer& kept_renderer(uint32_t tracer, uint32_t worker_count) {
   thread_local std::map<std::pair<uint32_t, uint32_t>, kuafu_renderer> renderers;
@@ -233,16 +245,16 @@ class World {
     return id;
   }
 
+  uint32_t add_texture(const kuafu_texture_desc& texture) {
+    uint32_t id = 0;
+    ok(kuafu_scene_add_texture(scene_, &texture, &id));
+    return id;
+  }
+
   uint32_t add_projector(const std::vector<float>& pattern, uint32_t width, uint32_t height, double focal_px, float intensity,
                          const std::array<double, 16>& pose = placed({0, 0, 0})) {
-    kuafu_texture_desc texture{ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture)};
-    texture.texels = pattern.data();
-    texture.width = width;
-    texture.height = height;
-    texture.channels = 1;
-    texture.format = KS_FORMAT_F32;
     kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-    ok(kuafu_scene_add_texture(scene_, &texture, &light.texture));
+    light.texture = add_texture(texture_of(pattern, width));
     light.ir_intensity = intensity;
     const double k[9] = {focal_px, 0, (width - 1) / 2.0, 0, focal_px, (height - 1) / 2.0, 0, 0, 1};
     std::memcpy(light.k, k, sizeof k);

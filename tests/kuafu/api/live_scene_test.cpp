@@ -116,11 +116,7 @@ uint64_t allocated_bytes() {
 
 uint32_t add_texture(kuafu_scene scene, uint32_t size, uint8_t value = 200) {
   const std::vector<uint8_t> texels(size_t(size) * size, value);
-  kuafu_texture_desc texture = kuafu_texture_desc_init();
-  texture.texels = texels.data();
-  texture.width = texture.height = size;
-  texture.channels = 1;
-  texture.format = KS_FORMAT_U8;
+  const kuafu_texture_desc texture = texture_of(texels, size);
   uint32_t id = 0;
   ok(kuafu_scene_add_texture(scene, &texture, &id));
   return id;

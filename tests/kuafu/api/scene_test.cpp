@@ -137,10 +137,7 @@ TEST_F(SceneApi, SummaryCountsTrianglesOfInstancesInTheWorld) {
 
 TEST_F(SceneApi, AFailedLoadLeavesTheSceneAndNamesTheFile) {
   add_triangle();
-  GltfWriter w;
-  w.root["materials"] = {{{"name", "good"}}, {{"pbrMetallicRoughness", {{"roughnessFactor", 2}}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  GltfWriter w = with_materials({{{"name", "good"}}, {{"pbrMetallicRoughness", {{"roughnessFactor", 2}}}}});
   const Folder folder;
   w.write_gltf(folder / "bad.gltf");
   EXPECT_EQ(kuafu_scene_load(scene_, (folder / "bad.gltf").c_str(), nullptr, nullptr), KS_ERROR_FILE);

@@ -70,14 +70,8 @@ TEST_P(Denoise, even_light_stays_even) {
 
 TEST_P(Denoise, textures_come_back_finer_than_the_samples) {
   // A checkerboard of half a pixel's period: every pixel's square has the mean albedo, its two samples do not.
-  kuafu_texture_desc texture{ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture)};
-  const float cells[4] = {0.2f, 0.8f, 0.8f, 0.2f};
-  texture.texels = cells;
-  texture.width = texture.height = 2;
-  texture.channels = 1;
-  texture.format = KS_FORMAT_F32;
   kuafu_material_desc material = lambert(1);
-  ok(kuafu_scene_add_texture(world_.scene(), &texture, &material.base_color_texture));
+  material.base_color_texture = world_.add_texture(texture_of(std::vector{0.2f, 0.8f, 0.8f, 0.2f}, 2));
   Shape wall = quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0});
   const float repeat = 120;  // 4 m are 120 px
   wall.uvs = {0, 0, repeat, 0, repeat, repeat, 0, repeat};
@@ -91,14 +85,8 @@ TEST_P(Denoise, textures_come_back_finer_than_the_samples) {
 
 TEST_P(Denoise, what_lens_and_motion_blur_stays_blurred) {
   // Stripes as wide as the blur is long: every pixel sees dark and bright ones.
-  kuafu_texture_desc texture{ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture)};
-  const float stripes[2] = {0.1f, 0.9f};
-  texture.texels = stripes;
-  texture.width = 2;
-  texture.height = texture.channels = 1;
-  texture.format = KS_FORMAT_F32;
   kuafu_material_desc material = lambert(1);
-  ok(kuafu_scene_add_texture(world_.scene(), &texture, &material.base_color_texture));
+  material.base_color_texture = world_.add_texture(texture_of(std::vector{0.1f, 0.9f}, 2));
   Shape wall = quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0});
   const float repeat = 15;  // 4 m are 120 px: stripes of 4
   wall.uvs = {0, 0, repeat, 0, repeat, repeat, 0, repeat};

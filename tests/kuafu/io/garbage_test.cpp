@@ -84,8 +84,7 @@ TEST(GarbageFile, MissingEmptyAndForeignFilesSayWhatTheyAre) {
 
 TEST(GarbageFile, AMissingOrShortBufferIsNamed) {
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   const Folder folder;
   w.write_gltf(folder / "scene.gltf", "gone.bin");
   Scene scene;

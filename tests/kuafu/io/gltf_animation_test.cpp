@@ -186,8 +186,7 @@ TEST(GltfAnimation, AScaleOfZeroHidesForATime) {
 
 TEST(GltfAnimation, AnimationsOfSecondFilesFollowAndWhatWasRemovedIsPassedOver) {
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   animation(w, "up", {{0, "translation", {0, 1}, {0, 0, 0, 0, 1, 0}, 3}});
   animation(w, "side", {{0, "translation", {0, 4}, {0, 0, 0, 8, 0, 0}, 3, "LINEAR"}});
   const Folder folder;

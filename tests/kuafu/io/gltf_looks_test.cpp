@@ -24,8 +24,7 @@ GltfWriter with_material(const json& material) {
   w.root["images"] = {{{"bufferView", w.view(png.data(), png.size())}, {"mimeType", "image/png"}}};
   w.root["textures"] = {{{"source", 0}}};
   w.root["materials"] = {material};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  w.thing(0);
   return w;
 }
 

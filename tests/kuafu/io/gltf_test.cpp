@@ -74,8 +74,7 @@ TEST(GltfNodes, NestedTransformsComposeParentFirst) {
 
 TEST(GltfNodes, OneMeshShownByTwoNodesIsOneMeshAndTwoInstances) {
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   w.node({{"mesh", 0}, {"translation", {0, 0, 1}}});
   const Loaded loaded = load(w);
   EXPECT_EQ(loaded.scene.meshes().size(), 1u);
@@ -234,10 +233,7 @@ TEST(GltfMesh, PointsAndLinesAreIgnoredWithAWarning) {
 }
 
 TEST(GltfMaterial, DefaultsAreTheSpecifications) {
-  GltfWriter w;
-  w.root["materials"] = {json::object()};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  GltfWriter w = with_materials({json::object()});
   const Loaded loaded = load(w);
   const Material& m = loaded.scene.materials()[0];
   EXPECT_EQ(m.base_color, glm::vec4(1));
@@ -251,15 +247,12 @@ TEST(GltfMaterial, DefaultsAreTheSpecifications) {
 }
 
 TEST(GltfMaterial, VolumeAndItsRoughnessAreRead) {
-  GltfWriter w;
-  w.root["materials"] = {
-      {{"pbrMetallicRoughness", {{"roughnessFactor", 0.25}}},
-       {"extensions",
-        {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
-         {"KHR_materials_volume", {{"thicknessFactor", 0.1}, {"attenuationDistance", 0.5}, {"attenuationColor", {0.75, 0.5, 0.25}}}}}},
-       {"extras", {{"ir_attenuation_color", 0.125}}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  GltfWriter w = with_materials(
+      {{{"pbrMetallicRoughness", {{"roughnessFactor", 0.25}}},
+        {"extensions",
+         {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
+          {"KHR_materials_volume", {{"thicknessFactor", 0.1}, {"attenuationDistance", 0.5}, {"attenuationColor", {0.75, 0.5, 0.25}}}}}},
+        {"extras", {{"ir_attenuation_color", 0.125}}}}});
   const Loaded loaded = load(w);
   const Material& m = loaded.scene.materials()[0];
   EXPECT_EQ(m.transmission_roughness, 0.25f);
@@ -271,16 +264,13 @@ TEST(GltfMaterial, VolumeAndItsRoughnessAreRead) {
 
 TEST(GltfMaterial, TransmissionWithoutThicknessIsASheet) {
   const json transmission = {{"transmissionFactor", 1}};
-  GltfWriter w;
-  w.root["materials"] = {
-      {{"extensions", {{"KHR_materials_transmission", transmission}}}},
-      {{"extensions", {{"KHR_materials_transmission", transmission}, {"KHR_materials_volume", {{"attenuationDistance", 0.5}}}}}},
-      {{"extensions", {{"KHR_materials_transmission", transmission}, {"KHR_materials_volume", {{"thicknessFactor", 0.1}}}}}},
-      {{"extensions", {{"KHR_materials_transmission", transmission}}}, {"extras", {{"thin_walled", 0}}}},
-      {{"extras", {{"thin_walled", 1}}}},
-      json::object()};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  GltfWriter w = with_materials(
+      {{{"extensions", {{"KHR_materials_transmission", transmission}}}},
+       {{"extensions", {{"KHR_materials_transmission", transmission}, {"KHR_materials_volume", {{"attenuationDistance", 0.5}}}}}},
+       {{"extensions", {{"KHR_materials_transmission", transmission}, {"KHR_materials_volume", {{"thicknessFactor", 0.1}}}}}},
+       {{"extensions", {{"KHR_materials_transmission", transmission}}}, {"extras", {{"thin_walled", 0}}}},
+       {{"extras", {{"thin_walled", 1}}}},
+       json::object()});
   const Loaded loaded = load(w);
   const bool thin[] = {true, true, false, false, true, false};
   for (size_t i = 0; i < std::size(thin); ++i) EXPECT_EQ(loaded.scene.materials()[i].thin_walled, thin[i]) << i;
@@ -288,21 +278,18 @@ TEST(GltfMaterial, TransmissionWithoutThicknessIsASheet) {
 }
 
 TEST(GltfMaterial, ExtrasGiveWhatGltfHasNoWordsFor) {
-  GltfWriter w;
-  w.root["materials"] = {{{"extras",
-                           {{"ir_roughness", 0.5},
-                            {"ir_ior", 1.25},
-                            {"ir_transmission", 0.75},
-                            {"ir_transmission_roughness", 0.125},
-                            {"diffuse_roughness", 0.25},
-                            {"transmission_roughness", 0.0625},
-                            {"subsurface", 0.5},
-                            {"subsurface_color", {0.5, 0.25, 0.125}},
-                            {"subsurface_radius_m", {0.5, 0.25, 2}},
-                            {"ir_subsurface_color", 0.75},
-                            {"ir_subsurface_radius_m", 0.5}}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  GltfWriter w = with_materials({{{"extras",
+                                   {{"ir_roughness", 0.5},
+                                    {"ir_ior", 1.25},
+                                    {"ir_transmission", 0.75},
+                                    {"ir_transmission_roughness", 0.125},
+                                    {"diffuse_roughness", 0.25},
+                                    {"transmission_roughness", 0.0625},
+                                    {"subsurface", 0.5},
+                                    {"subsurface_color", {0.5, 0.25, 0.125}},
+                                    {"subsurface_radius_m", {0.5, 0.25, 2}},
+                                    {"ir_subsurface_color", 0.75},
+                                    {"ir_subsurface_radius_m", 0.5}}}}});
   const Loaded loaded = load(w);
   const Material& m = loaded.scene.materials()[0];
   EXPECT_EQ(m.ir_roughness, 0.5f);
@@ -320,10 +307,7 @@ TEST(GltfMaterial, ExtrasGiveWhatGltfHasNoWordsFor) {
 
 TEST(GltfMaterial, WrongTypesAndRangesNameTheField) {
   const auto with = [](const json& material) {
-    GltfWriter w;
-    w.root["materials"] = {material};
-    w.triangle(0);
-    w.node({{"mesh", 0}});
+    GltfWriter w = with_materials({material});
     return w;
   };
   GltfWriter w = with({{"pbrMetallicRoughness", {{"metallicFactor", "shiny"}}}});
@@ -364,8 +348,7 @@ TEST(GltfTexture, EmbeddedExternalAndDataUriImagesAreDecoded) {
   w.root["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}, {"metallicRoughnessTexture", {{"index", 0}}}}},
                           {"emissiveTexture", {{"index", 1}}},
                           {"normalTexture", {{"index", 2}}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  w.thing(0);
   w.write_gltf(folder / "scene.gltf", "da%20ta+1.bin", "da ta+1.bin");
   Scene scene;
   load_file(scene, folder / "scene.gltf", glm::dmat4(1.0));
@@ -384,8 +367,7 @@ TEST(GltfTexture, AnImageThatIsNotInTheFileIsAnError) {
   w.root["images"] = {{{"uri", "missing.png"}}};
   w.root["textures"] = {{{"source", 2}}};
   w.root["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  w.thing(0);
   expect_error(w, "image 2 of 1");
 }
 
@@ -443,8 +425,7 @@ TEST(GltfCamera, LooksForwardWithDownwardY) {
 
 TEST(GltfFile, UnsupportedRequiredExtensionsAreNamed) {
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   w.root["extensionsRequired"] = {"KHR_texture_basisu"};
   expect_error(w, "KHR_texture_basisu is not supported");
   w.root.erase("extensionsRequired");
@@ -459,10 +440,7 @@ TEST(GltfFile, NothingToShowIsAnError) {
 }
 
 TEST(GltfFile, PathsWithSpacesAndSecondLoadsAppend) {
-  GltfWriter w;
-  w.root["materials"] = {{{"name", "a"}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  GltfWriter w = with_materials({{{"name", "a"}}});
   const Folder folder;
   std::filesystem::create_directory(folder / "two words");
   w.write_gltf(folder / "two words/the scene.gltf");

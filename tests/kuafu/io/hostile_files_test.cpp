@@ -50,8 +50,7 @@ std::string with_texture(const std::string& uri) {
   w.root["images"] = {{{"uri", uri}}};
   w.root["textures"] = {{{"source", 0}}};
   w.root["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  w.thing(0);
   return w.glb();
 }
 
@@ -185,8 +184,7 @@ TEST(HostileFile, AFifoIsNotWaitedFor) {
   write_text(folder / "image.glb", with_texture("fifo"));
   EXPECT_TRUE(warns(load(folder / "image.glb"), "'fifo' is not a regular file"));
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   w.write_gltf(folder / "buffer.gltf", "fifo", "unused.bin");
   EXPECT_TRUE(has(load(folder / "buffer.gltf").error, "'fifo' is not a regular file"));
   write_text(folder / "lib.obj", "mtllib fifo\n" + obj_triangle);
@@ -298,8 +296,7 @@ TEST(HostileFile, AMemberThatIsMisspeltIsSaidOnceWithTheNearestName) {
 TEST(HostileFile, BoundsThatAreNotThoseOfTheDataAreSaidWithBoth) {
   const Folder folder;
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   w.root["accessors"][0]["min"] = {0, 0, 0};
   w.root["accessors"][0]["max"] = {1, 1, 0};
   w.write_glb(folder / "a.glb");
@@ -333,8 +330,7 @@ TEST(HostileFile, ColladaAccessorsStayInsideOfTheirArrays) {
 TEST(HostileFile, IndicesThatDoNotFitAreNotWrapped) {
   const Folder folder;
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   for (const char* field :
        {"/nodes/0/mesh", "/scenes/0/nodes/0", "/meshes/0/primitives/0/attributes/POSITION", "/accessors/0/bufferView"}) {
     GltfWriter changed = w;

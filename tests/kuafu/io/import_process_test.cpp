@@ -21,8 +21,7 @@ using namespace scene_test;
 
 void write_glb(const std::filesystem::path& path) {
   GltfWriter w;
-  w.triangle();
-  w.node({{"mesh", 0}});
+  w.thing();
   w.write_glb(path);
 }
 

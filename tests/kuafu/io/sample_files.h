@@ -99,6 +99,8 @@ class GltfWriter {
     root["scenes"][0]["nodes"].push_back(index);
     return index;
   }
+  /// The triangle as a thing of its own.
+  void thing(int material = -1) { node({{"mesh", triangle(material)}}); }
 
   /// scene.gltf beside its buffer, whose URI and file name are given.
   void write_gltf(const std::filesystem::path& path, const std::string& uri = "data.bin", const std::string& file = "data.bin") {
@@ -130,5 +132,13 @@ class GltfWriter {
  private:
   std::string bytes_;
 };
+
+/// A triangle of the first of these materials.
+inline GltfWriter with_materials(json materials) {
+  GltfWriter w;
+  w.root["materials"] = std::move(materials);
+  w.thing(0);
+  return w;
+}
 
 }  // namespace scene_test

@@ -41,8 +41,7 @@ std::string textured_gltf(const std::string& image) {
                            {{"baseColorTexture", texture}, {"metallicRoughnessTexture", texture}, {"baseColorFactor", {0.5, 0.5, 0.5, 1}}}},
                           {"emissiveTexture", texture},
                           {"emissiveFactor", {1, 1, 1}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  w.thing(0);
   return w.glb();
 }
 
@@ -154,8 +153,7 @@ TEST(TextureFile, AGltfTextureWithoutASourceIsLeftOut) {
   GltfWriter w;
   w.root["textures"] = json::array({json::object()});
   w.root["materials"] = {{{"normalTexture", {{"index", 0}}}}};
-  w.triangle(0);
-  w.node({{"mesh", 0}});
+  w.thing(0);
   const Loaded loaded = load_glb(w);
   EXPECT_EQ(shown(loaded).normal_texture, none);
   ASSERT_EQ(loaded.warnings.size(), 1u);

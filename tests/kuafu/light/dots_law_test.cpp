@@ -134,12 +134,7 @@ TEST(Dots, bad_ones_are_refused_with_the_numbers) {
 
 void set_texture(World& world, uint32_t id, uint32_t width, uint32_t height, float value) {
   const std::vector<float> texels(size_t(width) * height, value);
-  kuafu_texture_desc texture = kuafu_texture_desc_init();
-  texture.texels = texels.data();
-  texture.width = width;
-  texture.height = height;
-  texture.channels = 1;
-  texture.format = KS_FORMAT_F32;
+  const kuafu_texture_desc texture = texture_of(texels, width);
   ok(kuafu_scene_set_texture(world.scene(), id, &texture));
 }
 
@@ -158,14 +153,7 @@ TEST(SetTexture, a_projector_shows_the_new_pattern_whatever_its_size) {
 
 TEST(SetTexture, materials_and_the_environment_show_the_new_one) {
   World world;
-  uint32_t texture = 0;
-  const std::vector<float> ones(4, 1.0f);
-  kuafu_texture_desc desc = kuafu_texture_desc_init();
-  desc.texels = ones.data();
-  desc.width = desc.height = 2;
-  desc.channels = 1;
-  desc.format = KS_FORMAT_F32;
-  ok(kuafu_scene_add_texture(world.scene(), &desc, &texture));
+  const uint32_t texture = world.add_texture(texture_of(std::vector<float>(4, 1.0f), 2));
   kuafu_environment_desc environment = kuafu_environment_desc_init();
   environment.ir_radiance = 1;
   environment.texture = texture;

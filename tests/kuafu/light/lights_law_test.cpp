@@ -17,18 +17,6 @@ kuafu_light_desc light_of(uint32_t kind, float ir_intensity) {
 /// Pose at `position` whose +z looks back along -z of the world.
 std::array<double, 16> facing_back(const Vec3& position) { return placed(position, pi); }
 
-uint32_t add_texture(World& world, const std::vector<float>& texels, uint32_t width, uint32_t height) {
-  kuafu_texture_desc texture = kuafu_texture_desc_init();
-  texture.texels = texels.data();
-  texture.width = width;
-  texture.height = height;
-  texture.channels = 1;
-  texture.format = KS_FORMAT_F32;
-  uint32_t id = 0;
-  ok(kuafu_scene_add_texture(world.scene(), &texture, &id));
-  return id;
-}
-
 /// A white Lambertian floor at z = 1 that faces -z, seen from straight before its centre through a narrow lens: radiance is irradiance /
 /// pi.
 double irradiance_at_floor(World& world, uint32_t samples = 64, uint32_t sampling = KUAFU_SAMPLING_MIS) {
@@ -117,7 +105,7 @@ TEST(Lights, a_texture_shapes_an_area_light) {
   light.size_m[0] = light.size_m[1] = 2;
   std::vector<float> ramp(64 * 64);
   for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = float(i % 64) / 63;
-  light.texture = add_texture(world, ramp, 64, 64);
+  light.texture = world.add_texture(texture_of(ramp, 64));
   world.add_light(light, placed({0, 0, 0}));
   const double expected = quadrature(1, 1, [](double x, double) { return (x + 1) / 2; });
   EXPECT_NEAR(irradiance_at_floor(world, 1024), expected, 0.02 * expected);
@@ -201,7 +189,7 @@ double under_map(uint32_t sampling, double yaw, float sky, int size) {
     for (int x = 32 - (size + 1) / 2; x < 32 + size / 2; ++x) map[size_t(y * 64 + x)] = 50;
   kuafu_environment_desc e = kuafu_environment_desc_init();
   e.radiance[0] = e.radiance[1] = e.radiance[2] = e.ir_radiance = 1;
-  e.texture = add_texture(world, map, 64, 32);
+  e.texture = world.add_texture(texture_of(map, 64));
   const double c = std::cos(yaw), s = std::sin(yaw);
   const double turned[9] = {c, 0, s, 0, 1, 0, -s, 0, c};
   std::memcpy(e.map_to_world, turned, sizeof turned);

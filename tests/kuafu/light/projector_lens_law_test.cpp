@@ -10,13 +10,8 @@ constexpr uint32_t side = 33;
 constexpr double focal_px = 60, zoom = 6;
 
 kuafu_light_desc projector_of(World& world, const std::vector<float>& pattern) {
-  kuafu_texture_desc texture = kuafu_texture_desc_init();
-  texture.texels = pattern.data();
-  texture.width = texture.height = side;
-  texture.channels = 1;
-  texture.format = KS_FORMAT_F32;
   kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  ok(kuafu_scene_add_texture(world.scene(), &texture, &light.texture));
+  light.texture = world.add_texture(texture_of(pattern, side));
   light.ir_intensity = 1;
   const double k[9] = {focal_px, 0, (side - 1) / 2.0, 0, focal_px, (side - 1) / 2.0, 0, 0, 1};
   std::memcpy(light.k, k, sizeof k);

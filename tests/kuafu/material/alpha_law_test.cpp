@@ -12,16 +12,9 @@ namespace {
 uint32_t add_alpha_texture(World& world, const std::vector<uint8_t>& alpha, uint32_t width) {
   std::vector<uint8_t> texels;
   for (const uint8_t a : alpha) texels.insert(texels.end(), {255, 255, 255, a});
-  kuafu_texture_desc t = kuafu_texture_desc_init();
-  t.texels = texels.data();
-  t.width = width;
-  t.height = uint32_t(alpha.size()) / width;
-  t.channels = 4;
-  t.format = KS_FORMAT_U8;
+  kuafu_texture_desc t = texture_of(texels, width, 4);
   t.filter = KUAFU_FILTER_NEAREST;
-  uint32_t id = 0;
-  ok(kuafu_scene_add_texture(world.scene(), &t, &id));
-  return id;
+  return world.add_texture(t);
 }
 
 /// A wall at distance z, 2 m wide per metre of z, whose uvs are 0..1.

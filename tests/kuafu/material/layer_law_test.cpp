@@ -104,17 +104,7 @@ TEST(Layer, the_infrared_has_its_own_roughness_index_and_transmission) {
   EXPECT_LT(seen(matt, KUAFU_BAND_INFRARED), 0.9 * fresnel(std::cos(1.0), 1.5)) << "facets of all tilts";
 }
 
-uint32_t grey_texture(World& world, uint8_t value) {
-  const std::vector<uint8_t> texels(4, value);
-  kuafu_texture_desc desc = kuafu_texture_desc_init();
-  desc.texels = texels.data();
-  desc.width = desc.height = 2;
-  desc.channels = 1;
-  desc.format = KS_FORMAT_U8;
-  uint32_t id = 0;
-  ok(kuafu_scene_add_texture(world.scene(), &desc, &id));
-  return id;
-}
+uint32_t grey_texture(World& world, uint8_t value) { return world.add_texture(texture_of(std::vector<uint8_t>(4, value), 2)); }
 
 TEST(Layer, textures_scale_the_index_and_the_infrared_albedo) {
   const auto seen = [](kuafu_material_desc m, bool index, uint32_t band) {

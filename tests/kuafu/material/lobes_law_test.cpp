@@ -21,19 +21,7 @@ kuafu_material_desc white(float metallic) {
   return m;
 }
 
-constexpr uint8_t texel[4] = {51, 102, 153, 204};  // 0.2, 0.4, 0.6 and 0.8
-
-/// Its id.
-uint32_t add_texel(World& world) {
-  kuafu_texture_desc t = kuafu_texture_desc_init();
-  t.texels = texel;
-  t.width = t.height = 1;
-  t.channels = 4;
-  t.format = KS_FORMAT_U8;
-  uint32_t id = 0;
-  ok(kuafu_scene_add_texture(world.scene(), &t, &id));
-  return id;
-}
+const std::vector<uint8_t> texel{51, 102, 153, 204};  // 0.2, 0.4, 0.6 and 0.8
 
 /// A lobe's texture, and what says the same as its one texel without it.
 struct LobeTexture {
@@ -84,7 +72,7 @@ kuafu_material_desc all_lobes() {
 double in_furnace(kuafu_material_desc material, uint32_t tracer, bool textured = false) {
   World world(tracer);
   if (textured)
-    for (const LobeTexture& t : lobe_textures) material.*t.texture = add_texel(world);
+    for (const LobeTexture& t : lobe_textures) material.*t.texture = world.add_texture(texture_of(texel, 1, 4));
   world.add(textured_plane(), material, placed({0, 0, 1}, 0.8));
   world.set_environment(1.0f);
   world.desc().samples_per_pixel = 256;
@@ -118,7 +106,7 @@ TEST(LobeTextures, of_one_texel_are_their_factors) {
     World world;
     kuafu_material_desc m = all_lobes();
     if (texture != nullptr && as_factor) texture->factor(m);
-    if (texture != nullptr && !as_factor) m.*texture->texture = add_texel(world);
+    if (texture != nullptr && !as_factor) m.*texture->texture = world.add_texture(texture_of(texel, 1, 4));
     world.add(textured_plane(), m, placed({0, 0, 1}, 0.4));
     kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
     for (float& c : lamp.intensity) c = 1;
@@ -149,16 +137,11 @@ TEST(Clearcoat, has_normals_of_its_own) {
   enum class Map { none, of_the_coat, of_the_base };
   const auto seen = [](Map map, uint32_t tracer) {
     World world(tracer);
-    const float normal[3] = {float(0.5 + 0.5 * std::sin(0.5)), 0.5f, float(0.5 + 0.5 * std::cos(0.5))};
-    kuafu_texture_desc t = kuafu_texture_desc_init();
-    t.texels = normal;
-    t.width = t.height = 1;
-    t.channels = 3;
-    t.format = KS_FORMAT_F32;
+    const std::vector<float> normal{float(0.5 + 0.5 * std::sin(0.5)), 0.5f, float(0.5 + 0.5 * std::cos(0.5))};
     kuafu_material_desc m = lambert(0);
     m.clearcoat = 1;
     if (map != Map::none)
-      ok(kuafu_scene_add_texture(world.scene(), &t, map == Map::of_the_coat ? &m.clearcoat_normal_texture : &m.normal_texture));
+      (map == Map::of_the_coat ? m.clearcoat_normal_texture : m.normal_texture) = world.add_texture(texture_of(normal, 1, 3));
     world.add(textured_plane(), m, placed({0, 0, 1}, 1.3));
     world.set_environment(1.0f);
     world.desc().samples_per_pixel = 64;
@@ -199,15 +182,8 @@ TEST(Anisotropy, turns_counter_clockwise_by_its_rotation_and_by_its_texture) {
     m.roughness = 0.3f;
     m.anisotropy = 0.8f;
     m.anisotropy_rotation_rad = rotation;
-    const uint8_t up_right[3] = {218, 218, 255};  // 0.71, 0.71, and all of the strength
-    kuafu_texture_desc t = kuafu_texture_desc_init();
-    t.texels = up_right;
-    t.width = t.height = 1;
-    t.channels = 3;
-    t.format = KS_FORMAT_U8;
-    uint32_t id = 0;
-    if (textured) ok(kuafu_scene_add_texture(world.scene(), &t, &id));
-    if (textured) m.anisotropy_texture = id;
+    const std::vector<uint8_t> up_right{218, 218, 255};  // 0.71, 0.71, and all of the strength
+    if (textured) m.anisotropy_texture = world.add_texture(texture_of(up_right, 1, 3));
     world.add(textured_plane(), m, placed({0, 0, 1}));
     world.add_point(lamp, 1);
     world.desc().samples_per_pixel = 4;

@@ -16,16 +16,9 @@ Shape wall(float repeats = 1) {
 }
 
 uint32_t add_texture(World& world, const std::vector<uint8_t>& texels, uint32_t width, uint32_t channels, bool srgb) {
-  kuafu_texture_desc t{ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof t)};
-  t.texels = texels.data();
-  t.width = width;
-  t.height = uint32_t(texels.size()) / width / channels;
-  t.channels = channels;
-  t.format = KS_FORMAT_U8;
+  kuafu_texture_desc t = texture_of(texels, width, channels);
   t.srgb = srgb;
-  uint32_t id = 0;
-  ok(kuafu_scene_add_texture(world.scene(), &t, &id));
-  return id;
+  return world.add_texture(t);
 }
 
 kuafu_view_desc visible_view(uint32_t size) {

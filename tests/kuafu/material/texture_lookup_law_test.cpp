@@ -36,21 +36,6 @@ struct Wall {
 constexpr uint32_t texture_width = 4, texture_height = 3;
 const std::vector<uint8_t> texels{10, 40, 90, 250, 70, 130, 20, 160, 200, 5, 110, 220};
 
-kuafu_texture_desc texture_desc() {
-  kuafu_texture_desc t = kuafu_texture_desc_init();
-  t.texels = texels.data();
-  t.width = texture_width;
-  t.height = texture_height;
-  t.format = KS_FORMAT_U8;
-  return t;
-}
-
-uint32_t add(World& world, const kuafu_texture_desc& desc) {
-  uint32_t id = 0;
-  ok(kuafu_scene_add_texture(world.scene(), &desc, &id));
-  return id;
-}
-
 /// Texel i of `count`, wherever i is.
 int wrapped(int i, int count, uint32_t wrap) {
   if (wrap == KUAFU_WRAP_CLAMP) return std::min(std::max(i, 0), count - 1);
@@ -89,10 +74,10 @@ TEST_P(TextureLookup, every_wrap_and_filter_reads_the_texel_that_it_should) {
     for (uint32_t wrap_v = 0; wrap_v < 3; ++wrap_v)
       for (uint32_t filter = 0; filter < 2; ++filter) {
         World world(GetParam());
-        kuafu_texture_desc t = texture_desc();
+        kuafu_texture_desc t = texture_of(texels, texture_width);
         t.wrap_u = wrap_u, t.wrap_v = wrap_v, t.filter = filter;
         kuafu_material_desc m = lambert(1);
-        m.base_color_texture = add(world, t);
+        m.base_color_texture = world.add_texture(t);
         Wall wall;
         wall.uvs = Wall::corners(low, high);
         wall.add_to(world, m);
@@ -108,12 +93,12 @@ TEST_P(TextureLookup, the_second_set_and_a_transform_move_the_image_in_paths_too
   SKIP_IF(why_not(GetParam()));
   World world(GetParam());
   world.set_environment(1.0f);
-  kuafu_texture_desc t = texture_desc();
+  kuafu_texture_desc t = texture_of(texels, texture_width);
   t.wrap_u = KUAFU_WRAP_MIRROR, t.filter = KUAFU_FILTER_NEAREST, t.uv_set = 1;
   const float rows[6] = {0.3f, -0.8f, 0.1037f, 0.9f, 0.2f, -0.4f};  // no pixel's centre lies between two texels
   std::memcpy(t.uv_transform, rows, sizeof rows);
   kuafu_material_desc m = lambert(1);
-  m.base_color_texture = add(world, t);
+  m.base_color_texture = world.add_texture(t);
   Wall wall;
   wall.uvs = Wall::corners(5, 6);
   wall.uvs_1 = Wall::corners(0, 1);
@@ -159,20 +144,16 @@ TEST_P(TextureLookup, vertex_colours_multiply_and_infrared_takes_their_red) {
 // normal with it.
 TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
   SKIP_IF(why_not(GetParam()));
-  const uint8_t map[3] = {191, 128, 255};  // x = 0.5, z = 1
+  const std::vector<uint8_t> map{191, 128, 255};  // x = 0.5, z = 1
   for (const float scale : {0.0f, 1.0f, 2.0f})
     for (const bool turned : {false, true}) {
       World world(GetParam());
-      kuafu_texture_desc t = kuafu_texture_desc_init();
-      t.texels = map;
-      t.width = t.height = 1;
-      t.channels = 3;
-      t.format = KS_FORMAT_U8;
+      kuafu_texture_desc t = texture_of(map, 1, 3);
       t.uv_set = turned ? 1 : 0;
       const float quarter[6] = {0, 1, 0, -1, 0, 0};  // u' = v, v' = -u
       if (turned) std::memcpy(t.uv_transform, quarter, sizeof quarter);
       kuafu_material_desc m = lambert(1);
-      m.normal_texture = add(world, t);
+      m.normal_texture = world.add_texture(t);
       m.normal_scale = scale;
       Wall wall;
       wall.uvs = Wall::corners(0, 0);
@@ -190,19 +171,14 @@ TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
 
 TEST_P(TextureLookup, the_roughness_texture_also_makes_glass_rough_or_smooth) {
   SKIP_IF(why_not(GetParam()));
-  const uint8_t smooth[3] = {255, 0, 255};  // roughness 0
-  std::vector<float> images[3];             // smooth, smooth by its texture, rough
+  const std::vector<uint8_t> smooth{255, 0, 255};  // roughness 0
+  std::vector<float> images[3];                    // smooth, smooth by its texture, rough
   for (int i = 0; i < 3; ++i) {
     World world(GetParam());
     world.set_environment(0.2f);
-    kuafu_texture_desc t = kuafu_texture_desc_init();
-    t.texels = smooth;
-    t.width = t.height = 1;
-    t.channels = 3;
-    t.format = KS_FORMAT_U8;
     kuafu_material_desc m = glass(1.5f);
     m.roughness = m.transmission_roughness = i > 0 ? 0.6f : 0.0f;
-    if (i == 1) m.metallic_roughness_texture = add(world, t);
+    if (i == 1) m.metallic_roughness_texture = world.add_texture(texture_of(smooth, 1, 3));
     world.add(sphere(0.5, 16, true, {0, 0, 2}), m);
     world.add(quad({0.3, 0, 3}, {0.2, 0, 0}, {0, -0.2, 0}), emitter(5));
     world.desc().samples_per_pixel = 64;
@@ -225,16 +201,11 @@ TEST(TextureLookupOfGlass, whose_texture_takes_metal_and_roughness_away_finds_gl
     for (int i = 0; i < 2; ++i) {
       World world;
       world.set_environment(0.2f);
-      const uint8_t no_metal[3] = {255, green, 0};
-      kuafu_texture_desc t = kuafu_texture_desc_init();
-      t.texels = no_metal;
-      t.width = t.height = 1;
-      t.channels = 3;
-      t.format = KS_FORMAT_U8;
+      const std::vector<uint8_t> no_metal{255, green, 0};
       kuafu_material_desc m = glass(1.7f);
       m.roughness = m.transmission_roughness = i == 0 ? float(green) / 255 : 1.0f;
       if (i == 1) m.metallic = 1;
-      if (i == 1) m.metallic_roughness_texture = add(world, t);
+      if (i == 1) m.metallic_roughness_texture = world.add_texture(texture_of(no_metal, 1, 3));
       world.add(sphere(0.5, 16, true, {0, 0, 2}), m);
       world.add(quad({0, 0, 3}, {-2, 0, 0}, {0, 2, 0}), lambert(0.5f));
       world.add_point({0.3, 0, 0}, 5);
@@ -262,7 +233,7 @@ TEST_P(TextureLookup, a_light_ends_at_its_range) {
 TEST(TextureLookupFields, wrong_values_are_refused) {
   World world;
   const auto refused = [&](auto&& change) {
-    kuafu_texture_desc t = texture_desc();
+    kuafu_texture_desc t = texture_of(texels, texture_width);
     change(t);
     uint32_t id = 0;
     EXPECT_EQ(kuafu_scene_add_texture(world.scene(), &t, &id), KS_ERROR_INVALID_ARGUMENT);
