@@ -208,10 +208,8 @@ def _property(struct: Struct, f: Field) -> str:
         return f"lens(type, &S::{f.name}, {doc});"
     if f.values:
         names = ", ".join(f'"{v}"' for v in f.values)
-        return f'named({member}, std::array<std::string_view, {len(f.values)}>{{{names}}}, {f.first}, {doc});'
+        return f"named({member}, std::array<std::string_view, {len(f.values)}>{{{names}}}, {f.first}, {doc});"
     kinds = (("maybe", f.nan or f.none), ("id", f.type == "id"), ("flag", f.type == "flag"), ("square", f.shape),
              ("vector", f.count != 1))  # fmt: skip
     kind = next((name for name, holds in kinds if holds), "scalar")
     return f"{kind}({member}, {doc});"
-
-

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from emit_python import page_default
+import math
+
 from table import Field, Struct, Tables
-from words import GENERATED, range_text
+from words import GENERATED, default_text, range_text
 
 
 def _shape(field: Field) -> str:
@@ -19,11 +20,20 @@ def _plain(text: str) -> str:
     return text.replace("[", "\\[").replace("|", "\\|")
 
 
+def _default(field: Field) -> str:
+    """Returns the default as the page shows it."""
+    if field.type == "flag":
+        return "yes" if field.default else "no"
+    if field.type in ("text",) or field.is_pointer:
+        return "NULL"
+    return default_text(field) or ("NAN" if isinstance(field.default, float) and math.isnan(field.default) else "0")
+
+
 def _row(field: Field) -> str:
     kind = " \\| ".join(f"`{v}`" for v in field.values) if field.values else f"`{field.type}{_shape(field)}`"
     where = ", ".join(name for name, there in (("extras", field.extras),) if there)
     text = _plain(field.doc) + (f" (NAN: {field.nan})" if field.nan else "") + (f" *{where}*" if where else "")
-    cells = [f"`{field.name}`", kind, range_text(field), field.unit, page_default(field), text]
+    cells = [f"`{field.name}`", kind, range_text(field), field.unit, _default(field), text]
     return f"| {' | '.join(cells)} |"
 
 

@@ -14,9 +14,7 @@ import emit_c
 import emit_cpp
 import emit_ffi
 import emit_kuafu
-import emit_options
 import emit_page
-import emit_plugin
 import emit_python
 import emit_shader
 import make_api_table
@@ -41,9 +39,9 @@ def outputs(tables: Tables) -> dict[str, str]:
     for library in LIBRARIES:
         files[f"python/{library}/_{library}.pyi"] = stub(tables, library)
     return files | {
-        "python/activestereo/common/parameters.json": emit_options.parameters_json(tables),
-        "python/activestereo/common/parameter_types.py": emit_options.parameter_types(tables),
-        "python/activestereo/effects/core/plugin_records.py": emit_plugin.records(tables),
+        "python/activestereo/common/parameters.json": emit_python.parameters_json(tables),
+        "python/activestereo/common/parameter_types.py": emit_python.parameter_types(tables),
+        "python/activestereo/effects/core/plugin_records.py": emit_ffi.plugin_records(tables),
         "capi/generation/reference.md": emit_page.page(tables),
     }
 
@@ -66,8 +64,8 @@ def build_outputs(tables: Tables) -> dict[str, str]:
         "simsense/src/parameters/fields.cpp": emit_cpp.simsense_fields_cpp(tables),
         "simsense/src/parameters/match_fields.h": emit_cpp.simsense_match_fields_h(tables),
         "simsense/shaders/shared/match_constants.glsl": emit_cpp.simsense_match_constants_glsl(tables),
-        "python/simsense/fields.h": emit_options.simsense_fields_h(tables),
-        "python/kuafu/options.h": emit_options.kuafu_options_h(tables),
+        "python/simsense/fields.h": emit_python.simsense_fields_h(tables),
+        "python/kuafu/options.h": emit_python.kuafu_options_h(tables),
         "python/kuafu/fields.h": emit_kuafu.python_fields_h(tables),
         "kuafu/src/scene/fields.h": emit_kuafu.fields_h(tables),
         "kuafu/src/scene/fields.cpp": emit_kuafu.fields_cpp(tables),
