@@ -6,13 +6,11 @@ import gc
 import numpy as np
 import pytest
 
-import kuafu
 from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
-from activestereo.scene_io import solids
-from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.effects import builtin
 from activestereo.sensor.mounts import SensorPoseError
 from activestereo.model import Quantity, SensorModel
+from sensor_scenes import walls
 
 FORWARD = [0, 0, 0, 1, 0, 0, 0]
 
@@ -22,17 +20,6 @@ def config():
     config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
     config.samples_per_pixel, config.max_bounces = 4, 2
     return config
-
-
-def walls(distances_m, environment_count=None):
-    """A wall in front of the origin in each environment, of which a sensor there sees nothing else."""
-    scene = kuafu.Scene(kuafu.Device())
-    bodies = Bodies(scene, environment_count)
-    plaster = scene.add_material(kuafu.Material(base_color=(0.7, 0.7, 0.7, 1), specular=0.0))
-    bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [plaster], np.diag([0.1, 3.0, 3.0, 1.0]))])
-    poses = np.array([[[d + 0.1, 0, 0, 1, 0, 0, 0]] for d in distances_m], float)
-    bodies.move(poses if environment_count else poses[0])
-    return scene
 
 
 def median(depth):

@@ -8,9 +8,8 @@ import pytest
 
 import kuafu
 from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
-from activestereo.scene_io import solids
-from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.mounts import SensorPoseError
+from sensor_scenes import walls
 
 DISTANCES_M = (0.5, 0.6, 0.8)
 POSES = np.array([[[0, 0, 0, 1, 0, 0, 0], [0.1, 0, 0, 1, 0, 0, 0]]] * 3, float)  # two sensors in each environment
@@ -25,12 +24,7 @@ def config():
 
 
 def mounts(poses=POSES):
-    scene = kuafu.Scene(kuafu.Device())
-    plaster = scene.add_material(kuafu.Material(base_color=(0.7, 0.7, 0.7, 1), specular=0.0))
-    bodies = Bodies(scene, len(DISTANCES_M))
-    bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [plaster], np.diag([0.1, 3.0, 3.0, 1.0]))])
-    bodies.move(np.array([[[d + 0.1, 0, 0, 1, 0, 0, 0]] for d in DISTANCES_M], float))
-    return Mounts(scene, poses)
+    return Mounts(walls(DISTANCES_M, len(DISTANCES_M)), poses)
 
 
 def pictures(batch, all_mounts):

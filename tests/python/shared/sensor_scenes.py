@@ -5,6 +5,8 @@ import numpy as np
 
 import kuafu
 from activestereo import StereoDepthSensor
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 
 
 def wall_scene(distance_m: float) -> kuafu.Scene:
@@ -21,3 +23,14 @@ def light_of(sensor: StereoDepthSensor) -> tuple[list[np.ndarray], list[np.ndarr
     picture = sensor._engine.picture()
     lasers = picture.link.laser().images().copy() if picture.taken.is_laser_apart else (None, None)
     return list(picture.link.images().copy()), list(lasers)
+
+
+def walls(distances_m, environment_count=None):
+    """A wall in front of the origin in each environment, of which a sensor there sees nothing else."""
+    scene = kuafu.Scene(kuafu.Device())
+    bodies = Bodies(scene, environment_count)
+    plaster = scene.add_material(kuafu.Material(base_color=(0.7, 0.7, 0.7, 1), specular=0.0))
+    bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [plaster], np.diag([0.1, 3.0, 3.0, 1.0]))])
+    poses = np.array([[[d + 0.1, 0, 0, 1, 0, 0, 0]] for d in distances_m], float)
+    bodies.move(poses if environment_count else poses[0])
+    return scene
