@@ -25,7 +25,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray
 from activestereo.common.output_files import write_text
 from activestereo.compare.compare import Comparison, compare
-from activestereo.compare.where_channels import surface_text
+from activestereo.effects.core.surfaces import surface_text
 from activestereo.report.lettering import write_figure
 
 CAMERA, SIMULATED = "your camera", "simulated"

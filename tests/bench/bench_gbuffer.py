@@ -31,7 +31,7 @@ import kuafu
 import simsense
 from activestereo import GBufferStereo, Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 
-from activestereo.effects.engines.world import copy_record
+from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.common.pose import as_matrix
 
 Image = NDArray[Any]

@@ -17,7 +17,7 @@ from activestereo.capture.capture import Capture, Frame
 from activestereo.capture.images import read_gray
 from activestereo.common.accuracy import is_invented
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, body_pose
-from activestereo.effects.core.room_light import RoomLight, has_room_light, light_by_room
+from activestereo.effects.engines.loaded_scene import RoomLight, has_room_light, light_by_room
 from activestereo.scene_io.scene_files import load_scene_file
 from activestereo.sensor.depth_modes import OF_TRUTH, make_lambertian, one_view_depth
 from activestereo.sensor.sensor import StereoDepthSensor

@@ -30,7 +30,7 @@ import kuafu
 from activestereo.capture.capture import Camera, Capture, Frame
 from activestereo.common import srgb
 from activestereo.common.progress_bar import part_of
-from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import set_surface
 from activestereo.scene_io.scene_files import load_scene_file
 

@@ -17,7 +17,7 @@ from activestereo.calibrate.least_squares import INTERVAL_90
 from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, MaterialScene, pictures, refine
 from activestereo.capture.capture import read_capture
 from activestereo.common.progress_bar import part_of
-from activestereo.effects.core.scene_surfaces import surface_names, surfaces_of_object
+from activestereo.effects.core.surfaces import surface_names, surfaces_of_object
 from activestereo.model import Quantity, SensorModel
 from activestereo.model.diagnosed import calibrated
 

@@ -319,7 +319,7 @@ def _print_plan(args: argparse.Namespace) -> None:
     from activestereo.diagnose.room.names import score_room
     from activestereo.diagnose.room.plan import plan_of, plan_text
     from activestereo.effects import builtin
-    from activestereo.effects.core.room_light import is_measured_room
+    from activestereo.effects.engines.loaded_scene import is_measured_room
 
     capture = read_capture(args.recording)
     if not is_measured_room(capture):

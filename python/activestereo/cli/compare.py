@@ -96,8 +96,8 @@ def _model_arguments(args: argparse.Namespace, capture: Capture, effects: "dict[
     In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose()."""
     from activestereo.compare.engine_prediction import engines_of
     from activestereo.compare.model_file import scene_of
-    from activestereo.effects.core.room_light import is_measured_room
-    from activestereo.effects.core.scene_surfaces import surface_names
+    from activestereo.effects.core.surfaces import surface_names
+    from activestereo.effects.engines.loaded_scene import is_measured_room
     from activestereo.model import read_model
     from activestereo.model.diagnosed import calibrated
 

@@ -85,7 +85,7 @@ def run_list(args: argparse.Namespace) -> None:
 
 
 def run_show(args: argparse.Namespace) -> None:
-    from activestereo.compare.effect_strip import StripWorld
+    from activestereo.compare.effect_trials import StripWorld
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.report.strips import strip_figure, strip_page
 
@@ -111,7 +111,7 @@ def run_show(args: argparse.Namespace) -> None:
 
 
 def run_check(args: argparse.Namespace) -> None:
-    from activestereo.compare.surrogate import differences
+    from activestereo.compare.effect_trials import differences
     from activestereo.effects import broken_laws, builtin
     from activestereo.effects.core.catalogue import as_json
 

@@ -416,7 +416,7 @@ def warn_of_light(share: LightShare | None) -> None:
 def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
     """Warns on stderr of materials that the model has values for and the scene lacks. Albedo factors do not count: a
     diagnosis fits them to the scene of its own capture."""
-    from activestereo.effects.core.scene_surfaces import material_of
+    from activestereo.effects.core.surfaces import material_of
 
     own = [scene.material_name(number) or "" for number in range(scene.summary.material_count)]
     stated = {name for name, fields in model.materials.items() if set(fields) - {"ir_albedo_factor"}}

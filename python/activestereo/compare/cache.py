@@ -17,7 +17,7 @@ import numpy as np
 
 from activestereo.common.input_files import checked_file
 from activestereo.common.output_files import replace_file
-from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.view import Layers
 
 _LIMIT_GB = 2.0
 _LIMIT_VARIABLE = "ACTIVESTEREO_CACHE_GB"

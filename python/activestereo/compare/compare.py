@@ -7,22 +7,33 @@ compare() computes; report/ writes compare.json, compare.png and report.html.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.capture.capture import SIDES, Capture, read_capture, usual_samples
+import numpy as np
+
+from activestereo.capture.capture import SIDES, Capture, Frame, read_capture, usual_samples
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
+from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.image_errors import ImageErrors, error_shape, image_errors
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
 from activestereo.compare.render import WARP_SCALE, render_halves
-from activestereo.compare.where_channels import where_it_fails
+from activestereo.compare.tree import HonestTree
+from activestereo.compare.where import (
+    LARGEST_DISPARITY_ERROR_PX,
+    ResidualImage,
+    covariate_maps,
+    gather_samples,
+    where_tables,
+)
 from activestereo.effects.core.model import Model
+from activestereo.effects.core.surfaces import surface_text
 
 if TYPE_CHECKING:
     from activestereo.compare.render import Renderer
@@ -69,7 +80,7 @@ class RenderedWith:
 def compare(
     capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None,
     samples_per_pixel: int | None = None, max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress | None = None,
     engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
     calibrate: Callable[[Capture], Capture] | None = None,
 ) -> Comparison:  # fmt: skip
@@ -135,7 +146,51 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
         "depth": depth_scores(depths),
         "frames": errors.by_frame(),
     }
-    scores |= where_it_fails(
-        capture, layers, views, measured, predictions, errors.noise_variances, noise_model, depths, seed
-    )
+    scores |= _where_it_fails(errors, depths, seed)
     return Comparison(**vars(errors), scores=scores, depths=depths)
+
+
+def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int) -> dict[str, Any]:
+    """Returns compare.json's {where: tables, regions: {channel: ...}} of the train frames."""
+    capture, noise_model, maps = errors.capture, errors.noise_model, {}
+    images: dict[str, list[ResidualImage]] = {"infrared": [], "disparity": [], "validity": []}
+    for frame in capture.split("train"):
+        for side in SIDES:
+            key, expected = (frame.id, side), errors.predictions[frame.id, side]
+            view, material = errors.views[key], errors.layers[frame.id][side].material
+            maps[key] = covariate_maps(view, material, expected, capture.rig.baseline_m)
+            # Each pixel's variance by the noise model, scaled to the image's own floor; 0 if that is unknown.
+            floor = np.zeros(expected.shape)
+            if key in errors.noise_variances and noise_model is not None:
+                variance, own = noise_model.variance(expected, frame.gain), errors.noise_variances[key][0]
+                mean = variance.mean()
+                floor = variance * (own / mean) if mean > 0 else np.full(expected.shape, own)
+            known = np.ones(expected.shape, bool) if view.known is None else view.known
+            residual = errors.measured[key] - expected
+            images["infrared"].append(ResidualImage(residual, floor, known, maps[key], _pose(frame, side)))
+    for d in (d for d in depths if d.frame.split == "train"):
+        here = maps[d.frame.id, "left"], _pose(d.frame, "left")
+        # Device minus model, and the squared difference of two exposures of the model.
+        error, valid = d.disparity_error(d.measured, d.model[0])
+        repeat, again = d.disparity_error(d.model[0], d.model[1])
+        limit = LARGEST_DISPARITY_ERROR_PX
+        error, repeat = (np.clip(x, -limit, limit) for x in (error, repeat))
+        images["disparity"].append(ResidualImage(error, repeat**2, valid & again, *here))
+        device, one, two = (np.asarray(z > 0, dtype=np.float64) for z in (d.measured, *d.model))
+        images["validity"].append(ResidualImage(device - one, np.abs(one - two), np.ones(one.shape, bool), *here))
+    units = {"infrared": "DN", "disparity": "px", "validity": "1"}
+    found = {name: gather_samples(of_channel, units[name], seed) for name, of_channel in images.items()}
+    channels = {name: samples for name, samples in found.items() if samples is not None}
+    name_of, regions = surface_text(capture.scene_path), {}
+    for name, samples in channels.items():
+        tree: dict[str, Any] = {"leaves": [], "headline": None}
+        if samples.is_explainable:
+            tree = HonestTree(samples, seed).regions(name_of)
+        rmse, noise = (float(np.sqrt(x.mean())) for x in (samples.residual**2, samples.floor))
+        regions[name] = {"is_explainable": samples.is_explainable, "rmse": rmse, "noise_floor": noise} | tree
+    return {"where": where_tables(channels, seed, name_of), "regions": regions}
+
+
+def _pose(frame: Frame, side: str) -> bytes:
+    """Returns bytes that are equal for images from the same camera and pose, whose static errors are the same."""
+    return side.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()

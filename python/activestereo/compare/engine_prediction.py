@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey, usual_samples
-from activestereo.common.progress_bar import part_of
+from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.effects import Light, Model, View, engines
-from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, loaded_scene
 from activestereo.effects.engines.layers import scene_digest
 from activestereo.effects.engines.smooth import HALVES, half_samples
@@ -59,7 +59,7 @@ class EngineImages:
 
 def kept_lights(
     capture: Capture, renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame],
-    scene_measurement: SceneMeasurement | None = None, progress: Callable[[float], object] | None = None,
+    scene_measurement: SceneMeasurement | None = None, progress: Progress | None = None,
     half: int | None = None,
 ) -> dict[ImageKey, NDArray[np.float32]]:  # fmt: skip
     """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): images
@@ -80,7 +80,7 @@ def kept_lights(
 def engine_lights(
     capture: Capture, model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer,
     layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress | None = None,
 ) -> list[dict[ImageKey, Light]]:  # fmt: skip
     """Renders a model's light on the imager, {(frame id, side): Light}. Returns three such dicts: the mean, and each of
     two independent halves of the samples. Effects that the engines lack are applied to the rendered light by their

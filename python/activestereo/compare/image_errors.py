@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, laplace
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, ImageKey
+from activestereo.common.progress_bar import Progress
 from activestereo.compare.engine_prediction import changes_no_ray, engine_lights, reflected_lights
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel, noise_of_images
@@ -44,9 +45,7 @@ class ErrorShape:
     amount: float
 
 
-def error_shape(
-    images: Iterable[tuple[NDArray, NDArray, float, NDArray[np.bool_] | None]],
-) -> ErrorShape | None:
+def error_shape(images: Iterable[tuple[NDArray, NDArray, float, NDArray[np.bool_] | None]]) -> ErrorShape | None:
     """Finds the ErrorShape of images: (measured DN, expected DN, noise variance in DN², mask of the known scene or
     None), [height][width]. Returns None if the error does not exceed noise."""
     sums = {kind: [0.0, 0.0, 0.0] for kind in ("brightness", "dots", "sharpness", "place")}
@@ -143,7 +142,7 @@ class ImageErrors:
 def image_errors(
     capture: Capture, model: Model, halves: Halves, seed: int = 0,
     engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
-    progress: Callable[[float], object] | None = None, cache: LayerCache | None = None,
+    progress: Progress | None = None, cache: LayerCache | None = None,
     mean: LayersOfFrames | None = None,
 ) -> ImageErrors:  # fmt: skip
     """Computes the ImageErrors of a model, after fitting the nuisances to the train frames. Raises CaptureError if

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter
 
 from activestereo.capture.capture import Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.camera_warp import warp_between
+from activestereo.compare.measured_image import warp_between
 from activestereo.compare.noise import NoiseModel
 from activestereo.compare.nuisances import Fit
 from activestereo.effects.core.view import View

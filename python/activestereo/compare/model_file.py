@@ -10,7 +10,7 @@ from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.common.nearest import unknown
 from activestereo.effects import Effect, Model, builtin, load_effects
 from activestereo.effects.core.model import Nuisances
-from activestereo.effects.core.scene_surfaces import surface_names
+from activestereo.effects.core.surfaces import surface_names
 from activestereo.model import Quantity, SensorModel
 from activestereo.model import read_model as read_sensor_model
 from activestereo.model import write_model as write_sensor_model

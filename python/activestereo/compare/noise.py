@@ -34,8 +34,7 @@ from scipy.special import ndtr
 
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.camera_warp import warp_between
-from activestereo.compare.measured_image import MeasuredImage
+from activestereo.compare.measured_image import MeasuredImage, warp_between
 from activestereo.compare.nuisances import regressors
 
 _BINS = 40

@@ -5,7 +5,7 @@ A renderer is any callable (RenderRequest, progress) -> tuple of Layers (one per
 changes whenever its pixels may change.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol, TypeAlias
 
@@ -13,10 +13,10 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.capture.capture_json import CaptureError
-from activestereo.common.progress_bar import part_of
+from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
-from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.resample import SupersampledImages
+from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.layers import RenderRequest, request_key, rig_request, sampling_of
 from activestereo.effects.engines.smooth import half_samples, half_seeds
 
@@ -34,14 +34,12 @@ class Renderer(Protocol):
     version: str
     """Names all that decides its images: a cached render of another version is not used."""
 
-    def __call__(
-        self, request: RenderRequest, progress: Callable[[float], object] | None = None
-    ) -> tuple[Layers, ...]: ...
+    def __call__(self, request: RenderRequest, progress: Progress | None = None) -> tuple[Layers, ...]: ...
 
 
 def render_frames(
     capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
-    cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
+    cache: LayerCache | None = None, progress: Progress | None = None, scale: int = 1,
     frames: Sequence[Frame] | None = None,
 ) -> LayersOfFrames:  # fmt: skip
     """Renders the layers of all frames (frames: of these alone); frames at one pose share their layers.
@@ -58,7 +56,7 @@ def render_frames(
 
 def render_halves(
     capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
-    cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
+    cache: LayerCache | None = None, progress: Progress | None = None, scale: int = 1,
     frames: Sequence[Frame] | None = None,
 ) -> Halves:  # fmt: skip
     """Renders as render_frames(), twice, with half of the samples each and independent random numbers."""
@@ -69,7 +67,7 @@ def render_halves(
 
 def _rendered(
     capture: Capture, renderer: Renderer, samples_per_pixel: int, max_bounces: int, seeds: Sequence[int],
-    cache: LayerCache | None, progress: Callable[[float], object] | None, scale: int, frames: Sequence[Frame] | None,
+    cache: LayerCache | None, progress: Progress | None, scale: int, frames: Sequence[Frame] | None,
 ) -> list[LayersOfFrames]:  # fmt: skip
     """Renders as render_frames() with each seed, pose by pose, because a renderer may keep parts that seeds do not
     change."""

@@ -42,12 +42,12 @@ class HonestTree:
     """A regression tree of the excess error over the covariates. Half A of the pixel blocks chooses the splits; half B
     prunes them and estimates all figures."""
 
-    def __init__(self, samples: Samples, seed: int = 0) -> None:
+    def __init__(self, samples: Samples, seed: int) -> None:
         self._samples = samples
         half = samples.group % 2 == 0
         a, b = np.flatnonzero(half), np.flatnonzero(~half)
         self._smallest = max(1, int(_SMALLEST_LEAF * len(a)))
-        self._bootstrap = BlockBootstrap(GROUPS, draws=1000, seed=seed)
+        self._bootstrap = BlockBootstrap(GROUPS, seed, draws=1000)
         # The search alone divides by the noise floor; otherwise a few bright, noisy pixels would choose every split.
         floor = np.maximum(samples.floor, 0.25 * samples.floor.mean() if samples.floor.any() else 1.0)
         self._target = samples.excess / floor

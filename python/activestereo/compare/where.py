@@ -9,8 +9,7 @@ frames are used, so that readers of these tables have not seen the test frames.
 Pixels are not independent, so whole blocks of the image are resampled (Efron and Tibshirani, An Introduction to the
 Bootstrap, 1993, ch. 8; Benjamini and Yekutieli, Annals of Statistics 29, 2001). Covariates are known quantities of each
 pixel, such as depth or viewing angle: one map [height][width] of an image, or one number of a frame. NaN = not defined
-there (the sky has no depth).
-"""
+there (the sky has no depth)."""
 
 from __future__ import annotations
 
@@ -121,7 +120,7 @@ class BlockBootstrap:
     """Draws Poisson(1) weights for `groups` groups of blocks, float32 [draws][groups], and uses the same ones for every
     statistic."""
 
-    def __init__(self, groups: int, draws: int = 4000, seed: int = 0) -> None:
+    def __init__(self, groups: int, seed: int, draws: int = 4000) -> None:
         rng = np.random.Generator(np.random.Philox(seed))
         self.weights = rng.poisson(1.0, (draws, groups)).astype(np.float32)
 
@@ -173,6 +172,8 @@ _MOST_PIXELS = 1_200_000
 # Disparity errors are clipped to this many pixels, because a mismatch may be of any size.
 LARGEST_DISPARITY_ERROR_PX = 2.0
 FALSE_DISCOVERY_RATE = 0.05
+# An excess below this share of the floor's variance may be the renderer's Monte Carlo noise and is not analysed.
+_SMALLEST_EXCESS = 0.05
 # A significant effect may be small: a finding must also concentrate at least this share of the explainable error.
 SMALLEST_SHARE = 0.05
 
@@ -192,30 +193,31 @@ class ResidualImage:
 
 @dataclass(frozen=True)
 class Bins:
-    """Holds the bins of a covariate. code: each pixel's bin, 1..count, 0 = not defined. edges [count + 1] of intervals
-    (low, high], or values [count] if each bin is one value; the other is None."""
+    """The bins of a covariate. code: each pixel's bin, 1..count, 0 = not defined. edges [count + 1] of intervals (low,
+    high], or values [count] if each bin is one value; the other is None."""
 
     code: np.ndarray
+    count: int
     edges: np.ndarray | None
     values: np.ndarray | None
-
-    @property
-    def count(self) -> int:
-        if self.edges is not None:
-            return len(self.edges) - 1
-        return 0 if self.values is None else len(self.values)
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Pixels [n] of one channel: residual, excess (squared residual above the floor), floor, and group of blocks for
-    the bootstrap; bins: {covariate: Bins}."""
+    """Pixels [n] of one channel: residual in `unit`, excess (squared residual above the floor), floor, and group of
+    blocks for the bootstrap; bins: {covariate: Bins}."""
 
+    unit: str
     residual: np.ndarray
     excess: np.ndarray
     floor: np.ndarray
     group: np.ndarray
     bins: dict[str, Bins]
+
+    @property
+    def is_explainable(self) -> bool:
+        """Returns whether there is error to explain."""
+        return bool(self.excess.sum() > _SMALLEST_EXCESS * self.floor.sum())
 
     def group_sums(self, values: np.ndarray, code: np.ndarray | None = None, count: int = 0) -> np.ndarray:
         """Returns sums of values [n] by group, [groups][1], or by group and code 1..count, [groups][count]."""
@@ -225,7 +227,7 @@ class Samples:
         return sums.reshape(GROUPS, count + 1)[:, 1:]
 
 
-def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | None:
+def gather_samples(images: Sequence[ResidualImage], unit: str, seed: int) -> Samples | None:
     """Collects the Samples of ResidualImages, a random subset if there are very many pixels; None without any pixel."""
     rng = np.random.Generator(np.random.Philox(seed))
     total = sum(int(image.mask.sum()) for image in images)
@@ -244,12 +246,7 @@ def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | 
         found = _bin_values(values, covariate.is_category)
         if found.count > 1:
             bins[covariate.name] = found
-    return Samples(residual, residual**2 - floor, floor, _groups(images, keep, rng), bins)
-
-
-def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.ndarray:
-    """Assigns each kept pixel to a resampling group; returns their numbers [n]. Blocks of 16 px get random groups;
-    repeats of one pose and camera share them."""
+    # Blocks get random groups; repeats of one pose and camera share them.
     first, firsts, parts = 0, {}, []
     for image, kept in zip(images, keep, strict=True):
         rows, columns = (np.arange(n) // BLOCK_PX for n in kept.shape)
@@ -258,7 +255,8 @@ def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.nd
             firsts[image.pose] = first
             first += (rows[-1] + 1) * across
         parts.append((firsts[image.pose] + rows[:, None] * across + columns)[kept])
-    return (rng.permutation(first) % GROUPS)[np.concatenate(parts)]
+    group = (rng.permutation(first) % GROUPS)[np.concatenate(parts)]
+    return Samples(unit, residual, residual**2 - floor, floor, group, bins)
 
 
 def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
@@ -269,32 +267,31 @@ def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
     distinct = np.unique(some[:: max(1, some.size // 100_000)]) if not is_category else np.unique(some)
     if is_category or len(distinct) <= BINS and np.isin(some, distinct).all():
         code = np.searchsorted(distinct, values) + 1
-        return Bins(np.where(finite, np.minimum(code, len(distinct)), 0), None, distinct.astype(np.float64))
+        code = np.where(finite, np.minimum(code, len(distinct)), 0)
+        return Bins(code, len(distinct), None, distinct.astype(np.float64))
     edges = np.quantile(some, np.linspace(0.0, 1.0, BINS + 1))
     fine = (edges[-2] - edges[1]) / 50.0
     power = 10.0 ** np.floor(np.log10(fine)) if fine > 0 else 1.0
-    step = float(
-        max(m * power for m in (1, 2, 5) if m * power <= max(fine, power))
-    )  # the largest round step up to `fine`
+    step = float(max(m * power for m in (1, 2, 5) if m * power <= max(fine, power)))  # the largest round one
     inner = np.unique(np.round(edges[1:-1] / step) * step)
     inner = inner[(inner > edges[0]) & (inner < edges[-1])]
     filled = np.bincount(np.searchsorted(inner, some, side="left"), minlength=len(inner) + 1) > 0
     inner = inner[filled[:-1]]  # an empty bin is joined with the next
     code = np.searchsorted(inner, values, side="left") + 1
-    return Bins(np.where(finite, code, 0), np.concatenate([edges[:1], inner, edges[-1:]]), None)
+    return Bins(np.where(finite, code, 0), len(inner) + 1, np.concatenate([edges[:1], inner, edges[-1:]]), None)
 
 
 def where_tables(
-    channels: Mapping[str, tuple[Samples, str, bool]], name_of: Callable[[Any], str] = str, seed: int = 0
+    channels: Mapping[str, Samples], seed: int, name_of: Callable[[Any], str] = str
 ) -> list[dict[str, Any]]:
     """Returns the `where` list of compare.json: a table per channel and covariate, findings first, larger first.
 
-    channels: {name: (Samples, unit, whether there is error to explain)}. name_of(material id): its name.
+    channels: {name: Samples}. name_of(material id): its name.
     """
-    bootstrap = BlockBootstrap(GROUPS, seed=seed)
-    tables = [
-        _table(channel, unit, samples, explainable, covariate, bootstrap, name_of)
-        for channel, (samples, unit, explainable) in channels.items()
+    bootstrap = BlockBootstrap(GROUPS, seed)
+    tables: list[dict[str, Any]] = [
+        {"channel": channel, "unit": samples.unit} | _table(samples, covariate, bootstrap, name_of)
+        for channel, samples in channels.items()
         for covariate in COVARIATES
         if covariate.name in samples.bins
     ]
@@ -306,7 +303,7 @@ def where_tables(
 
 
 def _table(
-    channel: str, unit: str, samples: Any, explainable: bool, covariate: Any, bootstrap: Any, name_of: Any
+    samples: Samples, covariate: Covariate, bootstrap: BlockBootstrap, name_of: Callable[[Any], str]
 ) -> dict[str, Any]:
     bins = samples.bins[covariate.name]
     ones = np.ones_like(samples.residual)
@@ -325,19 +322,20 @@ def _table(
     share = count / count.sum()
     total = np.nansum(share * excess)
     concentration = mean_share = None
-    if explainable and total > 0:  # pixels without this covariate may hold all of it
+    if samples.is_explainable and total > 0:  # pixels without this covariate may hold all of it
         concentration = float(np.nansum(np.maximum(share * excess / total - share, 0.0)))
         mean_share = float(np.nansum(share * np.maximum(mean**2 - np.nanvar(mean_draws, axis=0), 0.0)) / total)
     mean_low, mean_high = interval(mean_draws)
     excess_low, excess_high = interval(excess_draws)
     rows = []
     for i in np.flatnonzero(count):
-        if covariate.is_category:
+        if bins.values is None:
+            assert bins.edges is not None
+            place: dict[str, Any] = {"low": float(bins.edges[i]), "high": float(bins.edges[i + 1])}
+        elif covariate.is_category:
             place = {"label": name_of(int(bins.values[i]))}
-        elif bins.edges is None:
-            place = {"low": float(bins.values[i]), "high": float(bins.values[i])}
         else:
-            place = {"low": float(bins.edges[i]), "high": float(bins.edges[i + 1])}
+            place = dict.fromkeys(("low", "high"), float(bins.values[i]))
         rows.append(
             place
             | {
@@ -351,8 +349,6 @@ def _table(
             }
         )
     return {
-        "channel": channel,
-        "unit": unit,
         "covariate": covariate.name,
         "covariate_unit": covariate.unit,
         "concentration": concentration,

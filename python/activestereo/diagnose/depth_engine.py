@@ -26,7 +26,7 @@ from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.ranking import parameter_json
 from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, Stage, View
-from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.descriptor import Channel
 
 _LARGEST_ERROR_PX = 1.0
 # Fits start at these multiples of a parameter's typical value, use so many frames and at most so many evaluations.

@@ -26,7 +26,6 @@ from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, LayersOfFrames, Renderer, render_frames, render_halves
-from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.depth_engine import depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence
@@ -54,10 +53,9 @@ from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERI
 from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
 from activestereo.diagnose.words import explained, html_of, ranking_figure
 from activestereo.effects import Effect, Model, builtin
-from activestereo.effects.core.judging import Channel
-from activestereo.effects.core.room_light import has_room_light, is_measured_room
-from activestereo.effects.core.scene_surfaces import surface_names
-from activestereo.effects.core.surfaces import SURFACES
+from activestereo.effects.core.descriptor import Channel
+from activestereo.effects.core.surfaces import SURFACES, surface_names, surface_text
+from activestereo.effects.engines.loaded_scene import has_room_light, is_measured_room
 from activestereo.effects.engines.smooth import half_samples
 from activestereo.model import SensorModel
 

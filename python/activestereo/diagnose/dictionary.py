@@ -20,7 +20,7 @@ from activestereo.diagnose.kept import FitCache, content_key, effect_content
 from activestereo.diagnose.linear import Columns, Linear
 from activestereo.diagnose.pixels import SCALES, AllPixels, exposed
 from activestereo.effects import Effect, Parameter, Stage
-from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.model import scales
 
 # Amplitudes in typical values; parts of a short range, for effects that act near a threshold; the largest numbers of

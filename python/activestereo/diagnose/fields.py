@@ -21,8 +21,8 @@ from activestereo.diagnose.fitter import ImageResidual
 from activestereo.diagnose.goodness import Interval, interval, within_ranges
 from activestereo.diagnose.numbers import Numbers
 from activestereo.effects import Effect
+from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, SharedBy
 from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.judging import Channel, Lever, RandomTerm, SharedBy
 
 # Side of the pattern's cells that share one gain, in pattern pixels: as large as a dot.
 DOT_CELL_PX = 3

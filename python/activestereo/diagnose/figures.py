@@ -21,7 +21,7 @@ from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.linear import linearised
 from activestereo.effects import Model
-from activestereo.effects.core.scene_surfaces import surface_names
+from activestereo.effects.core.surfaces import surface_names
 from activestereo.model import SensorModel
 from activestereo.model.diagnosed import calibrated
 

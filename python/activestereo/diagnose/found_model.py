@@ -16,7 +16,7 @@ from activestereo.diagnose.goodness import Interval, design_effect
 from activestereo.diagnose.pixels import DENSE, SCALES
 from activestereo.diagnose.words import beyond_stated
 from activestereo.effects import Model, Stage
-from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
+from activestereo.effects.core.surfaces import material_of, scene_surfaces
 from activestereo.model import SensorModel, diagnosed_model
 from activestereo.model.model import NOISE_TERMS, MeasuredPose
 

@@ -33,7 +33,7 @@ from activestereo.diagnose.evidence import (
 from activestereo.diagnose.fitter import ImageResidual
 from activestereo.diagnose.geometry import Geometry, focal_slopes, geometry_slopes
 from activestereo.effects import Model, View
-from activestereo.effects.core.scene_surfaces import scene_surfaces
+from activestereo.effects.core.surfaces import scene_surfaces
 
 # Noise if neither repeats nor the two cameras tell it: the paper's gamma speckle (k = 60) and a read noise of 1 DN. It
 # never leads to a named effect.

@@ -30,8 +30,8 @@ from activestereo.diagnose.goodness import design_effect
 from activestereo.diagnose.kept import capture_content, code_digest, content_key, effect_content
 from activestereo.diagnose.pixels import SCALES
 from activestereo.effects import Model, builtin
-from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.resample import blur
+from activestereo.effects.core.view import Layers
 
 # Least known share of a blurred pixel, against division by zero.
 _LEAST = 1e-6

@@ -17,7 +17,7 @@ from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.goodness import Z90, Interval, Limits, within_ranges
 from activestereo.diagnose.numbers import Numbers
 from activestereo.effects import Effect, Model
-from activestereo.effects.core.judging import Channel, CodeSteps, Lever, RandomTerm, SharedBy
+from activestereo.effects.core.descriptor import Channel, CodeSteps, Lever, RandomTerm, SharedBy
 
 # Half of the 90 % quantile of chi-square with one degree of freedom.
 _LIKELIHOOD_DROP = 1.353

@@ -35,7 +35,7 @@ from activestereo.diagnose.selection import (
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage, builtin
-from activestereo.effects.core.judging import Channel, CodeSteps, Lever
+from activestereo.effects.core.descriptor import Channel, CodeSteps, Lever
 
 # The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
 # its score. Beyond so many times the needed gain, chance and random fields need no check.

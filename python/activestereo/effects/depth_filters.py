@@ -4,32 +4,26 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.judging import EngineFault, Unjudged
+from activestereo.effects.core.descriptor import EngineFault, Parameter, Stage, Unjudged, effect
 from activestereo.effects.core.view import View
 
+_FIRMWARE = "what a device's firmware does after matching is no part of simsense"
 _LEFT, _FARTHEST = 0.0, 1.0
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
 
 
 @effect(
-    "hole_filling",
-    stage=Stage.DISPARITY,
-    family="filter of depth",
+    stage=Stage.DISPARITY, family="filter of depth",
     finding="The device fills holes with the depth beside them",
     source="librealsense doc/post-processing-filters.md: from the left, the farthest or the nearest neighbour",
+    image_only=_FIRMWARE,
     judged=(Unjudged("it gives holes a depth, and depth is judged where both engines measured one"),),
     parameters=[
-        Parameter(
-            "reach_px", "px", neutral=0.0, low=0.0, high=4096.0, typical=16.0,
-            source="how far a hole is filled; librealsense's own has no end",
-        ),
-        Parameter(
-            "neighbour", "1", neutral=0.0, low=0.0, high=2.0, typical=1.0, choice=True,
-            source="0: the one on the left; 1: the farthest around; 2: the nearest",
-        ),
+        Parameter("reach_px", "px", high=4096.0, typical=16.0,
+                  source="how far a hole is filled; librealsense's own has no end"),
+        Parameter("neighbour", "1", high=2.0, typical=1.0, choice=True,
+                  source="0: the one on the left; 1: the farthest around; 2: the nearest"),
     ],
-    image_only="what a device's firmware does after matching is no part of simsense",
 )  # fmt: skip
 def hole_filling(disparity: np.ndarray, view: View, reach_px: float, neighbour: float) -> np.ndarray:
     """Pixels without a match take a neighbour's disparity, up to reach_px from what was measured. Shadows beside near
@@ -57,20 +51,15 @@ _EDGE_PX = 1.0
 
 
 @effect(
-    "post_filter",
-    stage=Stage.DISPARITY,
-    family="matcher",
+    stage=Stage.DISPARITY, family="matcher",
     finding="The device smooths and rounds its disparities",
     source="librealsense post-processing filters: edge-preserving smoothing; disparities in 1/32 px",
+    image_only=_FIRMWARE,
     judged=(EngineFault(is_matcher_choice=True),),
     parameters=[
-        Parameter("smoothing_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.5),
-        Parameter(
-            "step_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.0625,
-            source="disparities come in multiples of it",
-        ),
+        Parameter("smoothing_px", "px", high=8.0, typical=1.5),
+        Parameter("step_px", "px", high=1.0, typical=0.0625, source="disparities come in multiples of it"),
     ],
-    image_only="what a device's firmware does after matching is no part of simsense",
 )  # fmt: skip
 def post_filter(disparity: np.ndarray, view: View, smoothing_px: float, step_px: float) -> np.ndarray:
     """A filter smooths disparities within surfaces and rounds them to steps. Their noise is correlated and their
@@ -87,26 +76,17 @@ def post_filter(disparity: np.ndarray, view: View, smoothing_px: float, step_px:
 
 
 @effect(
-    "temporal_filter",
-    stage=Stage.DISPARITY,
-    family="filter of depth",
+    stage=Stage.DISPARITY, family="filter of depth", remembers=True,
     finding="The device averages its disparities over frames",
     source="librealsense doc/post-processing-filters.md: exponential average, alpha 0.4, delta 20 of 1/32 px, "
-    "persistence",
+           "persistence",
+    image_only=_FIRMWARE,
     judged=(Unjudged("it shows in how consecutive frames resemble each other, which captures of single views do not"),),
     parameters=[
         Parameter("alpha", "1", neutral=1.0, low=0.05, high=1.0, typical=0.6, source="weight of the new frame"),
-        Parameter(
-            "delta_px", "px", neutral=0.0, low=0.0, high=3.125, typical=0.625,
-            source="a larger change is taken as it is",
-        ),
-        Parameter(
-            "persists", "1", neutral=0.0, low=0.0, high=1.0, typical=1.0, choice=True,
-            source="1: a hole keeps the last disparity",
-        ),
+        Parameter("delta_px", "px", high=3.125, typical=0.625, source="a larger change is taken as it is"),
+        Parameter("persists", "1", high=1.0, typical=1.0, choice=True, source="1: a hole keeps the last disparity"),
     ],
-    remembers=True,
-    image_only="what a device's firmware does after matching is no part of simsense",
 )  # fmt: skip
 def temporal_filter(disparity: np.ndarray, view: View, alpha: float, delta_px: float, persists: float) -> np.ndarray:
     """A filter averages disparities exponentially over frames, where they change by less than delta_px. A scene at rest

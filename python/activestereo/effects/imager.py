@@ -3,27 +3,30 @@
 
 import numpy as np
 
-from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.descriptor import (
+    CodeSteps,
+    Lever,
+    Parameter,
+    Randomness,
+    RandomTerm,
+    SharedBy,
+    Stage,
+    effect,
+)
 from activestereo.effects.core.engine import EngineInputs
-from activestereo.effects.core.judging import CodeSteps, Lever, RandomTerm, SharedBy
 from activestereo.effects.core.moved import engine_effect
 from activestereo.effects.core.view import View
 
 
 @engine_effect(
-    "dark_signal",
-    moves=("signal.dark_current_e_per_s", "signal.dark_doubling_k"),
-    stage=Stage.CHARGE,
-    family="dark",
+    stage=Stage.CHARGE, family="dark", moves=("signal.dark_current_e_per_s", "signal.dark_doubling_k"),
     finding="Charge gathers without light",
     source="EMVA 1288; dark current of silicon doubles every 6-8 K",
     parameters=[
-        Parameter(
-            "rate_dn_per_s", "DN/s", neutral=0.0, low=0.0, high=5000.0, typical=100.0, source="at 25 C and gain 1"
-        ),
+        Parameter("rate_dn_per_s", "DN/s", high=5000.0, typical=100.0, source="at 25 C and gain 1"),
         Parameter("doubling_k", "K", neutral=7.0, low=4.0, high=12.0, typical=1.0),
     ],
-)
+)  # fmt: skip
 def dark_signal(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -> None:
     """Charge gathers without light. It is proportional to the exposure, and doubles with every doubling_k kelvins."""
     for side in inputs.sides:
@@ -32,18 +35,13 @@ def dark_signal(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -
 
 
 @engine_effect(
-    "black_level",
-    moves=("signal.black_level_dn", "signal.black_level_dn_per_k"),
-    stage=Stage.DIGITAL,
-    family="dark",
+    stage=Stage.DIGITAL, family="dark", moves=("signal.black_level_dn", "signal.black_level_dn_per_k"),
     finding="The black level is another one than the model's",
     source="pedestals of 5 (D415) and 20 DN (D435) seen on public frames; drift with temperature and gain",
     parameters=[
-        Parameter(
-            "offset_dn", "DN", neutral=0.0, low=-50.0, high=50.0, typical=2.0,
-            source="the fit's black level absorbs a constant one",
-        ),
-        Parameter("per_k_dn", "DN/K", neutral=0.0, low=-1.0, high=1.0, typical=0.05),
+        Parameter("offset_dn", "DN", low=-50.0, high=50.0, typical=2.0,
+                  source="the fit's black level absorbs a constant one"),
+        Parameter("per_k_dn", "DN/K", low=-1.0, high=1.0, typical=0.05),
     ],
 )  # fmt: skip
 def black_level(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None:
@@ -54,16 +52,12 @@ def black_level(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None
 
 
 @engine_effect(
-    "prnu",
-    moves=("signal.prnu",),
-    stage=Stage.CHARGE,
-    family="fixed pattern",
+    stage=Stage.CHARGE, family="fixed pattern", randomness=Randomness.STATIC, moves=("signal.prnu",),
     finding="Every pixel has a gain of its own",
     source="EMVA 1288 photo response non-uniformity, 0.5-2 %",
-    randomness=Randomness.STATIC,
     judged=(RandomTerm("sigma", Lever.SIGNAL),),
-    parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.5, typical=0.01)],
-)
+    parameters=[Parameter("sigma", "1", high=0.5, typical=0.01)],
+)  # fmt: skip
 def prnu(inputs: EngineInputs, sigma: float) -> None:
     """Every pixel has its own gain. The gain is the same in all frames."""
     for side in inputs.sides:
@@ -71,24 +65,21 @@ def prnu(inputs: EngineInputs, sigma: float) -> None:
 
 
 @engine_effect(
-    "fixed_pattern_noise",
+    stage=Stage.READOUT, family="fixed pattern", randomness=Randomness.STATIC,
     moves=("signal.column_fixed_e", "signal.row_fixed_e", "signal.dsnu_e"),
-    stage=Stage.READOUT,
-    family="fixed pattern",
     finding="Columns, rows or pixels have offsets of their own",
     source="EMVA 1288 dark signal non-uniformity, split by column and row readout",
-    randomness=Randomness.STATIC,
     judged=(
         RandomTerm("column_dn", Lever.ONE, SharedBy.COLUMN),
         RandomTerm("row_dn", Lever.ONE, SharedBy.ROW),
         RandomTerm("pixel_dn", Lever.ONE),
     ),
     parameters=[
-        Parameter("column_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
-        Parameter("row_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
-        Parameter("pixel_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
+        Parameter("column_dn", "DN", high=10.0, typical=0.3),
+        Parameter("row_dn", "DN", high=10.0, typical=0.3),
+        Parameter("pixel_dn", "DN", high=10.0, typical=0.3),
     ],
-)
+)  # fmt: skip
 def fixed_pattern_noise(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: float) -> None:
     """Columns, rows and pixels have offsets of their own. The offsets are the same in all frames."""
     for side in inputs.sides:
@@ -98,20 +89,15 @@ def fixed_pattern_noise(inputs: EngineInputs, column_dn: float, row_dn: float, p
 
 
 @engine_effect(
-    "hot_pixels",
+    stage=Stage.CHARGE, family="dark", randomness=Randomness.STATIC,
     moves=("signal.hot_pixel_share", "signal.hot_pixel_e_per_s"),
-    stage=Stage.CHARGE,
-    family="dark",
     finding="Some pixels are hot",
     source="EMVA 1288 defect pixels, 1e-5 to 1e-3 of all; exponential tail of dark current",
-    randomness=Randomness.STATIC,
     judged=(RandomTerm("rate_dn_per_s", Lever.EXPOSURE, sparse_share="share"),),
     parameters=[
-        Parameter("share", "1", neutral=0.0, low=0.0, high=0.05, typical=0.002),
-        Parameter(
-            "rate_dn_per_s", "DN/s", neutral=2000.0, low=0.0, high=100000.0, typical=2000.0,
-            source="mean of the tail at gain 1",
-        ),
+        Parameter("share", "1", high=0.05, typical=0.002),
+        Parameter("rate_dn_per_s", "DN/s", neutral=2000.0, high=100000.0, typical=2000.0,
+                  source="mean of the tail at gain 1"),
     ],
 )  # fmt: skip
 def hot_pixels(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
@@ -125,16 +111,12 @@ def hot_pixels(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None
 
 
 @engine_effect(
-    "shot_noise",
-    moves=("signal.shot_noise",),
-    stage=Stage.CHARGE,
-    family="temporal noise",
+    stage=Stage.CHARGE, family="temporal noise", randomness=Randomness.TEMPORAL, moves=("signal.shot_noise",),
     finding="There is more shot noise than the model has",
     source="EMVA 1288 photon transfer; 0.005 DN on resampled D4xx frames at 640x480",
-    randomness=Randomness.TEMPORAL,
     judged=(RandomTerm("dn_per_electron", Lever.PHOTONS),),
-    parameters=[Parameter("dn_per_electron", "DN", neutral=0.0, low=0.0, high=2.0, typical=0.03, source="at gain 1")],
-)
+    parameters=[Parameter("dn_per_electron", "DN", high=2.0, typical=0.03, source="at gain 1")],
+)  # fmt: skip
 def shot_noise(inputs: EngineInputs, dn_per_electron: float) -> None:
     """Photons arrive at random. The variance grows in proportion to signal and gain."""
     for side in inputs.sides:
@@ -143,16 +125,12 @@ def shot_noise(inputs: EngineInputs, dn_per_electron: float) -> None:
 
 
 @engine_effect(
-    "read_noise",
-    moves=("signal.read_noise_e",),
-    stage=Stage.READOUT,
-    family="temporal noise",
+    stage=Stage.READOUT, family="temporal noise", randomness=Randomness.TEMPORAL, moves=("signal.read_noise_e",),
     finding="There is more noise of the amplifier than the model has",
     source="EMVA 1288; 0.2-1 DN on D4xx",
-    randomness=Randomness.TEMPORAL,
     judged=(RandomTerm("sigma_dn", Lever.ONE),),
-    parameters=[Parameter("sigma_dn", "DN", neutral=0.0, low=0.0, high=20.0, typical=0.8)],
-)
+    parameters=[Parameter("sigma_dn", "DN", high=20.0, typical=0.8)],
+)  # fmt: skip
 def read_noise(inputs: EngineInputs, sigma_dn: float) -> None:
     """The amplifier adds noise that no light changes."""
     for side in inputs.sides:
@@ -160,16 +138,12 @@ def read_noise(inputs: EngineInputs, sigma_dn: float) -> None:
 
 
 @engine_effect(
-    "row_noise",
-    moves=("signal.row_noise_e",),
-    stage=Stage.READOUT,
-    family="temporal noise",
+    stage=Stage.READOUT, family="temporal noise", randomness=Randomness.TEMPORAL, moves=("signal.row_noise_e",),
     finding="Every row of every frame has an offset of its own",
     source="row-wise reference sampling of CMOS imagers; <= 0.03 DN on D4xx",
-    randomness=Randomness.TEMPORAL,
     judged=(RandomTerm("sigma_dn", Lever.ONE, SharedBy.ROW),),
-    parameters=[Parameter("sigma_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3)],
-)
+    parameters=[Parameter("sigma_dn", "DN", high=10.0, typical=0.3)],
+)  # fmt: skip
 def row_noise(inputs: EngineInputs, sigma_dn: float) -> None:
     """Every row of every frame has an offset of its own."""
     for side in inputs.sides:
@@ -177,21 +151,13 @@ def row_noise(inputs: EngineInputs, sigma_dn: float) -> None:
 
 
 @engine_effect(
-    "gain_error",
-    moves=("signal.exposure_s", "signal.gain"),
-    stage=Stage.CHARGE,
-    family="tone",
+    stage=Stage.CHARGE, family="tone", moves=("signal.exposure_s", "signal.gain"),
     finding="Exposures or gains are others than recorded",
     source="EMVA 1288 linearity: exposure offsets of microseconds, gain steps off by per cents",
     parameters=[
-        Parameter(
-            "exposure_offset_s", "s", neutral=0.0, low=-2e-4, high=1e-3, typical=1e-4,
-            source="true minus recorded exposure time",
-        ),
-        Parameter(
-            "log_gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05,
-            source="true gain = recorded gain^(1 + log_gain)",
-        ),
+        Parameter("exposure_offset_s", "s", low=-2e-4, high=1e-3, typical=1e-4,
+                  source="true minus recorded exposure time"),
+        Parameter("log_gain", "1", low=-0.5, high=0.5, typical=0.05, source="true gain = recorded gain^(1 + log_gain)"),
     ],
 )  # fmt: skip
 def gain_error(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> None:
@@ -203,17 +169,14 @@ def gain_error(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) 
 
 
 @engine_effect(
-    "gain_mismatch",
-    moves=("signal.gain", "signal.black_level_dn"),
-    stage=Stage.READOUT,
-    family="tone",
+    stage=Stage.READOUT, family="tone", moves=("signal.gain", "signal.black_level_dn"),
     finding="The two cameras differ in gain or offset",
     source="real pairs: slope 1.062 and -3.8 DN (D435), 0.946 and +3.9 DN (D415)",
     parameters=[
-        Parameter("gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05, source="right over left, minus 1"),
-        Parameter("offset_dn", "DN", neutral=0.0, low=-20.0, high=20.0, typical=2.0),
+        Parameter("gain", "1", low=-0.5, high=0.5, typical=0.05, source="right over left, minus 1"),
+        Parameter("offset_dn", "DN", low=-20.0, high=20.0, typical=2.0),
     ],
-)
+)  # fmt: skip
 def gain_mismatch(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
     """The cameras differ in gain and offset. The difference is split: the right camera gets half of gain and offset,
     the left camera the opposite half."""
@@ -223,19 +186,12 @@ def gain_mismatch(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
 
 
 @engine_effect(
-    "response_gamma",
-    moves=("signal.response_exponent",),
-    stage=Stage.READOUT,
-    family="tone",
+    stage=Stage.READOUT, family="tone", is_pointwise=True, moves=("signal.response_exponent",),
     finding="The camera's response to light is not linear",
     source="power-law camera response (Mitsunaga and Nayar 1999 treat the general case)",
     parameters=[
-        Parameter(
-            "log_exponent", "1", neutral=0.0, low=-1.0, high=1.0, typical=0.15,
-            source="natural logarithm of the exponent",
-        )
+        Parameter("log_exponent", "1", low=-1.0, high=1.0, typical=0.15, source="natural logarithm of the exponent"),
     ],
-    is_pointwise=True,
 )  # fmt: skip
 def response_gamma(inputs: EngineInputs, log_exponent: float) -> None:
     """The output is proportional to light^exp(log_exponent). Full scale is unchanged, and the black level is added
@@ -245,21 +201,13 @@ def response_gamma(inputs: EngineInputs, log_exponent: float) -> None:
 
 
 @engine_effect(
-    "saturation_blooming",
-    moves=("signal.full_well_e", "signal.blooming"),
-    stage=Stage.CHARGE,
-    family="saturation",
+    stage=Stage.CHARGE, family="saturation", moves=("signal.full_well_e", "signal.blooming"),
     finding="Bright pixels saturate early and spill into their neighbours",
     source="Janesick, Photon Transfer, full well and blooming",
     parameters=[
-        Parameter(
-            "lost_range", "1", neutral=0.0, low=0.0, high=0.95, typical=0.3,
-            source="the well is full at (1 - this) of the range",
-        ),
-        Parameter(
-            "spill", "1", neutral=0.0, low=0.0, high=1.0, typical=0.3,
-            source="share of the overflow that reaches the column's neighbours",
-        ),
+        Parameter("lost_range", "1", high=0.95, typical=0.3, source="the well is full at (1 - this) of the range"),
+        Parameter("spill", "1", high=1.0, typical=0.3,
+                  source="share of the overflow that reaches the column's neighbours"),
     ],
 )  # fmt: skip
 def saturation_blooming(inputs: EngineInputs, lost_range: float, spill: float) -> None:
@@ -271,17 +219,13 @@ def saturation_blooming(inputs: EngineInputs, lost_range: float, spill: float) -
 
 
 @effect(
-    "quantisation",
-    stage=Stage.DIGITAL,
-    family="quantisation",
+    stage=Stage.DIGITAL, family="quantisation",
     finding="Values are rounded to coarse steps",
     source="an ideal quantiser of step q adds a variance of q^2 / 12 (Bennett 1948)",
-    judged=(CodeSteps("step_dn"),),
-    parameters=[
-        Parameter("step_dn", "DN", neutral=0.0, low=0.0, high=32.0, typical=2.0, source="1 = whole digital numbers")
-    ],
     image_only="simsense's converter rounds to whole digital numbers only",
-)
+    judged=(CodeSteps("step_dn"),),
+    parameters=[Parameter("step_dn", "DN", high=32.0, typical=2.0, source="1 = whole digital numbers")],
+)  # fmt: skip
 def quantisation(dn: np.ndarray, view: View, step_dn: float) -> np.ndarray:
     """The camera rounds values to multiples of a step."""
     return dn if step_dn == 0.0 else step_dn * np.rint(dn / step_dn)

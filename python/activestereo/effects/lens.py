@@ -7,27 +7,20 @@ import numpy as np
 from scipy import fft
 from scipy.ndimage import maximum_filter, shift
 
-from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.descriptor import Parameter, Stage, StartImage, effect
 from activestereo.effects.core.engine import EngineInputs
-from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.moved import engine_effect
 from activestereo.effects.core.view import View
 
 
 @engine_effect(
-    "lens_psf",
-    moves=("optics.psf_sigma_px", "optics.psf_corner_sigma_px"),
-    stage=Stage.CAMERA,
-    family="camera blur",
+    stage=Stage.CAMERA, family="camera blur", moves=("optics.psf_sigma_px", "optics.psf_corner_sigma_px"),
     finding="The camera's lens blurs the images",
     source="Gaussian line spread; visible dot sigma 0.8-1.2 px on D4xx frames",
     parameters=[
-        Parameter("sigma_px", "px", neutral=0.0, low=0.0, high=3.0, typical=0.5),
-        Parameter(
-            "corner_sigma_px", "px", neutral=0.0, low=0.0, high=4.0, typical=0.6,
-            source="field curvature: grows with radius squared",
-        ),
+        Parameter("sigma_px", "px", high=3.0, typical=0.5),
+        Parameter("corner_sigma_px", "px", high=4.0, typical=0.6, source="field curvature: grows with radius squared"),
     ],
 )  # fmt: skip
 def lens_psf(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> None:
@@ -38,18 +31,13 @@ def lens_psf(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> N
 
 
 @engine_effect(
-    "focus_mismatch",
-    moves=("left.optics.psf_sigma_px", "right.optics.psf_sigma_px"),
-    stage=Stage.CAMERA,
-    family="camera blur",
+    stage=Stage.CAMERA, family="camera blur", moves=("left.optics.psf_sigma_px", "right.optics.psf_sigma_px"),
     finding="One camera is out of focus",
     source="lenses of a pair are focused one by one; a knock or warmth moves one of them",
     parameters=[
-        Parameter(
-            "sigma_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.4, source="> 0: of the right camera, < 0: left"
-        )
+        Parameter("sigma_px", "px", low=-3.0, high=3.0, typical=0.4, source="> 0: of the right camera, < 0: left"),
     ],
-)
+)  # fmt: skip
 def focus_mismatch(inputs: EngineInputs, sigma_px: float) -> None:
     """A Gaussian blurs one camera's images alone."""
     side = inputs.right if sigma_px > 0 else inputs.left
@@ -57,17 +45,15 @@ def focus_mismatch(inputs: EngineInputs, sigma_px: float) -> None:
 
 
 @effect(
-    "rectification_resampling",
-    stage=Stage.CAMERA,
-    family="camera blur",
+    stage=Stage.CAMERA, family="camera blur",
     finding="Rectification blurs the images",
     source="bilinear interpolation: neighbouring noise correlates by 0.28 in D4xx frames",
-    parameters=[
-        Parameter("phase_u_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.4),
-        Parameter("phase_v_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.4),
-    ],
     image_only="kuafu's point spread is a Gaussian, which two weighted pixels are not",
-)
+    parameters=[
+        Parameter("phase_u_px", "px", high=1.0, typical=0.4),
+        Parameter("phase_v_px", "px", high=1.0, typical=0.4),
+    ],
+)  # fmt: skip
 def rectification_resampling(light: Light, view: View, phase_u_px: float, phase_v_px: float) -> Light:
     """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below. A rectified pixel is
     the weighted mean of the two nearest along columns and along rows. The mean loses detail and moves nothing."""
@@ -77,18 +63,11 @@ def rectification_resampling(light: Light, view: View, phase_u_px: float, phase_
 
 
 @engine_effect(
-    "vignetting",
-    moves=("optics.vignetting_exponent",),
-    stage=Stage.OPTICS,
-    family="lens shading",
+    stage=Stage.OPTICS, family="lens shading", moves=("optics.vignetting_exponent",),
     finding="The images are darker towards their corners",
     source="cos^4 law of a thin lens: Born and Wolf, Principles of Optics, 4.8.1",
-    parameters=[
-        Parameter(
-            "exponent", "1", neutral=0.0, low=0.0, high=8.0, typical=1.5, source="4 = thin lens; D4xx corners 0.35-0.45"
-        )
-    ],
-)
+    parameters=[Parameter("exponent", "1", high=8.0, typical=1.5, source="4 = thin lens; D4xx corners 0.35-0.45")],
+)  # fmt: skip
 def vignetting(inputs: EngineInputs, exponent: float) -> None:
     """All light falls by cos^exponent of the angle to the optical axis."""
     for side in inputs.sides:
@@ -96,14 +75,11 @@ def vignetting(inputs: EngineInputs, exponent: float) -> None:
 
 
 @engine_effect(
-    "veiling_glare",
-    moves=("optics.veiling_glare_fraction",),
-    stage=Stage.OPTICS,
-    family="glare",
+    stage=Stage.OPTICS, family="glare", moves=("optics.veiling_glare_fraction",),
     finding="Stray light veils the images",
     source="ISO 9358 veiling glare index",
-    parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.8, typical=0.04)],
-)
+    parameters=[Parameter("fraction", "1", high=0.8, typical=0.04)],
+)  # fmt: skip
 def veiling_glare(inputs: EngineInputs, fraction: float) -> None:
     """The lens spreads a fraction of all light evenly over the image."""
     for side in inputs.sides:
@@ -111,15 +87,13 @@ def veiling_glare(inputs: EngineInputs, fraction: float) -> None:
 
 
 @effect(
-    "lens_ghost",
-    stage=Stage.OPTICS,
-    family="glare",
+    stage=Stage.OPTICS, family="glare",
     finding="A pane before the cameras adds mirrored ghosts to the images",
     source="Fresnel: an uncoated face reflects 4 %, an imager 10 to 20 %; Hullin et al. 2011, Physically-based "
-    "real-time lens flare rendering, section 3",
-    parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.02)],
+           "real-time lens flare rendering, section 3",
     image_only="kuafu's optics end at the lens",
-)
+    parameters=[Parameter("fraction", "1", high=0.5, typical=0.02)],
+)  # fmt: skip
 def lens_ghost(image: np.ndarray, view: View, fraction: float) -> np.ndarray:
     """A pane square to the axis sends the imager's reflection back. The image gets a ghost, point-mirrored at the
     principal point."""
@@ -166,20 +140,17 @@ def _correlated(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @effect(
-    "double_image",
-    stage=Stage.OPTICS,
-    family="glare",
+    stage=Stage.OPTICS, family="glare", starts=_starts,
     finding="A pane before the cameras doubles the images",
     source="Fresnel: light that both faces of a pane reflect leaves it 0.2 % (glass) to 10 % (coated) as bright, aside "
-    "by twice the angle of its wedge",
-    starts=_starts,
-    parameters=[
-        Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.03),
-        Parameter("shift_u_px", "px", neutral=3.0, low=-20.0, high=20.0, typical=3.0, source="aside of the image"),
-        Parameter("shift_v_px", "px", neutral=0.0, low=-20.0, high=20.0, typical=3.0, source="below the image"),
-    ],
+           "by twice the angle of its wedge",
     image_only="kuafu's optics end at the lens",
-)
+    parameters=[
+        Parameter("fraction", "1", high=0.5, typical=0.03),
+        Parameter("shift_u_px", "px", neutral=3.0, low=-20.0, high=20.0, typical=3.0, source="aside of the image"),
+        Parameter("shift_v_px", "px", low=-20.0, high=20.0, typical=3.0, source="below the image"),
+    ],
+)  # fmt: skip
 def double_image(image: np.ndarray, view: View, fraction: float, shift_u_px: float, shift_v_px: float) -> np.ndarray:
     """A weaker image lies beside the image."""
     if fraction == 0.0:

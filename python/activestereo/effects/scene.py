@@ -8,9 +8,8 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.materials import paths_per_length
 from activestereo.effects.core.moved import engine_effect
-from activestereo.effects.core.shading import IOR, fresnel
+from activestereo.effects.core.shading import IOR, fresnel, paths_per_length
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.core.view import View
 
@@ -28,22 +27,16 @@ def _phase_g(backscatter: float) -> float:
 
 
 @engine_effect(
-    "haze",
-    moves=("medium",),
-    stage=Stage.MEDIUM,
-    family="medium",
+    stage=Stage.MEDIUM, family="medium", moves=("medium",),
     finding="The air in front of the camera is hazy",
     source="Koschmieder 1924; single scattering of uniform ambient light and of the projector's own beam",
     parameters=[
-        Parameter("extinction_per_m", "1/m", neutral=0.0, low=0.0, high=3.0, typical=0.1),
-        Parameter(
-            "backscatter", "1", neutral=1.0, low=0.0, high=3.0, typical=0.5,
-            source="scattering back to the rig over isotropic: fine smoke 1, fog 0.1-0.5 (Henyey and Greenstein 1941)",
-        ),
-        Parameter(
-            "housing_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03,
-            source="window and housing of the camera keep the air out so far, where the beam is brightest",
-        ),
+        Parameter("extinction_per_m", "1/m", high=3.0, typical=0.1),
+        Parameter("backscatter", "1", neutral=1.0, high=3.0, typical=0.5,
+                  source="scattering back to the rig over isotropic: fine smoke 1, fog 0.1-0.5 (Henyey and Greenstein "
+                         "1941)"),
+        Parameter("housing_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03,
+                  source="window and housing of the camera keep the air out so far, where the beam is brightest"),
     ],
 )  # fmt: skip
 def haze(inputs: EngineInputs, extinction_per_m: float, backscatter: float, housing_m: float) -> None:
@@ -62,18 +55,12 @@ def haze(inputs: EngineInputs, extinction_per_m: float, backscatter: float, hous
 
 
 @effect(
-    "interreflection",
-    stage=Stage.SURFACE,
-    family="surface",
+    stage=Stage.SURFACE, family="surface",
     finding="Surfaces light each other by another amount than the scene file says",
     source="radiosity: bounced light goes with the product of two albedos (Goral et al. 1984)",
-    parameters=[
-        Parameter(
-            "gain", "1", neutral=0.0, low=-1.0, high=3.0, typical=0.3, source="-1 = a model of single reflections"
-        )
-    ],
     image_only="kuafu computes bounced light from the albedos alone",
-)
+    parameters=[Parameter("gain", "1", low=-1.0, high=3.0, typical=0.3, source="-1 = a model of single reflections")],
+)  # fmt: skip
 def interreflection(light: Light, view: View, gain: float) -> Light:
     """Other surfaces reflect 1 + gain times the rendered amount of light. This light is smooth and strongest in
     corners. Ambient light is included where its indirect share is known."""
@@ -84,22 +71,17 @@ def interreflection(light: Light, view: View, gain: float) -> Light:
 
 
 @engine_effect(
-    "specular",
-    moves=("materials.specular", "materials.ir_roughness", "materials.ir_ior"),
-    stage=Stage.SURFACE,
-    family="surface",
+    stage=Stage.SURFACE, family="surface", moves=("materials.specular", "materials.ir_roughness", "materials.ir_ior"),
     finding="Surfaces are glossier than the scene file says",
     source="glTF 2.0 material model with KHR_materials_specular; GGX of Walter et al. 2007, Microfacet models for "
-    "refraction",
+           "refraction",
     parameters=[
-        Parameter(
-            "factor", "1", neutral=0.0, low=0.0, high=20.0, typical=0.5,
-            source="reflectance over common plastic's 0.04: up to 1 specularFactor on top of the nominal one, beyond "
-            "by a higher ior",
-        ),
+        Parameter("factor", "1", high=20.0, typical=0.5,
+                  source="reflectance over common plastic's 0.04: up to 1 specularFactor on top of the nominal one, "
+                         "beyond by a higher ior"),
         Parameter("roughness", "1", neutral=0.5, low=0.1, high=1.0, typical=0.2, source="without effect at factor 0"),
         SURFACES,
-    ],  # fmt: skip
+    ],
 )  # fmt: skip
 def specular(inputs: EngineInputs, factor: float, roughness: float, surfaces: float) -> None:
     """Surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse
@@ -115,26 +97,18 @@ def specular(inputs: EngineInputs, factor: float, roughness: float, surfaces: fl
 
 
 @engine_effect(
-    "subsurface",
+    stage=Stage.SURFACE, family="surface",
     moves=("materials.subsurface", "materials.ir_subsurface_color", "materials.ir_subsurface_radius_m"),
-    stage=Stage.SURFACE,
-    family="surface",
     finding="Light spreads below surfaces",
     source="Jensen et al. 2001, A practical model for subsurface light transport: millimetres in skin, wax, marble, "
            "foam",
     parameters=[
-        Parameter(
-            "fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.4, source="share of the light that enters"
-        ),
-        Parameter(
-            "length_m", "m", neutral=0.003, low=0.0002, high=0.03, typical=0.002,
-            source="rms distance along one axis; without effect at fraction 0",
-        ),
-        Parameter(
-            "core", "1", neutral=1.0, low=0.0, high=1.0, typical=1.0, in_engine=False,
-            source="share of the profile with a bright core, the engine's own; 0: exp(-distance / width), of media "
-            "that scatter forward",
-        ),
+        Parameter("fraction", "1", high=1.0, typical=0.4, source="share of the light that enters"),
+        Parameter("length_m", "m", neutral=0.003, low=0.0002, high=0.03, typical=0.002,
+                  source="rms distance along one axis; without effect at fraction 0"),
+        Parameter("core", "1", neutral=1.0, high=1.0, typical=1.0, in_engine=False,
+                  source="share of the profile with a bright core, the engine's own; 0: exp(-distance / width), of "
+                         "media that scatter forward"),
         SURFACES,
     ],
 )  # fmt: skip
@@ -150,18 +124,13 @@ def subsurface(inputs: EngineInputs, fraction: float, length_m: float, core: flo
 
 
 @engine_effect(
-    "transmission",
-    moves=("materials.ir_transmission", "materials.thin_walled"),
-    stage=Stage.SURFACE,
-    family="surface",
+    stage=Stage.SURFACE, family="surface", moves=("materials.ir_transmission", "materials.thin_walled"),
     finding="Surfaces let light through",
     source="KHR_materials_transmission: a share of the diffuse light goes through instead",
     parameters=[
-        Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),
-        Parameter(
-            "behind", "1", neutral=0.5, low=0.0, high=1.0, typical=0.3, in_engine=False,
-            source="radiance of what lies behind over the ambient radiance",
-        ),
+        Parameter("fraction", "1", high=1.0, typical=0.2),
+        Parameter("behind", "1", neutral=0.5, high=1.0, typical=0.3, in_engine=False,
+                  source="radiance of what lies behind over the ambient radiance"),
         SURFACES,
     ],
 )  # fmt: skip

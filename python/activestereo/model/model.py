@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Camera
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.model import Model
-from activestereo.effects.core.scene_surfaces import material_of, names_of, numbers_of
-from activestereo.effects.core.surfaces import SURFACES, material_numbers
+from activestereo.effects.core.surfaces import SURFACES, material_numbers, material_of, names_of, numbers_of
 from activestereo.effects.engines.capture_inputs import SceneMeasurement
 
 # Nuisances of a fit, with units: {name: (unit, low, high)}.
@@ -138,8 +137,8 @@ class SensorModel:
 
     def bound(self, material_names: Sequence[str]) -> Model:
         """Returns the effects for a scene: surface names are replaced by the scene's surface numbers
-        (scene_surfaces.py). material_names: the scene's names by number. Raises ValueError with a name that the scene
-        lacks."""
+        (effects/core/surfaces.py). material_names: the scene's names by number. Raises ValueError with a name that the
+        scene lacks."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from activestereo.common.html_table import text
 from activestereo.common.palette import INK, MUTED
-from activestereo.compare.effect_strip import StripView
+from activestereo.compare.effect_trials import StripView
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.report.first_screen import where_most_goes
@@ -25,7 +25,7 @@ from activestereo.report.page import data_address, page, web_file
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
-    from activestereo.compare.effect_strip import EffectStrip
+    from activestereo.compare.effect_trials import EffectStrip
     from activestereo.effects import Effect
     from activestereo.report.models import ModelImages
 

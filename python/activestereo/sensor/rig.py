@@ -22,9 +22,14 @@ from activestereo.common.pose import Pose, camera_to_world, carried_twist
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine, moved_pose
 from activestereo.effects.core.model import Model
-from activestereo.effects.core.scene_surfaces import split_surfaces
-from activestereo.effects.engines.capture_inputs import SceneMeasurement
-from activestereo.effects.engines.world import copy_camera, copy_light, copy_record, enter_world
+from activestereo.effects.core.surfaces import split_surfaces
+from activestereo.effects.engines.capture_inputs import (
+    SceneMeasurement,
+    copy_camera,
+    copy_light,
+    copy_record,
+    enter_world,
+)
 from activestereo.model import SensorModel, read_model
 
 # Number of the environment that the right camera sees if its shutter opens later than the left one's.

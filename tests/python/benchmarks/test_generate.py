@@ -33,7 +33,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import generate as command
 from activestereo.cli import main
 from activestereo.common.declared_ranges import read_ranges
-from activestereo.effects.core.scene_surfaces import instance_transforms
+from activestereo.effects.core.surfaces import instance_transforms
 from activestereo.scene_io import meshes, usd
 from activestereo.scene_io.gltf_writer import GltfWriter
 

@@ -15,7 +15,7 @@ from activestereo.calibrate.material_fit import MaterialScene
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.effects.core.model import Model
-from activestereo.effects.core.scene_surfaces import surface_names, surfaces_of_object
+from activestereo.effects.core.surfaces import surface_names, surfaces_of_object
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.model import Quantity, SensorModel
 from command_line import led_on

@@ -12,7 +12,7 @@ import pytest
 from activestereo.cli import main
 from activestereo.effects import Model, Stage, builtin, load_effects
 from activestereo.effects.core import load as plugin
-from activestereo.effects.core.judging import Channel, Lever, RandomTerm, SharedBy
+from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, SharedBy
 from activestereo.effects.core.laws import example_value, example_view
 
 ROOT = Path(__file__).resolve().parents[3]

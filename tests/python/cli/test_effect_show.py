@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from activestereo.cli import main
-from activestereo.compare import effect_strip
+from activestereo.compare import effect_trials
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects import Stage, builtin
 from activestereo.report.strips import strip_page
@@ -18,8 +18,8 @@ BLACK_DN = 5.0
 @pytest.fixture(scope="module")
 def world(lab_cache):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(effect_strip, "_SAMPLES", 16)
-        return effect_strip.StripWorld(CaptureRenderer("cpu"), lab_cache)
+        patch.setattr(effect_trials, "_STRIP_SAMPLES", 16)
+        return effect_trials.StripWorld(CaptureRenderer("cpu"), lab_cache)
 
 
 @pytest.mark.parametrize("name", builtin())

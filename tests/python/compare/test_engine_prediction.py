@@ -19,7 +19,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.engine_prediction import kept_lights
 from activestereo.compare.nuisances import Nuisances
-from activestereo.compare.surrogate import trial_capture
+from activestereo.compare.effect_trials import trial_capture
 from activestereo.model import Quantity, diagnosed_model, write_model
 
 EFFECTS = builtin()
@@ -150,7 +150,7 @@ def test_a_second_projector_is_the_rooms_light(nominal, renderer):
 def test_a_projector_in_the_room_stays_where_it_is_when_the_rig_moves(renderer, nominal):
     """The engine's dots are those of the formula, which knows the unit's place in the world, from every pose."""
     from activestereo.effects import Light, View
-    from activestereo.effects.core.layers import Layers
+    from activestereo.effects.core.view import Layers
 
     unit = {"intensity_m2": 8.0, "azimuth_rad": -2.57, "elevation_rad": -0.5, "roll_rad": 0.1}
     here, elsewhere = (unit | {"x_m": x_m, "y_m": 0.5, "z_m": 0.45} for x_m in (0.45, 0.3))

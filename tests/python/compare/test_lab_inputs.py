@@ -17,8 +17,8 @@ from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.effects.engines import CaptureRenderer
-from activestereo.effects.core.layers import Layers
-from activestereo.effects.engines.layers import RenderRequest, ViewCamera
+from activestereo.effects.core.view import Layers
+from activestereo.effects.engines.layers import RenderRequest
 from activestereo.compare.model_file import read_model
 from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
@@ -37,12 +37,17 @@ def test_a_deeper_pair_has_the_depth_of_its_8_bit_one(tmp_path):
     np.testing.assert_array_equal(deep, shallow)
 
 
+def small_request(scene, cameras):
+    k = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]])
+    projector = kuafu.Light(kind="projector", k=k, ir_intensity=1.0, light_to_world=CAMERA_TO_WORLD)
+    seen = (kuafu.Camera(64, 48, k, CAMERA_TO_WORLD),) * cameras
+    return RenderRequest(scene, seen, projector, np.ones((8, 8), np.float32), 1, 1, 0)
+
+
 def test_an_edited_scene_is_rendered_anew(table_top, tmp_path):
     scene = tmp_path / "scene.gltf"
     scene.write_bytes(table_top.read_bytes())
-    k = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]])
-    camera, pattern = ViewCamera(64, 48, k, CAMERA_TO_WORLD), np.ones((8, 8), np.float32)
-    request = RenderRequest(scene, (camera,), pattern, k, CAMERA_TO_WORLD, samples_per_pixel=1, max_bounces=1, seed=0)
+    request = small_request(scene, 1)
     renderer = CaptureRenderer(smooth=False)
     [bright] = renderer(request)
     document = json.loads(scene.read_text())
@@ -62,9 +67,7 @@ def test_images_are_smoothed_in_threads_that_leave_the_scene_alone(table_top, mo
         return read(scene, number)
 
     monkeypatch.setattr(kuafu.Scene, "get_material", of_one_thread)
-    k, pattern = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]]), np.ones((8, 8), np.float32)
-    cameras = (ViewCamera(64, 48, k, CAMERA_TO_WORLD),) * 2
-    request = RenderRequest(table_top, cameras, pattern, k, CAMERA_TO_WORLD, samples_per_pixel=1, max_bounces=1, seed=0)
+    request = small_request(table_top, 2)
     left, right = CaptureRenderer(smooth=True)(request)
     raw, _ = CaptureRenderer(smooth=False)(request)
     np.testing.assert_array_equal(left.ambient, right.ambient)

@@ -4,10 +4,11 @@
 import numpy as np
 import pytest
 
-from activestereo.effects.engines import matt_world
+import kuafu
+from activestereo.effects.engines import base_layers
 from activestereo.effects.engines import CaptureRenderer
-from activestereo.effects.engines.layers import ViewCamera, rig_request, sampling_of
-from activestereo.compare.surrogate import trial_capture
+from activestereo.effects.engines.layers import rig_request, sampling_of
+from activestereo.compare.effect_trials import trial_capture
 
 LIGHTS = ("direct", "flat", "indirect", "ambient", "ambient_direct")
 
@@ -18,11 +19,10 @@ def views(device, tmp_path_factory):
     capture = trial_capture(tmp_path_factory.mktemp("matt"))
     sampling = sampling_of(capture.rig, 2)
     rendered = {}
-    with pytest.MonkeyPatch.context() as patch:
-        for name, samples in (("geometry", 32), ("few", 32), ("many", 1024)):
-            request = rig_request(capture, capture.frames[0], samples, 4, 0, sampling)
-            rendered[name] = sampling.pixel_layers(CaptureRenderer(device)(request)[0], capture.rig.left)
-            patch.setattr(matt_world, "is_matt_world", lambda *_: False)
+    for name, samples in (("geometry", 32), ("few", 32), ("many", 1024)):
+        request = rig_request(capture, capture.frames[0], samples, 4, 0, sampling)
+        renderer = CaptureRenderer(device, traced=name != "geometry")
+        rendered[name] = sampling.pixel_layers(renderer(request)[0], capture.rig.left)
     return rendered
 
 
@@ -57,11 +57,11 @@ def test_depth_normals_and_materials_are_those_of_pixel_centres(views):
 
 def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():
     """Lambert's law: what leaves a matt surface is its albedo times what arrives. The sky beside it is not spread."""
-    wide, fine = (of_wall(size) for size in (1, matt_world.FINER))
+    wide, fine = (of_wall(size) for size in (1, base_layers.FINER))
     arriving = 0.7
     sky = 30.0 * (wide.surfaces.material != 1)  # in its pixels alone, whole or beside the wall
     light = (arriving * wide.albedo + sky).astype(np.float32)
-    seen = matt_world.bounced_light(light[None], wide, fine, 300.0)[0]
+    seen = base_layers.bounced_light(light[None], wide, fine, 300.0)[0]
     on_wall = fine.surfaces.material == 1
     assert 0.4 < on_wall.mean() < 0.9
     np.testing.assert_allclose(seen[on_wall], (arriving * fine.albedo)[on_wall], rtol=0.01)
@@ -70,7 +70,7 @@ def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():
 def of_wall(size):
     """A wall of tiles, 2 m before a camera of 16 x 12 pixels times size; the sky beside it from an odd column on."""
     height, width = 12 * size, 16 * size
-    squares = 2 * matt_world.FINER  # of the wide camera's pixels
+    squares = 2 * base_layers.FINER  # of the wide camera's pixels
     row, column = np.indices((12 * squares, 16 * squares)) / squares
     paint = np.where((np.floor(row / 1.7) + np.floor(column / 1.3)) % 2 == 0, 0.2, 0.8).astype(np.float32)
     albedo = np.where(column < 12.6, paint, 0.0).astype(np.float32)
@@ -78,4 +78,4 @@ def of_wall(size):
     depth_m = np.where(np.arange(width) + 0.5 < 12.6 * size, 2.0, 0.0) * np.ones((height, 1))
     images = {"depth": depth_m[None, ..., None].astype(np.float32), "normal": np.zeros((1, height, width, 3))}
     images["normal"][..., 2] = -1.0
-    return matt_world.surfaces_of(images, 0, ViewCamera(width, height, K, np.eye(4)), albedo)
+    return base_layers.surfaces_of(images, 0, kuafu.Camera(width, height, K, np.eye(4)), albedo)

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+import kuafu
 from activestereo.capture.capture import SIDES, Frame, Uncertainty
 from activestereo.effects.engines import CaptureRenderer
-from activestereo.effects.engines.layers import RenderRequest, ViewCamera
+from activestereo.effects.engines.layers import RenderRequest
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, fit_under_model, fit_with_exposures
 from activestereo.effects import Light as Seen
 from activestereo.effects import Model, builtin
@@ -38,9 +39,10 @@ def layers_of(path, room_light, paint=None, seed=0, **how):
         )  # fmt: skip
         writer.add_placed_mesh(name, sheet((x, -2, 1), (2, 0, 0), (0, 4, 0)), material, np.eye(4))
     writer.write(path)
-    camera = ViewCamera(40, 30, K, np.eye(4))
+    camera = kuafu.Camera(40, 30, K, np.eye(4))
     pattern_K = np.array([[30.0, 0, 39.5], [0, 30.0, 29.5], [0, 0, 1.0]])  # wider than the camera
-    request = RenderRequest(path, (camera,), np.ones((60, 80), np.float32), pattern_K, np.eye(4), 16, 4, seed)
+    projector = kuafu.Light(kind="projector", k=pattern_K, ir_intensity=1.0)
+    request = RenderRequest(path, (camera,), projector, np.ones((60, 80), np.float32), 16, 4, seed)
     return CaptureRenderer("cpu", **how)(request)[0]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from activestereo.effects import builtin
 from activestereo.effects import known_differences
-from activestereo.compare.surrogate import Trial
+from activestereo.compare.effect_trials import Trial
 
 EFFECTS = builtin()
 KNOWN = known_differences()

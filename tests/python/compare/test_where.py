@@ -9,11 +9,11 @@ import pytest
 
 from activestereo.capture.capture import Frame
 from activestereo.effects.core.view import View
-from activestereo.compare.where import BlockBootstrap, benjamini_yekutieli, interval
-from activestereo.compare.where import COVARIATES, covariate_maps
 from activestereo.compare.tree import HonestTree
-from activestereo.compare.where import where_tables
-from activestereo.compare.where import GROUPS, ResidualImage, gather_samples
+from activestereo.compare.where import (
+    COVARIATES, GROUPS, BlockBootstrap, ResidualImage, benjamini_yekutieli, covariate_maps, gather_samples, interval,
+    where_tables,
+)  # fmt: skip
 
 HEIGHT, WIDTH = 240, 424
 FLOOR_DN2 = 4.0
@@ -24,12 +24,8 @@ def _maps(rng):
     maps = {c.name: np.full((HEIGHT, WIDTH), np.nan, np.float32) for c in COVARIATES}
     maps["row"], maps["column"] = rows, columns
     maps["radius"] = np.hypot(rows - 119.5, columns - 211.5) / np.hypot(119.5, 211.5)
-    maps["depth"] = (
-        (0.6 + 1.0 * rng.random((HEIGHT // 24, WIDTH // 8 + 1)))
-        .repeat(24, 0)
-        .repeat(8, 1)[:, :WIDTH]
-        .astype(np.float32)
-    )
+    blocks = 0.6 + 1.0 * rng.random((HEIGHT // 24, WIDTH // 8 + 1))
+    maps["depth"] = blocks.repeat(24, 0).repeat(8, 1)[:, :WIDTH].astype(np.float32)
     return maps
 
 
@@ -39,11 +35,8 @@ def _images(rng, residual_of):
         maps = _maps(rng)
         noise = rng.normal(scale=np.sqrt(FLOOR_DN2), size=(HEIGHT, WIDTH))
         residual = noise + residual_of(maps)
-        images.append(
-            ResidualImage(
-                residual, np.full(residual.shape, FLOOR_DN2), np.ones(residual.shape, bool), maps, bytes([pose])
-            )
-        )
+        floor, mask = np.full(residual.shape, FLOOR_DN2), np.ones(residual.shape, bool)
+        images.append(ResidualImage(residual, floor, mask, maps, bytes([pose])))
     return images
 
 
@@ -52,12 +45,16 @@ def planted():
     """A texture that the model lacks in the far corners alone."""
     rng = np.random.default_rng(3)
     return gather_samples(
-        _images(rng, lambda m: ((m["radius"] > 0.6) & (m["depth"] > 1.1)) * rng.normal(scale=6.0, size=(HEIGHT, WIDTH)))
+        _images(
+            rng, lambda m: ((m["radius"] > 0.6) & (m["depth"] > 1.1)) * rng.normal(scale=6.0, size=(HEIGHT, WIDTH))
+        ),
+        "DN",
+        0,
     )
 
 
 def test_the_tree_says_where_the_error_was_planted(planted):
-    head = HonestTree(planted).regions()["headline"]
+    head = HonestTree(planted, 0).regions()["headline"]
     limits = {c["covariate"]: c for c in head["conditions"]}
     assert set(limits) == {"radius", "depth"}
     assert limits["radius"]["low"] == pytest.approx(0.6, abs=0.04) and limits["radius"]["high"] is None
@@ -67,14 +64,14 @@ def test_the_tree_says_where_the_error_was_planted(planted):
 
 
 def test_shares_of_the_leaves_are_a_whole(planted):
-    leaves = HonestTree(planted).regions()["leaves"]
+    leaves = HonestTree(planted, 0).regions()["leaves"]
     assert sum(leaf["share"] for leaf in leaves) == pytest.approx(1.0)
     assert sum(leaf["pixel_share"] for leaf in leaves) == pytest.approx(1.0)
     assert all(leaf["share_interval"][0] <= leaf["share"] <= leaf["share_interval"][1] for leaf in leaves)
 
 
 def test_tables_rank_the_planted_covariates_first(planted):
-    tables = where_tables({"infrared": (planted, "DN", True)})
+    tables = where_tables({"infrared": planted}, 0)
     assert {t["covariate"] for t in tables[:2]} <= {"radius", "depth", "column"}
     assert tables[0]["is_finding"] and tables[0]["q_value"] < 0.05
     far = next(t for t in tables if t["covariate"] == "depth")["bins"]
@@ -86,9 +83,9 @@ def test_noise_alone_gives_no_findings_and_no_tree():
     rng = np.random.default_rng(11)
     found, split = 0, 0
     for _ in range(8):
-        samples = gather_samples(_images(rng, lambda m: 0.0))
-        found += sum(t["q_value"] <= 0.05 for t in where_tables({"infrared": (samples, "DN", True)}))
-        split += HonestTree(samples).regions()["headline"] is not None
+        samples = gather_samples(_images(rng, lambda m: 0.0), "DN", 0)
+        found += sum(t["q_value"] <= 0.05 for t in where_tables({"infrared": samples}, 0))
+        split += HonestTree(samples, 0).regions()["headline"] is not None
     assert found == 0
     assert split <= 2
 
@@ -98,16 +95,14 @@ def test_static_blotches_do_not_fake_a_dependence():
     sigmas."""
     rng = np.random.default_rng(5)
     blotch = lambda m: rng.normal(scale=1.5, size=(15, 27)).repeat(16, 0).repeat(16, 1)[:, :WIDTH]  # noqa: E731
-    tables = [
-        t for _ in range(4) for t in where_tables({"infrared": (gather_samples(_images(rng, blotch)), "DN", True)})
-    ]
+    tables = [t for _ in range(4) for t in where_tables({"infrared": gather_samples(_images(rng, blotch), "DN", 0)}, 0)]
     assert np.mean([t["q_value"] <= 0.05 for t in tables]) <= 0.1
 
 
 def test_block_intervals_cover_the_truth():
     """Mean of block-correlated values: the 95 % interval holds the truth about 95 times of 100."""
     rng, inside = np.random.default_rng(7), 0
-    bootstrap, ones = BlockBootstrap(GROUPS, draws=800), np.full((GROUPS, 1), 20.0)
+    bootstrap, ones = BlockBootstrap(GROUPS, 0, draws=800), np.full((GROUPS, 1), 20.0)
     for _ in range(200):
         sums = 20.0 * rng.normal(size=(GROUPS, 1)) + np.sqrt(20.0) * rng.normal(size=(GROUPS, 1))
         [(_, draws)] = bootstrap.ratios([sums], ones)
@@ -124,7 +119,7 @@ def test_benjamini_yekutieli_by_hand():
     assert benjamini_yekutieli([0.9, 0.8]).max() == 1.0
 
 
-def _plane_view(velocity=(0, 0, 0, 0, 0, 0), temperature=None, side="left"):
+def _plane_view(velocity=(0, 0, 0, 0, 0, 0), side="left"):
     """A wall 2 m ahead, seen straight on; the right half is 1 m away."""
     K = np.array([[200.0, 0, 80], [0, 200.0, 50], [0, 0, 1]])
     depth = np.full((101, 161), 2.0)
@@ -133,29 +128,10 @@ def _plane_view(velocity=(0, 0, 0, 0, 0, 0), temperature=None, side="left"):
     normal[..., 2] = -1.0
     shift = np.eye(4)
     shift[0, 3] = -0.05 if side == "right" else 0.0
-    frame = Frame(
-        0,
-        None,
-        None,
-        0.5,
-        0.004,
-        np.eye(4),
-        "train",
-        gain=2.0,
-        temperature_c=temperature,
-        camera_velocity=np.array(velocity, float),
-    )
-    return View(
-        side,
-        K,
-        depth,
-        normal,
-        np.ones((64, 64)),
-        np.array([[20.0, 0, 31.5], [0, 20.0, 31.5], [0, 0, 1]]),
-        np.eye(4),
-        shift,
-        frame,
-    )
+    moving = {"camera_velocity": np.array(velocity, float)}
+    frame = Frame(0, None, None, 0.5, 0.004, np.eye(4), "train", gain=2.0, temperature_c=None, **moving)
+    projector_K = np.array([[20.0, 0, 31.5], [0, 20.0, 31.5], [0, 0, 1]])
+    return View(side, K, depth, normal, np.ones((64, 64)), projector_K, np.eye(4), shift, frame)
 
 
 def test_covariates_of_a_plane():
@@ -192,12 +168,12 @@ def test_few_values_are_bins_of_their_own_and_the_undefined_is_none():
     images = _images(rng, lambda m: 0.0)
     for index, image in enumerate(images):
         image.maps["temperature"][:] = np.nan if index == 0 else (25.0 if index % 2 else 45.0)
-    bins = gather_samples(images).bins["temperature"]
+    bins = gather_samples(images, "DN", 0).bins["temperature"]
     np.testing.assert_array_equal(bins.values, [25.0, 45.0])
     assert np.count_nonzero(bins.code == 0) == HEIGHT * WIDTH
 
 
 def test_no_pixels_no_samples():
-    assert gather_samples([]) is None
+    assert gather_samples([], "DN", 0) is None
     empty = SimpleNamespace(mask=np.zeros((4, 4), bool))
-    assert gather_samples([empty]) is None
+    assert gather_samples([empty], "DN", 0) is None

@@ -19,7 +19,7 @@ from activestereo.diagnose.fitter import Fitter
 from activestereo.diagnose.fitter import ParameterSpace
 from activestereo.diagnose.pixels import DENSE
 from activestereo.effects import Model, builtin
-from activestereo.effects.core.scene_surfaces import scene_surfaces
+from activestereo.effects.core.surfaces import scene_surfaces
 
 LIGHT = Nuisances(9.0e4, 3.0e3, 4.0)
 

@@ -12,7 +12,7 @@ import pytest
 import activestereo.lab
 from activestereo.cli import main
 from activestereo.effects import Randomness, builtin
-from activestereo.effects.core.judging import Channel, Lever, RandomTerm, Unjudged
+from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, Unjudged
 from activestereo.diagnose import diagnose
 from activestereo.common.text_table import markdown
 from activestereo.diagnose.numbers import NUMBERS

@@ -16,7 +16,7 @@ from lab_worlds import WorldRenderer
 from activestereo.capture.capture import SIDES, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.effects import Model, Stage, View, builtin
-from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.descriptor import Channel
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.diagnose import Settings, examine
 from activestereo.diagnose.gather import gather

@@ -19,7 +19,7 @@ from activestereo.cli import main
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.engine_prediction import engines_of
 from activestereo.compare.nuisances import Nuisances
-from activestereo.compare.surrogate import trial_capture
+from activestereo.compare.effect_trials import trial_capture
 from activestereo.diagnose import diagnose
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement

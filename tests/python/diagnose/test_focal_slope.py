@@ -11,7 +11,7 @@ from activestereo.effects.core.laws import example_view
 from activestereo.diagnose.geometry import focal_slopes
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.nuisances import Nuisances
-from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.view import Layers
 
 # Dots 2.9 pixels apart, as in the benchmark suite's worlds: radians of phase per unit of a direction's tangent.
 PHASE = 130.0

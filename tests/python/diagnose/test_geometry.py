@@ -14,7 +14,7 @@ from lab_worlds import RememberingRenderer, WorldRenderer
 from report_worlds import DIAGNOSIS
 from activestereo.capture.capture import Uncertainty, read_capture
 from activestereo.capture.capture_json import CaptureError
-from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.view import Layers
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.found_model import geometry_json

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.view import Layers
 from activestereo.diagnose.pixels import LightMemory
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view

@@ -9,7 +9,7 @@ import pytest
 from activestereo.capture.capture import read_capture
 from activestereo.effects import Light, Model, Parameter, Stage, effect
 from activestereo.compare.cache import LayerCache
-from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.view import Layers
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.fitter import Fitter
 from activestereo.diagnose.fitter import ParameterSpace

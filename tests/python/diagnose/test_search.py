@@ -25,7 +25,7 @@ from activestereo.diagnose.verdict import (
     verdict_of,
 )
 from activestereo.effects import builtin
-from activestereo.effects.core.judging import Lever
+from activestereo.effects.core.descriptor import Lever
 
 EFFECTS = builtin()
 

@@ -12,7 +12,7 @@ from activestereo.diagnose import diagnose
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.lights import flicker_starts
-from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.lights import unit_starts
 from activestereo.diagnose.fields import dots_seen
 from activestereo.diagnose.evidence import one_of_each_situation

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects import Light, Model, Parameter, Randomness, Stage, broken_laws, builtin, effect
-from activestereo.effects.core.judging import Lever
+from activestereo.effects.core.descriptor import Lever
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.compare.nuisances import Nuisances, predict
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from activestereo.effects import Light, builtin
-from activestereo.effects.core.beam import glow
+from activestereo.effects.core.dots import glow
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.shading import reflected_share
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.engines import CaptureRenderer
-from activestereo.effects.engines.layers import RenderRequest, ViewCamera
+from activestereo.effects.engines.layers import RenderRequest
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
 from virtual_sensor.view import PatternSource, look
 from virtual_sensor.world import look_at
@@ -173,12 +173,11 @@ def test_gain_error_changes_the_ratio_of_exposures_and_not_of_equal_ones():
 
 
 def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_top):
-    camera = ViewCamera(
+    camera = kuafu.Camera(
         96, 64, np.array([[120.0, 0, 47.5], [0, 120.0, 31.5], [0, 0, 1]]), look_at((0.1, 0.4, 0.5), (0.0, 0.08, -0.2))
     )
-    request = RenderRequest(
-        table_top, (camera,), PATTERN.astype(np.float32), PROJECTOR_K, camera.camera_to_world, 32, 4, 1
-    )
+    projector = kuafu.Light(kind="projector", k=PROJECTOR_K, ir_intensity=1.0, light_to_world=camera.camera_to_world)
+    request = RenderRequest(table_top, (camera,), projector, PATTERN.astype(np.float32), 32, 4, 1)
     raw, smooth = (CaptureRenderer(device, smooth=s)(request)[0] for s in (False, True))
     reference = CaptureRenderer(device, smooth=False)(replace(request, samples_per_pixel=512, seed=2))[0].indirect
     matt = raw.indirect != smooth.indirect

@@ -12,7 +12,7 @@ from activestereo.capture.capture import Frame
 from activestereo.effects import Model, Parameter, Stage, builtin, effect
 from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine
 from activestereo.effects.core.moved import engine_effect
-from activestereo.effects.engines.world import record_key
+from activestereo.effects.engines.capture_inputs import record_key
 
 EFFECTS = builtin()
 MAPPED = [e for e in EFFECTS.values() if e.engine is not None]

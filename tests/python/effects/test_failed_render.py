@@ -8,8 +8,8 @@ import pytest
 
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines.capture_renderer import CaptureRenderer
-from activestereo.effects.engines.world import enter_world
-from activestereo.compare.surrogate import trial_capture
+from activestereo.effects.engines.capture_inputs import enter_world
+from activestereo.compare.effect_trials import trial_capture
 
 
 def test_after_a_failed_render_the_next_one_is_as_if_it_had_not_been(tmp_path, monkeypatch):

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from activestereo.effects.core import lamp as module
-from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.lamp import lamp_pose, lamp_starts, radiance_under
 
 SHAPE = (48, 80)

@@ -8,11 +8,11 @@ import pytest
 
 from activestereo.effects import View, builtin
 from activestereo.effects.core import room_unit
-from activestereo.effects.core.judging import StartImage
-from activestereo.effects.core.unit_match import angles, axes
+from activestereo.effects.core.descriptor import StartImage
+from activestereo.effects.core.room_unit import angles, axes
 from activestereo.effects.core.room_unit import room_unit_starts
-from activestereo.effects.core.unit_match import SeenPoints
-from activestereo.effects.core.unit_match import SphereMatch
+from activestereo.effects.core.room_unit import SeenPoints
+from activestereo.effects.core.room_unit import SphereMatch
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, view_of
 from virtual_sensor.view import PatternSource, look
 from virtual_sensor.world import look_at, table_top

@@ -7,7 +7,7 @@ import pytest
 import kuafu
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.meshes import box, sphere
-from activestereo.effects.core.scene_surfaces import names_of, numbers_of, scene_surfaces, split_surfaces, surface_names
+from activestereo.effects.core.surfaces import names_of, numbers_of, scene_surfaces, split_surfaces, surface_names
 
 NAMES = ["paint of ball", "steel", "paint of crate"]
 

@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
+import kuafu
 from activestereo.capture.capture import Camera, Projector, Rig
 from activestereo.effects import Light, Model, Stage, builtin
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.core.resample import blur
 from activestereo.common.lens import distort, undistort
-from activestereo.effects.core.layers import Layers
-from activestereo.effects.engines.layers import Sampling, ViewCamera, ideal_pixels, sampling_of
+from activestereo.effects.core.view import Layers
+from activestereo.effects.engines.layers import Sampling, ideal_pixels, sampling_of
 from activestereo.effects.engines.smooth import Surfaces, smooth_bounced
 
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])
@@ -28,14 +29,12 @@ def radiance(x, y):
 
 def rendered(camera, sampling):
     """Layers of the picture as a renderer gives them: means over samples, the depth a slanted plane's."""
-    supersampled = sampling.camera(ViewCamera(camera.width, camera.height, camera.K, np.eye(4)))
-    within = (np.arange(4) - 1.5) / 4
+    supersampled = sampling.camera(kuafu.Camera(camera.width, camera.height, camera.K, np.eye(4)))
+    within, k = (np.arange(4) - 1.5) / 4, supersampled.k
     v, u = np.mgrid[0 : supersampled.height, 0 : supersampled.width].astype(float)
 
     def direction(du, dv):
-        return (u + du - supersampled.K[0, 2]) / supersampled.K[0, 0], (v + dv - supersampled.K[1, 2]) / supersampled.K[
-            1, 1
-        ]
+        return (u + du - k[0, 2]) / k[0, 0], (v + dv - k[1, 2]) / k[1, 1]
 
     image = np.mean([radiance(*direction(a, b)) for a in within for b in within], axis=0).astype(np.float32)
     x, y = direction(0, 0)

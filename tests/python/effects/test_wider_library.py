@@ -82,7 +82,8 @@ def test_ghosts_lie_where_their_light_goes():
 
 
 def test_dots_are_dim_around_their_place_and_dimmer_where_it_is_warm():
-    cold, warm = example_view(temperature_c=25.0), example_view(temperature_c=45.0)
+    warm = example_view()
+    cold = replace(warm, frame=replace(warm.frame, temperature_c=25.0))
     light, dots = example_value(Stage.PROJECTOR, cold), EFFECTS["dim_dots"]
     points = cold.projector_points()
     x, y = points[..., 0] / points[..., 2], points[..., 1] / points[..., 2]

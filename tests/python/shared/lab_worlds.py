@@ -11,7 +11,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.effects.engines.layers import request_key
 from activestereo.compare.depth_compare import DepthModel
-from activestereo.effects.core.layers import Layers
+from activestereo.effects.core.view import Layers
 from virtual_sensor.view import PatternSource, look
 
 DEPTH_SCALE_M = 1e-4
@@ -33,10 +33,10 @@ class WorldRenderer:
         return tuple(self._layers(camera, request, seed + i) for i, camera in enumerate(request.cameras))
 
     def _layers(self, camera, request, seed):
-        pose, size = request.projector_to_world, (camera.width, camera.height)
-        source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, request.pattern.astype(np.float64))
+        pose, size = request.projector.light_to_world, (camera.width, camera.height)
+        source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector.k, request.pattern.astype(np.float64))
         solids, grid, bounces = self._world.solids, self._grid, self._bounces
-        view = look(solids, size, camera.K, camera.camera_to_world, source, seed, grid, bounces)
+        view = look(solids, size, camera.k, camera.camera_to_world, source, seed, grid, bounces)
         images = (view.direct, view.indirect, view.sky, view.flat, view.depth, view.normal)
         return Layers(*(image.astype(np.float32) for image in images), view.index.astype(np.uint32))
 
@@ -50,7 +50,7 @@ class RememberingRenderer:
         self.version = f"{renderer.version}, remembered"
 
     def __call__(self, request, progress=None):
-        key = tuple((camera.camera_to_world.tobytes(), camera.K.tobytes()) for camera in request.cameras)
+        key = tuple((camera.camera_to_world.tobytes(), camera.k.tobytes()) for camera in request.cameras)
         if key not in self._known:
             self._known[key] = self._renderer(request)
         return self._known[key]

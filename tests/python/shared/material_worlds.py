@@ -13,7 +13,7 @@ from activestereo.capture.write import write_capture
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import look_at
-from activestereo.effects.core.scene_surfaces import surfaces_of_object
+from activestereo.effects.core.surfaces import surfaces_of_object
 
 # roughness, metallic, specular, transmission, ir_albedo
 PAINTS = {

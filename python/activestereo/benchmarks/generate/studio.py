@@ -15,7 +15,7 @@ import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.declared_ranges import DeclaredRanges
 from activestereo.common.pose import CAMERA_TO_BODY, look_at, pose_matrices
-from activestereo.effects.core.scene_surfaces import instance_transforms
+from activestereo.effects.core.surfaces import instance_transforms
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.scene_io.scene_files import keep_transparent, load_scene_file, size_hint

@@ -19,8 +19,7 @@ from activestereo.calibrate.world.views import Image, normals_of, pixel_grid, po
 from activestereo.diagnose.room.bands import BANDS, Looks
 from activestereo.diagnose.room.light import RoomLight
 from activestereo.effects import Effect, Light, Stage, View
-from activestereo.effects.core.descriptor import Parameter, Randomness
-from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.descriptor import Channel, Parameter, Randomness
 from activestereo.effects.core.model import acted
 
 # Warps are linear only in small steps: this share of the typical value.

@@ -21,7 +21,7 @@ from activestereo.diagnose.room.plan import plan_of, sizes
 from activestereo.diagnose.room.unseen import Unseen, predict_unseen
 from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, builtin
-from activestereo.effects.core.room_light import is_measured_room
+from activestereo.effects.engines.loaded_scene import is_measured_room
 from activestereo.model import SensorModel, diagnosed_model
 
 _FALLOFF = "vignetting"

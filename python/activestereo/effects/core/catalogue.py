@@ -53,7 +53,7 @@ def as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
 def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
     """Returns the documentation page in Markdown: an introduction with an example, the table of engine fields, and
     every effect by stage. differences: {effect id: relative difference of its image function from the engines}, see
-    compare/surrogate.py."""
+    compare/effect_trials.py."""
     in_engine = sum(e.engine is not None for e in effects.values())
     lines = [
         "# Physical effects",

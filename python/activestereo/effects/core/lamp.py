@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
-from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import View

@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the light that reaches one camera, split by its source."""
+"""Holds the light of one camera under effects. Operations on light wait until an image is asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from activestereo.effects.core.resample import Spline, SupersampledImages, blur, sample, shifted_sum
-from activestereo.effects.core.view import once_of_picked
-
-if TYPE_CHECKING:
-    from activestereo.effects.core.layers import Layers
-    from activestereo.effects.core.view import View
+from activestereo.effects.core.view import Layers, View, once_of_picked
 
 # Smaller relative changes are rounding of the rendered float32 images.
 _UNCHANGED = 1e-6

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.effects.core import plugin_records as records
-from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage
-from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+from activestereo.effects.core.descriptor import Effect, Lever, Parameter, Randomness, RandomTerm, SharedBy, Stage
 from activestereo.effects.core.light import Light
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from activestereo.effects.core.view import View
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame
-    from activestereo.effects.core.layers import Layers
+    from activestereo.effects.core.view import Layers
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,257 @@
 The search first keeps the places whose light would fall onto the surfaces as strongly as the residual's dots show. From
 each place, the residual by direction is correlated with the pattern at all pans and tilts. The best few places are then
 polished, first with a blurred pattern, then with a sharper one.
-"""
+
+Matches the pattern of a projector in the world, a unit, with pixels of several images by their residual.
+
+On the unit's own image plane pan and tilt nearly shift the pattern, so that a correlation finds the best ones near a
+pose. Farther away the plane is seen too obliquely. The residual is then collected by its direction from a place, on a
+grid of azimuths and elevations. A pan shifts the pattern along that grid's azimuths, exactly; for each of some tilts
+the pattern is drawn once on the same grid. Correlations over the azimuth, by their Fourier transforms, then give the
+gain of all pans and tilts. (On an image plane, a turn by more than a few degrees bends the pattern: random dots no
+longer match.)"""
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.ndimage import gaussian_filter
+from typing import NamedTuple
 
-from activestereo.effects.core.judging import StartImage
-from activestereo.effects.core.unit_match import PlaneMatch, SeenPoints, SphereMatch
+import numpy as np
+from scipy import fft
+from scipy.ndimage import gaussian_filter, zoom
+from scipy.optimize import minimize
+
+from activestereo.effects.core.descriptor import StartImage
+from activestereo.effects.core.lamp import towards
+from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.view import View
+
+
+def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
+    """Returns the rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam
+    about the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
+    along = towards(azimuth_rad, elevation_rad)
+    right = np.array([-np.cos(azimuth_rad), 0.0, np.sin(azimuth_rad)])
+    down = np.cross(along, right)
+    c, s = np.cos(roll_rad), np.sin(roll_rad)
+    return np.stack([c * right + s * down, c * down - s * right, along], axis=1)
+
+
+def angles(along: np.ndarray) -> tuple[float, float]:
+    """Returns (azimuth, elevation) in radians of a world direction [3], as in axes()."""
+    x, y, z = along / np.linalg.norm(along)
+    return float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
+
+
+_SEED = 12
+# The difference of these two Gaussians (sigma in pixels) keeps dots: it removes noise and smooth light.
+_DOTS_PX = 0.8, 4.0
+
+
+class SeenPoints(NamedTuple):
+    """n pixels that see a surface. points, normals: world [n][3], metres. glow: DN under irradiance 1. weight: inverse
+    variance, 1/DN^2. residual: measured minus expected, DN. dots: size of the residual's detail that is as fine as
+    dots, in a pixel's standard deviations."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    glow: np.ndarray
+    weight: np.ndarray
+    residual: np.ndarray
+    dots: np.ndarray
+
+    @classmethod
+    def of(cls, images: list[StartImage], most: int) -> SeenPoints:
+        """Returns at most `most` random pixels of the images, among those that see a surface."""
+        columns = []
+        for image in images:
+            view, shading = image.view, Shading.of(image.light, image.view)
+            to_world = view.frame.camera_to_world @ np.linalg.inv(view.left_to_camera)
+            at = shading.hit & (shading.reflectance > 0)
+            sharp, smooth = (gaussian_filter(image.residual, size) for size in _DOTS_PX)
+            columns.append(
+                (
+                    shading.points[at] @ to_world[:3, :3].T + to_world[:3, 3],
+                    shading.normal[at] @ to_world[:3, :3].T,
+                    image.ambient_dn * shading.reflectance[at],
+                    image.weight[at],
+                    image.residual[at],
+                    (np.abs(sharp - smooth) * np.sqrt(image.weight))[at],
+                )
+            )
+        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True))).some(most)
+
+    def some(self, most: int) -> SeenPoints:
+        pick = np.random.Generator(np.random.PCG64(_SEED)).permutation(len(self.residual))[:most]
+        return SeenPoints(*(x[pick] for x in self))
+
+    def lit_from(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns vectors from a place [3], or from places [...][3], to the points. Then come the DN that a source of
+        radiant intensity 1 there gives each point."""
+        way = self.points - place[..., None, :]
+        square = np.maximum((way**2).sum(-1), 1e-6)
+        return way, self.glow * np.maximum(-(way * self.normals).sum(-1), 0.0) / (square * np.sqrt(square))
+
+    def fit_even_beam(self, lit: np.ndarray) -> np.ndarray:
+        """Fits an even beam, without a pattern, to the residual; returns weight times the remaining residual, [n]. lit:
+        each point's DN under that beam at intensity 1."""
+        even = max(float(lit @ (self.weight * self.residual)), 0.0) / max(float(lit**2 @ self.weight), 1e-300)
+        return self.weight * (self.residual - even * lit)
+
+
+def blurred_pattern(view: View, sigma_rad: float, focal_px: float) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the projector's pattern after a Gaussian blur, resized to a focal length in pixels, and its intrinsics
+    [3][3]."""
+    size = focal_px / view.projector_K[0, 0]
+    blurred = gaussian_filter(np.asarray(view.pattern, dtype=np.float64), sigma_rad * view.projector_K[0, 0])
+    pattern = zoom(blurred, size, order=1)
+    K = view.projector_K.copy()
+    K[:2] *= size
+    return pattern, K
+
+
+def pixels_of(
+    beam: np.ndarray, K: np.ndarray, shape: tuple[int, ...], margin_px: tuple[float, float] = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Projects directions [...][3] in a unit's frame onto an image plane of shape [rows, columns]. Returns (row,
+    column, mask of those inside). margin_px: rows and columns of the plane before the pattern's first pixel."""
+    z = np.where(beam[..., 2] > 0.05, beam[..., 2], np.inf)
+    column = np.rint(K[0, 0] * beam[..., 0] / z + K[0, 2] + margin_px[1]).astype(int)
+    row = np.rint(K[1, 1] * beam[..., 1] / z + K[1, 2] + margin_px[0]).astype(int)
+    inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0]) & np.isfinite(z)
+    return row, column, inside
+
+
+class PlaneMatch:
+    """Finds the pan and tilt, near a given pose, at which a projector's blurred pattern fits the residual best. It
+    correlates on an image plane twice the pattern's size. Poses are (x, y, z, azimuth, elevation, roll), metres and
+    radians."""
+
+    def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
+        pattern, self._K = blurred_pattern(view, sigma_rad, focal_px)
+        self._shape = fft.next_fast_len(2 * pattern.shape[0], True), fft.next_fast_len(2 * pattern.shape[1], True)
+        plane = np.zeros(self._shape, np.float32)
+        plane[: pattern.shape[0], : pattern.shape[1]] = pattern - pattern.mean()
+        self._of_pattern, self._of_square = (np.conj(fft.rfft2(x)) for x in (plane, plane**2))
+
+    def best(self, seen: SeenPoints, pose: np.ndarray) -> tuple[float, float, np.ndarray]:
+        """Returns (decrease of chi squared, intensity, pose) at the best pan and tilt near `pose`, from the same
+        place."""
+        way, lit = seen.lit_from(pose[:3])
+        turn = axes(*pose[3:])
+        height, width = self._shape
+        row, column, inside = pixels_of(way @ turn, self._K, self._shape, (height / 4, width / 4))
+        inside &= lit > 0
+        at, lit = (row * width + column)[inside], np.where(inside, lit, 0.0)
+        left, lit, weight = seen.fit_even_beam(lit)[inside], lit[inside], seen.weight[inside]
+        moment = self._correlated(at, lit * left, self._of_pattern)
+        norm = self._correlated(at, lit**2 * weight, self._of_square)
+        strength = np.maximum(moment, 0.0) / np.maximum(norm, 1e-2 * norm.max() + np.float32(1e-30))
+        gain = strength * np.maximum(moment, 0.0)
+        i, j = np.unravel_index(int(np.argmax(gain)), self._shape)
+        down, right = (k if k < 0.75 * n else k - n for k, n in ((i, height), (j, width)))
+        ahead = np.array([(right - width / 4) / self._K[0, 0], (down - height / 4) / self._K[1, 1], 1.0])
+        turned = np.array([*pose[:3], *angles(turn @ ahead), pose[5]])
+        return float(gain[i, j]), float(strength[i, j]), turned
+
+    def _correlated(self, at: np.ndarray, values: np.ndarray, conjugate: np.ndarray) -> np.ndarray:
+        plane = np.bincount(at, values, self._shape[0] * self._shape[1]).reshape(self._shape).astype(np.float32)
+        return fft.irfft2(fft.rfft2(plane) * conjugate, self._shape)
+
+    def polished(self, seen: SeenPoints, pose: np.ndarray, size: float) -> np.ndarray:
+        """Varies place and roll from `pose` by the simplex method, with the best pan and tilt for each. Returns the
+        pose that decreases chi squared most. size: edge of the first simplex, metres and radians."""
+        towards = pose[3:5]
+
+        def loss(x: np.ndarray) -> float:
+            return -self.best(seen, np.array([*x[:3], *towards, x[3]]))[0]
+
+        x0 = np.array([*pose[:3], pose[5]])
+        simplex = np.stack([x0, *(x0 + size * np.eye(4))])
+        found = minimize(loss, x0, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 90}).x
+        return self.best(seen, np.array([*found[:3], *towards, found[3]]))[2]
+
+
+# Columns cover all azimuths. Rows go from straight down to the highest direction that the highest tilt sees.
+_COLUMNS, _ROWS = 384, 160
+_STEP_RAD = 2 * np.pi / _COLUMNS
+# Fourier waves around the circle. Dots of 0.8 degrees have no finer ones; the norm varies with the pattern's outline.
+_WAVES, _WAVES_OF_NORM, _COLUMNS_OF_NORM = 150, 24, 64
+# Tilts of a standing unit, from nearly straight down to well above the horizon; the step is a dot's width.
+_TILTS_RAD = np.arange(-1.4, 0.4, 0.025)
+_REACH_RAD, _AT_ONCE = 1.6, 32
+
+
+class SphereMatch:
+    """Finds the pan and tilt at which a projector's blurred pattern fits the residual best, from each of given places.
+    It tries all pans and tilts; roll is 0."""
+
+    def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
+        pattern, K = blurred_pattern(view, sigma_rad, focal_px)
+        column = (np.arange(_COLUMNS) + 0.5) * _STEP_RAD
+        azimuth = np.where(column > np.pi, column - 2 * np.pi, column)
+        near = np.abs(azimuth) < _REACH_RAD
+        a, e = np.meshgrid(azimuth[near], (np.arange(_ROWS) + 0.5) * _STEP_RAD - np.pi / 2)
+        ways = np.stack([np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)], axis=-1)
+        drawn = np.zeros((len(_TILTS_RAD), _ROWS, _COLUMNS), np.float32)
+        for tilted, tilt in zip(drawn, _TILTS_RAD, strict=True):
+            tilted[:, near] = _drawn(pattern - pattern.mean(), K, ways @ axes(0.0, tilt, 0.0))
+        # [wave][row][tilt]
+        self._of_pattern, self._of_square = (
+            np.ascontiguousarray(np.conj(fft.rfft(x, axis=2)[..., :waves]).transpose(2, 1, 0))
+            for x, waves in ((drawn, _WAVES), (drawn**2, _WAVES_OF_NORM))
+        )
+
+    def best(self, seen: SeenPoints, places: np.ndarray) -> list[tuple[float, np.ndarray]]:
+        """Returns (decrease of chi squared, pose) for each place [n][3], at its best pan and tilt. Poses are (x, y, z,
+        azimuth, elevation, roll)."""
+        found: list[tuple[float, np.ndarray]] = []
+        # In single precision angles take a fifth of the time.
+        seen, places = SeenPoints(*(x.astype(np.float32) for x in seen)), places.astype(np.float32)
+        for first in range(0, len(places), _AT_ONCE):
+            some = places[first : first + _AT_ONCE]
+            gathered = np.array([_gathered(seen, place) for place in some], np.float32)
+            moment = _correlated(gathered[:, 0], self._of_pattern, _COLUMNS)
+            norm = _correlated(gathered[:, 1], self._of_square, _COLUMNS_OF_NORM)
+            norm = np.maximum(norm, 0.1 * norm.max(axis=(1, 2), keepdims=True) + np.float32(1e-30))
+            gain = np.maximum(moment, 0.0) ** 2 / np.repeat(norm, _COLUMNS // _COLUMNS_OF_NORM, axis=2)
+            best = gain.reshape(len(some), -1).argmax(axis=1)
+            for place, of_place, at in zip(some, gain, best, strict=True):
+                tilt, column = divmod(int(at), _COLUMNS)
+                azimuth = column * _STEP_RAD - (2 * np.pi if 2 * column > _COLUMNS else 0.0)
+                found.append((float(of_place[tilt, column]), np.array([*place, azimuth, _TILTS_RAD[tilt], 0.0])))
+        return found
+
+
+def _drawn(pattern: np.ndarray, K: np.ndarray, beam: np.ndarray) -> np.ndarray:
+    """Returns the pattern's values in directions [...][3] of a unit's frame; 0 beside the pattern."""
+    height, width = pattern.shape
+    row, column, inside = pixels_of(beam, K, pattern.shape)
+    return np.where(inside, pattern[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
+
+
+def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
+    """Returns two images over directions from a place, [2][row][column]; rows are elevations, columns azimuths. They
+    are the gradient and the curvature of chi squared by the intensity that a source there sends in each direction."""
+    way, lit = seen.lit_from(place)
+    left = seen.fit_even_beam(lit)
+    column = np.floor(np.arctan2(way[:, 0], way[:, 2]) / _STEP_RAD).astype(int) % _COLUMNS
+    height = np.clip(way[:, 1] / np.maximum(np.linalg.norm(way, axis=1), 1e-9), -1.0, 1.0)
+    row = ((np.arcsin(height) + np.pi / 2) / _STEP_RAD).astype(int)
+    low, size = row < _ROWS, _ROWS * _COLUMNS
+    at = (row * _COLUMNS + column)[low]
+    parts = (np.bincount(at, x[low], size) for x in (lit * left, lit**2 * seen.weight))
+    return np.stack([part.reshape(_ROWS, _COLUMNS) for part in parts])
+
+
+def _correlated(gathered: np.ndarray, conjugate: np.ndarray, columns: int) -> np.ndarray:
+    """Correlates measured images of directions with the pattern drawn at each tilt. Returns [place][tilt][pan]; the
+    pans are `columns` in number. gathered: [place][row][column]. conjugate: the drawn patterns' conjugate spectra
+    [wave][row][tilt]."""
+    waves = len(conjugate)
+    of_gathered = np.ascontiguousarray(fft.rfft(gathered, axis=2)[..., :waves].transpose(2, 0, 1))
+    spectrum = (of_gathered @ conjugate).transpose(1, 2, 0)
+    return fft.irfft(spectrum, columns, axis=2) * np.float32(columns / _COLUMNS)
+
 
 _IMAGES, _COARSE_PIXELS, _FINE_PIXELS = 4, 10000, 20000
 # The grid of places: its margin around the seen points, its step (blurred dots match within some 3 cm), the least

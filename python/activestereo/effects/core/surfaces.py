@@ -1,11 +1,211 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Restricts effects to some of the scene's surfaces, such as a glaze on one object or a clear wall."""
+"""Lists a scene's surfaces, and restricts effects to some of them, such as a glaze on one object. kuafu knows materials
+only, so each surface of several objects of one material gets a material of its own.
+
+A surface that is all of its material has the material's name; others are called `plaster of ball`. The first object of
+a material keeps the material's number; those after it follow the scene's materials."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from activestereo.common.pose import pose_matrices
 from activestereo.effects.core.descriptor import Parameter
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
+from activestereo.scene_io.scene_files import read_document
+
+if TYPE_CHECKING:
+    import kuafu
+
+
+_OF = " of "
+_TRIANGLES, _FAN = 4, 6
+_DEFAULT = "glTF default"
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A material on an object. material: its number in the scene file. instance: kuafu's number of the object; None =
+    every object with the material."""
+
+    name: str
+    material: int
+    instance: int | None = None
+
+
+@dataclass(frozen=True)
+class _Instance:
+    """An object of a glTF file. materials: the number of each part's material, -1 where the file names none. to_file:
+    4x4, from the mesh's axes to the file's."""
+
+    name: str
+    materials: tuple[int, ...]
+    to_file: NDArray[np.float64]
+
+
+def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
+    """Lists the surfaces of a glTF file, in the order of their numbers. The list is empty if the file cannot be read:
+    loading the scene raises the error."""
+    try:
+        document = read_document(Path(scene_path)) if scene_path is not None else {}
+        instances = _instances(document)
+    except (OSError, ValueError, KeyError, IndexError, TypeError, struct.error):
+        return []
+    names = [m.get("name") or f"material {k}" for k, m in enumerate(document.get("materials", []))]
+    users: dict[int, list[int]] = {}
+    for number, instance in enumerate(instances):
+        for material in dict.fromkeys(instance.materials):
+            users.setdefault(material, []).append(number)
+    shared = {k: found for k, found in users.items() if k >= 0 and len(found) > 1}
+    whole = [Surface(name, k) for k, name in enumerate([*names, *([_DEFAULT] if -1 in users else [])])]
+    count = len(whole) + sum(len(found) - 1 for found in shared.values())
+    if count > MOST_MATERIALS:
+        return whole
+    out = list(whole)
+    for k, found in shared.items():
+        first, *others = (Surface(f"{names[k]}{_OF}{instances[i].name}", k, i) for i in found)
+        out[k] = first
+        out += others
+    return out
+
+
+def surface_names(scene_path: str | Path | None) -> list[str]:
+    return [surface.name for surface in scene_surfaces(scene_path)]
+
+
+def surface_text(scene_path: str | Path | None) -> Callable[[int], str]:
+    """Returns a function that names a surface by its material number."""
+    names = surface_names(scene_path)
+    return lambda index: names[index] if index < len(names) else f"material {index}"
+
+
+def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
+    """Returns the numbers of the surfaces on the objects of this name. Raises ValueError where there is no such object,
+    and lists those there are; also where a part of one has no material."""
+    instances = _instances(read_document(Path(scene_path)))
+    chosen = [k for k, instance in enumerate(instances) if instance.name == name]
+    if not chosen:
+        known = ", ".join(dict.fromkeys(instance.name for instance in instances)) or "none"
+        raise ValueError(f"{scene_path}: there is no object '{name}' (there are: {known})")
+    of_objects = {m for k in chosen for m in instances[k].materials}
+    if -1 in of_objects:
+        raise ValueError(f"{scene_path}: the object '{name}' has a part without a material: give it one")
+    own = [
+        k
+        for k, surface in enumerate(scene_surfaces(scene_path))
+        if (surface.instance in chosen if surface.instance is not None else surface.material in of_objects)
+    ]
+    return own
+
+
+def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
+    """Gives every surface of a scene a material of its own: surface k is material k. The scene must be loaded from this
+    file alone; else raises ValueError."""
+    surfaces = scene_surfaces(scene_path)
+    extra = range(scene.summary.material_count, len(surfaces))
+    if not extra:
+        return
+    instances = _instances(read_document(Path(scene_path)))
+    if len(instances) != scene.summary.instance_count:
+        found = scene.summary.instance_count
+        raise ValueError(f"{scene_path}: the scene has {found} objects, its file {len(instances)}")
+    default = next((k for k, surface in enumerate(surfaces) if surface.name == _DEFAULT), 0)
+    chosen = {n: [default if m < 0 else m for m in instance.materials] for n, instance in enumerate(instances)}
+    changed = set()
+    for k, surface in enumerate(surfaces):
+        if surface.instance is None:
+            continue
+        material = scene.get_material(surface.material)
+        material.name = surface.name
+        if k not in extra:
+            scene.set_material(k, material)
+            continue
+        if scene.add_material(material) != k:
+            raise ValueError(f"{scene_path}: its materials are not the scene's: load the file into an empty scene")
+        chosen[surface.instance] = [k if m == surface.material else m for m in chosen[surface.instance]]
+        changed.add(surface.instance)
+    for instance in changed:
+        scene.set_instance_materials(instance, chosen[instance])
+
+
+def material_of(surface_name: str) -> str:
+    """Returns the name of a surface's material: plaster for `plaster of ball`."""
+    return surface_name.rpartition(_OF)[0] or surface_name
+
+
+def names_of(chosen: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
+    """Returns the names of the surfaces numbered `chosen`. names: all surfaces' names by number. A material whose
+    surfaces are all chosen appears once, under its own name."""
+    of_material: dict[str, set[int]] = {}
+    for k, name in enumerate(names):
+        of_material.setdefault(material_of(name), set()).add(k)
+    whole = {m for m, all_of_it in of_material.items() if all_of_it <= set(chosen)}
+    out = (material_of(names[k]) if material_of(names[k]) in whole else names[k] for k in chosen)
+    return tuple(dict.fromkeys(out))
+
+
+def numbers_of(name: str, names: Sequence[str]) -> list[int]:
+    """Returns the numbers of the surfaces that a name means: one surface, or all surfaces of a material."""
+    exact = [k for k, other in enumerate(names) if other == name]
+    return exact or [k for k, other in enumerate(names) if material_of(other) == name]
+
+
+def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float64]:
+    """Returns [count, 4, 4]: each object's transform from its mesh's axes to the file's, in the order in which kuafu
+    loads them. They are the identity for files other than glTF. Raises ValueError if the file has another count."""
+    path = Path(scene_path)
+    if path.suffix.lower() not in (".gltf", ".glb"):
+        return np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
+    instances = _instances(read_document(path))
+    if len(instances) != count:
+        raise ValueError(f"{path}: loading it makes {count} objects, its nodes are {len(instances)}")
+    return np.array([instance.to_file for instance in instances]).reshape(-1, 4, 4)
+
+
+def _instances(document: dict[str, Any]) -> list[_Instance]:
+    """Returns the objects of the default scene in the order of kuafu's numbers: each node before its children."""
+    nodes, meshes = document.get("nodes", []), document.get("meshes", [])
+    out: list[_Instance] = []
+    stack = [(n, np.eye(4)) for n in reversed(_roots(document))]
+    while stack:
+        number, parent = stack.pop()
+        node = nodes[number]
+        to_file = parent @ _transform(node)
+        if "mesh" in node and np.linalg.det(to_file[:3, :3]) != 0.0:  # a scale of 0 hides what is below it
+            mesh = meshes[node["mesh"]]
+            shown = [p for p in mesh["primitives"] if _TRIANGLES <= p.get("mode", _TRIANGLES) <= _FAN]
+            if shown:
+                name = node.get("name") or mesh.get("name") or f"object {len(out)}"
+                out.append(_Instance(name, tuple(p.get("material", -1) for p in shown), to_file))
+        stack += [(child, to_file) for child in reversed(node.get("children", []))]
+    return out
+
+
+def _roots(document: dict[str, Any]) -> list[int]:
+    if document.get("scenes"):
+        return list(document["scenes"][document.get("scene", 0)].get("nodes", []))
+    nodes = document.get("nodes", [])
+    children = {child for node in nodes for child in node.get("children", [])}
+    return [n for n in range(len(nodes)) if n not in children]
+
+
+def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
+    """Returns a node's transform to its parent, 4x4 (glTF 2.0, section 3.5.3)."""
+    if "matrix" in node:
+        return np.reshape(np.array(node["matrix"], np.float64), (4, 4)).T
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    out = pose_matrices(np.array([*node.get("translation", (0.0, 0.0, 0.0)), w, x, y, z], np.float64), "a node")
+    out[:3, :3] *= node.get("scale", (1.0, 1.0, 1.0))
+    return out
+
 
 # A float in a file holds a sum of powers of 2 exactly up to this number of materials.
 MOST_MATERIALS = 48

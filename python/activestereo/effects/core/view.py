@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A View holds all that an effect may know of one image: camera, rig, geometry, frame settings, and random numbers.
+"""Layers hold rendered images of one camera. A View holds all that an effect may know of one image: camera, rig,
+geometry, frame settings, and random numbers.
 Seed and name determine a random stream, so every caller gets the same numbers."""
 
 from __future__ import annotations
@@ -14,6 +15,10 @@ import numpy as np
 
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import to_pixels, to_tangents
+from activestereo.effects.core.resample import SupersampledImages
+
+if TYPE_CHECKING:
+    from activestereo.capture.capture import Capture, Frame
 
 
 def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generator:
@@ -32,12 +37,35 @@ def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: 
     return known[-1][1]
 
 
-if TYPE_CHECKING:
-    from activestereo.capture.capture import Capture, Frame
-    from activestereo.effects.core.layers import Layers
-
 REFERENCE_TEMPERATURE_C = 25.0
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Layers:
+    """One camera's images of light and geometry, float32 [height][width] unless stated. Radiance is the mean over the
+    pixel's square.
+
+    direct, indirect: the projector's light at power 1, after one reflection and after more; flat: `direct` under a
+    pattern that is 1 everywhere, NaN in frames under a model; ambient: under uniform radiance 1 from all directions.
+    depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32. ambient_direct: the part of
+    `ambient` that is reflected once, or None. supersampled: the finer and wider images (direct, indirect, ambient,
+    flat) of which the pixels are means, or None.
+    """
+
+    direct: np.ndarray
+    indirect: np.ndarray
+    ambient: np.ndarray
+    flat: np.ndarray
+    depth_m: np.ndarray
+    normal: np.ndarray
+    material: np.ndarray
+    ambient_direct: np.ndarray | None = None
+    supersampled: SupersampledImages | None = None
+
+    @property
+    def projector(self) -> np.ndarray:
+        return self.direct + self.indirect
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,139 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders the layers of a loaded scene's base model: under the projector at power 1, and under ambient radiance 1."""
+"""Renders the layers of a loaded scene's base model: under the projector at power 1, and under ambient radiance 1.
+
+Computes the light of a world whose surfaces are all matt: each with one albedo, or a room that `calibrate world`
+measured.
+
+Light off the first surface follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at
+the centres of FINER x FINER squares of each pixel. One sample shows it, without noise. Bounced light shows no dots, so
+it is rendered with few samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is
+painted on them, and interpolated to the finer pixels of the same surface."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 import kuafu
-from activestereo.common.lens import with_finer_pixels
-from activestereo.effects.core.layers import Layers
-from activestereo.effects.engines import matt_world
-from activestereo.effects.engines.layers import RenderRequest, ViewCamera, request_key
+from activestereo.common.lens import to_tangents, with_finer_pixels
+from activestereo.common.progress_bar import Progress
+from activestereo.effects.core.view import Layers
+from activestereo.effects.engines.capture_inputs import copy_record
+from activestereo.effects.engines.layers import RenderRequest, request_key
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
+from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
+
+# Squares along each side of a pixel; a pixel of bounced light is as many pixels wide.
+FINER = 2
+FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
+SURFACE = "depth", "normal", "material_id"
+# Shares of samples: bounced light's of a view's samples; direct sky light's of these (effects use it separately).
+BOUNCED_SHARE, SKY_SHARE = 0.25, 0.25
+# Smaller images than this get as many samples in all as this many pixels would, up to MOST_TIMES their own.
+SHARED_PIXELS, MOST_TIMES = 424 * 240, 4.0
+# Least weight of a neighbour, so that a pixel without a neighbour on its own surface takes all of them.
+_LEAST_ALIKE = 1e-4
+# Mark of pixels that see both sky and surface; 1 marks surface, 0 sky.
+_MIXED = 2
+# Increase this number whenever the computed light changes.
+MATT_VERSION = 4
+
+
+class MattSurfaces(NamedTuple):
+    """Holds the surfaces that a camera sees, regardless of their paint, and their infrared albedo [height][width]."""
+
+    surfaces: Surfaces
+    albedo: NDArray[np.float32]
+
+
+def surfaces_of(
+    images: Mapping[str, NDArray], i: int, camera: kuafu.Camera, albedo: NDArray[np.float32]
+) -> MattSurfaces:
+    """Returns the surfaces that camera number i sees, from images with the outputs SURFACE. albedo: at finer squares
+    than the camera's pixels."""
+    depth_m, K = images["depth"][i, ..., 0], camera.k
+    row, column = np.indices(depth_m.shape, dtype=np.float32)
+    x, y = to_tangents(column, row, K)
+    normal = images["normal"][i] @ camera.camera_to_world[:3, :3]
+    points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
+    squares = -(-albedo.shape[1] // depth_m.shape[1])
+    mean, covered = _means(albedo, squares), _means((albedo > 0).astype(np.float32), squares)
+    whole = np.where((covered == 0.0) | (covered == 1.0), depth_m > 0, _MIXED)
+    return MattSurfaces(Surfaces.of(depth_m, normal, points, whole), mean)
+
+
+def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
+    """Returns whether every material of a scene reflects by Lambert's law alone, and the scene has no light of its own.
+    is_painted: allows albedo textures, for a scene that only the projector lights."""
+    seen = scene.summary
+    for m in (scene.get_material(number) for number in range(0 if seen.light_count else seen.material_count)):
+        paint = () if is_painted else (m.base_color_texture, m.ir_albedo_texture)
+        textures = *paint, m.metallic_roughness_texture, m.normal_texture
+        other = (
+            m.metallic, m.specular, m.transmission, m.ir_transmission or 0.0, m.diffuse_transmission, m.subsurface,
+            m.clearcoat, m.diffuse_roughness, m.ir_sheen_color or 0.0, *m.sheen_color, m.ir_emission, *m.emission,
+        )  # fmt: skip
+        has_texture = any(texture is not None for texture in textures)
+        if m.bsdf != "gltf" or m.alpha_mode != "opaque" or any(other) or has_texture:
+            return False
+    return seen.light_count == 0
+
+
+def first_light(images: Mapping[str, NDArray], i: int, pattern: NDArray) -> tuple[NDArray, NDArray]:
+    """Returns the projector's light off the first surface for camera i: (with the pattern, with a pattern that is 1
+    everywhere), float32 [height][width]. images: the outputs FIRST at FINER times the size."""
+    flat, uv = (images["albedo"][i, ..., 0] / np.float32(np.pi)), images["projector_uv"][i]
+    flat = flat * images["projector_geometry"][i, ..., 0] * images["projector_visibility"][i, ..., 0]
+    lit = flat > 0
+    direct = np.zeros_like(flat)
+    u, v = uv[lit].T
+    direct[lit] = flat[lit] * map_coordinates(
+        np.asarray(pattern, np.float32), [v, u], np.float32, order=1, mode="grid-constant"
+    )
+    return _means(direct, FINER), _means(flat, FINER)
+
+
+def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
+    """Returns the means over squares x squares pixels."""
+    rows, columns = (-n % squares for n in image.shape)
+    image = np.pad(image, ((0, rows), (0, columns)), mode="edge")
+    down = np.add.reduce([image[k::squares] for k in range(squares)])
+    return np.add.reduce([down[:, k::squares] for k in range(squares)]) / np.float32(squares**2)
+
+
+def bounced_light(
+    light: NDArray[np.float32], wide: MattSurfaces, fine: MattSurfaces, focal_px: float
+) -> NDArray[np.float32]:
+    """Smooths images of bounced light [n][height][width] in wide pixels and interpolates them to the fine pixels along
+    surfaces. focal_px: focal length in wide pixels."""
+    hit, shape = wide.albedo > 0, fine.albedo.shape
+    per_albedo = np.where(hit, light / np.where(hit, wide.albedo, 1.0), light)
+    smooth = smooth_bounced(per_albedo, wide.surfaces, focal_px)
+    total, weights = np.zeros((len(light), *shape), np.float32), np.zeros(shape, np.float32)
+    sides = []  # for each axis: (index, linear weight) of the wide pixels before and after each fine one
+    for count, most in zip(shape, wide.albedo.shape, strict=True):
+        place = (np.arange(count) + 0.5) / FINER - 0.5
+        before = np.floor(place).astype(int)
+        low, high = (np.clip(before + k, 0, most - 1) for k in (0, 1))
+        sides.append(((low, 1.0 - (place - before)), (high, place - before)))
+    for (rows, of_rows), (columns, of_columns) in product(*sides):
+        at = np.ix_(rows, columns)
+        weight = np.outer(of_rows, of_columns).astype(np.float32)
+        there = wide.surfaces.at(at)
+        weight *= _LEAST_ALIKE + alike(fine.surfaces, there)
+        weight *= np.where(there.material == _MIXED, _LEAST_ALIKE**2, 1.0)
+        total += weight * smooth[:, at[0], at[1]]
+        weights += weight
+    return total / weights * np.where(fine.albedo > 0, fine.albedo, 1.0)
+
 
 # Light without the pattern varies only at edges, so it needs fewer samples.
 FLAT_SHARE = 0.5
@@ -28,22 +144,20 @@ _KEPT_SQUARES = 25_000_000
 class FirstSurfaces(NamedTuple):
     """Caches the surfaces that a matt world's cameras see first. light: for each camera, (the pattern's light reflected
     there, the same under a pattern that is 1 everywhere). albedo: [camera][height][width][1] at FINER times the
-    resolution. seen: images of these surfaces, named in matt_world.SURFACE."""
+    resolution. seen: images of these surfaces, named in SURFACE."""
 
     light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
     albedo: NDArray[np.float32]
     seen: dict[str, NDArray]
 
 
-def traced_layers(
-    world: LoadedScene, request: RenderRequest, progress: Callable[[float], object] | None
-) -> tuple[Layers, ...]:
+def traced_layers(world: LoadedScene, request: RenderRequest, progress: Progress | None) -> tuple[Layers, ...]:
     """Renders the layers of any world by path tracing. `flat` and `ambient_direct`, light reflected once, are rendered
     again under a pattern that is 1 everywhere."""
-    cameras, spp = list(map(_camera, request.cameras)), request.samples_per_pixel
-    with world.lit([(_projector(request), request.pattern)]):
+    cameras, spp = request.cameras, request.samples_per_pixel
+    with world.lit([(copy_record(request.projector), request.pattern)]):
         images = world.images(cameras, LIGHT + GEOMETRY, spp, request.max_bounces, progress, seed=request.seed)
-    with world.lit([(_projector(request), np.ones_like(request.pattern))]):
+    with world.lit([(copy_record(request.projector), np.ones_like(request.pattern))]):
         few = _share(request, FLAT_SHARE)
         single = world.images(cameras, ("projector_direct", "ambient"), few, 0, seed=request.seed)
     images |= {"flat": single["projector_direct"], "ambient_direct": single["ambient"]}
@@ -59,41 +173,41 @@ def traced_layers(
 
 def matt_layers(
     world: LoadedScene, request: RenderRequest, kept: dict[str, FirstSurfaces],
-    progress: Callable[[float], object] | None,
+    progress: Progress | None,
 ) -> tuple[Layers, ...]:  # fmt: skip
-    """Renders the layers of a matt world by the method of matt_world.py. kept: the first surfaces of the latest
+    """Renders the layers of a matt world by geometry and a few samples. kept: the first surfaces of the latest
     requests, by a key without the seed, because they have no noise."""
     images, spp, seed = world.images, request.samples_per_pixel, request.seed
-    wide = [_resized(camera, 1.0 / matt_world.FINER) for camera in request.cameras]
+    wide = [_resized(camera, 1.0 / FINER) for camera in request.cameras]
     # Small images get a larger share of samples for bounced light.
     camera = request.cameras[0]
-    bounces = matt_world.FINER**2 * matt_world.BOUNCED_SHARE
-    bounces *= float(np.clip(matt_world.SHARED_PIXELS / (camera.width * camera.height), 1.0, matt_world.MOST_TIMES))
-    few, of_sky = _share(request, bounces), _share(request, matt_world.SKY_SHARE * bounces)
+    bounces = FINER**2 * BOUNCED_SHARE
+    bounces *= float(np.clip(SHARED_PIXELS / (camera.width * camera.height), 1.0, MOST_TIMES))
+    few, of_sky = _share(request, bounces), _share(request, SKY_SHARE * bounces)
     room = None
     if world.has_room_light:
-        room = world.room_light(list(map(_camera, request.cameras)), spp, seed=seed)
-    even, wider = LIGHT[2:] if room is None else (), list(map(_camera, wide))
-    with world.lit([(_projector(request), request.pattern)]):
-        surfaces = matt_world.SURFACE + LIGHT[1:2] + even
-        bounced = images(wider, surfaces, few, request.max_bounces, progress, seed=seed)
-        sky = images(wider, even, of_sky, 0, seed=seed)["ambient"] if room is None else room
+        room = world.room_light(request.cameras, spp, seed=seed)
+    even = LIGHT[2:] if room is None else ()
+    with world.lit([(copy_record(request.projector), request.pattern)]):
+        surfaces = SURFACE + LIGHT[1:2] + even
+        bounced = images(wide, surfaces, few, request.max_bounces, progress, seed=seed)
+        sky = images(wide, even, of_sky, 0, seed=seed)["ambient"] if room is None else room
         first = _first_surfaces(world, request, kept)
     light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
 
     def layers(i: int) -> Layers:
         albedo = first.albedo[i, ..., 0]
-        own = matt_world.surfaces_of(first.seen, i, request.cameras[i], albedo)
-        spread = matt_world.bounced_light(
-            np.stack([image[i, ..., 0] for image in light]), matt_world.surfaces_of(bounced, i, wide[i], albedo), own,
-            wide[i].K[0, 0],
+        own = surfaces_of(first.seen, i, request.cameras[i], albedo)
+        spread = bounced_light(
+            np.stack([image[i, ..., 0] for image in light]), surfaces_of(bounced, i, wide[i], albedo), own,
+            wide[i].k[0, 0],
         )  # fmt: skip
         if room is None:
             indirect, ambient, direct_sky = spread
         else:
             [indirect], ambient, direct_sky = spread, sky[i, ..., 0], sky[i, ..., 0]
         direct, flat = first.light[i]
-        depth_m, normal, material = (first.seen[name][i].copy() for name in matt_world.SURFACE)
+        depth_m, normal, material = (first.seen[name][i].copy() for name in SURFACE)
         return Layers(direct, indirect, ambient, flat, depth_m[..., 0], normal, material[..., 0], direct_sky)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -105,37 +219,23 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
     projector."""
     key = request_key(replace(request, seed=0), "first surfaces")
     if key not in kept:
-        finer = [_camera(_resized(camera, matt_world.FINER)) for camera in request.cameras]
-        seen = world.images(list(map(_camera, request.cameras)), matt_world.SURFACE, 1, 0)
-        first = world.images(finer, matt_world.FIRST, 1, 0)
+        finer = [_resized(camera, FINER) for camera in request.cameras]
+        seen = world.images(request.cameras, SURFACE, 1, 0)
+        first = world.images(finer, FIRST, 1, 0)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            light = pool.map(lambda i: matt_world.first_light(first, i, request.pattern), range(len(finer)))
+            light = pool.map(lambda i: first_light(first, i, request.pattern), range(len(finer)))
             kept[key] = FirstSurfaces(list(light), first["albedo"].copy(), seen)
         while len(kept) > 1 and sum(known.albedo.size for known in kept.values()) > _KEPT_SQUARES:
             kept.pop(next(iter(kept)))
     return kept[key]
 
 
-def _camera(camera: ViewCamera) -> kuafu.Camera:
-    return kuafu.Camera(camera.width, camera.height, camera.K, camera.camera_to_world)
-
-
-def _resized(camera: ViewCamera, size: float) -> ViewCamera:
+def _resized(camera: kuafu.Camera, size: float) -> kuafu.Camera:
     """Returns the camera with `size` times as many pixels along each side."""
     width, height = (int(np.ceil(size * side)) for side in (camera.width, camera.height))
-    return replace(camera, width=width, height=height, K=with_finer_pixels(camera.K, size))
+    return kuafu.Camera(width, height, with_finer_pixels(camera.k, size), camera.camera_to_world)
 
 
 def _share(request: RenderRequest, share: float) -> int:
     """Returns this share of a request's samples per pixel, at least 1."""
     return max(1, round(share * request.samples_per_pixel))
-
-
-def _projector(request: RenderRequest) -> kuafu.Light:
-    return kuafu.Light(
-        kind="projector",
-        name="projector",
-        k=request.projector_K,
-        ir_intensity=1.0,
-        light_to_world=request.projector_to_world,
-    )

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,20 +16,22 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
-from activestereo.common.progress_bar import part_of
+from activestereo.common.progress_bar import Progress, part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
-from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.model import Model, Nuisances
-from activestereo.effects.core.room_light import BOUNCED_VERSION
-from activestereo.effects.core.view import View
-from activestereo.effects.engines import matt_world
-from activestereo.effects.engines.base_layers import FLAT_SHARE, FirstSurfaces, matt_layers, traced_layers
-from activestereo.effects.engines.capture_inputs import SceneMeasurement, capture_inputs
-from activestereo.effects.engines.layers import RenderRequest, scene_digest
-from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene, engine_version
-from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
-from activestereo.effects.engines.world import (
+from activestereo.effects.core.view import Layers, View
+from activestereo.effects.engines.base_layers import (
+    FLAT_SHARE,
+    MATT_VERSION,
+    FirstSurfaces,
+    is_matt_world,
+    matt_layers,
+    traced_layers,
+)
+from activestereo.effects.engines.capture_inputs import (
+    SceneMeasurement,
+    capture_inputs,
     changed_world,
     copy_camera,
     copy_light,
@@ -38,6 +40,9 @@ from activestereo.effects.engines.world import (
     record_key,
     world_key,
 )
+from activestereo.effects.engines.layers import RenderRequest, scene_digest
+from activestereo.effects.engines.loaded_scene import BOUNCED_VERSION, GEOMETRY, LIGHT, LoadedScene, engine_version
+from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
 
 # Lights that effects add have a light group of their own, since only the room's light is scaled.
 _ADDED_GROUP = 1
@@ -83,7 +88,7 @@ class CaptureRenderer:
         self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
         self._one_at_a_time = threading.RLock()
         smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
-        way = f"bounced {BOUNCED_VERSION}, {'traced' if traced else f'matt {matt_world.VERSION}'}"
+        way = f"bounced {BOUNCED_VERSION}, {'traced' if traced else f'matt {MATT_VERSION}'}"
         self.version = f"{engine_version(self.device)}{smoothed}, flat {FLAT_SHARE}, {way}"
 
     @contextmanager
@@ -96,11 +101,11 @@ class CaptureRenderer:
                 self._first, self._kept = {}, {}
             yield self._scene
 
-    def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
+    def __call__(self, request: RenderRequest, progress: Progress | None = None) -> tuple[Layers, ...]:
         """Renders a request; returns one Layers per camera. progress: called as progress(fraction done)."""
         with self._loaded(request.scene_path) as world, world.alone() as scene:
             may_be_matt = self._smooth and not self._traced
-            if may_be_matt and matt_world.is_matt_world(scene, world.has_room_light):
+            if may_be_matt and is_matt_world(scene, world.has_room_light):
                 return matt_layers(world, request, self._first, progress)
             return traced_layers(world, request, progress)
 
@@ -118,7 +123,7 @@ class CaptureRenderer:
         model: Model,
         frames: Iterable[Frame] | None = None,
         scene_measurement: SceneMeasurement | None = None,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress | None = None,
         half: int | None = None,
     ) -> dict[ImageKey, Layers]:
         """Returns {(frame id, side): Layers} of the frames, all by default. Frames that differ in exposure, power
@@ -188,7 +193,7 @@ class CaptureRenderer:
         return made
 
     def _images(
-        self, scene_path: Path, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
+        self, scene_path: Path, jobs: list[_Job], progress: Progress | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
         """Returns the rendered images, {output: image}, by job and side: [job][side]. The last renders are kept and
         reused for changes that move no ray."""
@@ -202,7 +207,7 @@ class CaptureRenderer:
             return self._kept[key]
 
     def _render_world(
-        self, world: LoadedScene, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
+        self, world: LoadedScene, jobs: list[_Job], progress: Progress | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
         images = self._render(world, jobs, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
@@ -219,7 +224,7 @@ class CaptureRenderer:
         jobs: list[_Job],
         outputs: tuple[str, ...],
         own: bool,
-        progress: Callable[[float], object] | None,
+        progress: Progress | None,
         half: int | None,
     ) -> dict[str, NDArray]:
         """Renders all jobs in one call and returns {output: [camera][height][width][channels]}. own=True: lit by the

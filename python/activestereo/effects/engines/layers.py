@@ -4,18 +4,19 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
+import kuafu
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.lens import is_drawn, to_pixels, to_tangents
-from activestereo.effects.core.layers import Layers
 from activestereo.effects.core.resample import SupersampledImages
+from activestereo.effects.core.view import Layers
+from activestereo.effects.engines.capture_inputs import record_key
 
 # Increase this number when the meaning of a cached array changes.
 _FORMAT = 4
@@ -31,25 +32,14 @@ _SMOOTH_SHARE = 0.02
 
 
 @dataclass(frozen=True)
-class ViewCamera:
-    """An ideal pinhole camera at a pose (4x4, camera axes x right, y down, z forward)."""
-
-    width: int
-    height: int
-    K: np.ndarray
-    camera_to_world: np.ndarray
-
-
-@dataclass(frozen=True)
 class RenderRequest:
-    """Everything that decides the pixels of one rig pose: cameras, pattern, projector and samples. Equal requests give
-    equal layers."""
+    """Everything that decides the pixels of one rig pose: pinhole cameras, the projector at 1 W/sr and its pattern, and
+    samples. Requests with equal keys give equal layers."""
 
     scene_path: Path
-    cameras: tuple[ViewCamera, ...]
+    cameras: tuple[kuafu.Camera, ...]
+    projector: kuafu.Light
     pattern: np.ndarray
-    projector_K: np.ndarray
-    projector_to_world: np.ndarray
     samples_per_pixel: int
     max_bounces: int
     seed: int
@@ -66,7 +56,7 @@ class Sampling:
     scale: int = 1
     margin_px: int = 0
 
-    def camera(self, camera: ViewCamera) -> ViewCamera:
+    def camera(self, camera: kuafu.Camera) -> kuafu.Camera:
         """Returns the camera that renders the finer, wider image of this camera."""
         if self.scale == 1 and self.margin_px == 0:
             return camera
@@ -75,7 +65,7 @@ class Sampling:
             [[self.scale, 0, self.scale * shift - 0.5], [0, self.scale, self.scale * shift - 0.5], [0, 0, 1.0]]
         )
         width, height = ((size + 2 * self.margin_px) * self.scale for size in (camera.width, camera.height))
-        return ViewCamera(width, height, to_fine @ camera.K, camera.camera_to_world)
+        return kuafu.Camera(width, height, to_fine @ camera.k, camera.camera_to_world)
 
     def pixel_layers(self, layers: Layers, camera: Camera) -> Layers:
         """Reduces the Layers rendered with camera() to the pixels of a capture's Camera; applies its lens
@@ -112,14 +102,6 @@ def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[n
     return to_pixels(*to_tangents(column, row, camera.K, camera.distortion), camera.K)
 
 
-def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Applies lens distortion to pixels (column, row) of an ideal pinhole with the camera's K; returns [column or
-    row][...]. Inverse of ideal_pixels(); NaN beyond the point where the lens model folds over."""
-    x, y = to_tangents(column, row, camera.K)
-    drawn = np.stack(to_pixels(x, y, camera.K, camera.distortion))
-    return np.where(is_drawn(x, y, camera.distortion), drawn, np.nan)
-
-
 def sampling_of(rig: Rig, scale: int) -> Sampling:
     """Returns the Sampling for a scale: at 1 the pixels alone, else finer samples with a margin that suffices for the
     rig's nominal lenses. Lenses that distort need at least scale 2. Raises ValueError for one that distorts too
@@ -138,7 +120,9 @@ def sampling_of(rig: Rig, scale: int) -> Sampling:
         with np.errstate(all="ignore"):  # a lens beyond all sense diverges
             u, v = ideal_pixels(camera, border_u, border_v)
             own = np.max([reach, -u.min(), -v.min(), u.max() - right, v.max() - bottom])
-            fold_px = np.abs(drawn_pixels(camera, u, v) - np.stack([border_u, border_v])).max()
+            x, y = to_tangents(u, v, camera.K)
+            drawn = np.stack(to_pixels(x, y, camera.K, camera.distortion))
+            fold_px = np.abs(drawn - [border_u, border_v]).max() if is_drawn(x, y, camera.distortion).all() else np.inf
         reach = float(own) if fold_px < _LARGEST_FOLD_PX and np.isfinite(own) else np.inf
     share = max(int(np.ceil(_MARGIN_SHARE * max(camera.width, camera.height))) for camera in cameras)
     if not reach <= _LARGEST_MARGIN_PX:
@@ -155,22 +139,17 @@ def rig_request(
     sampling: Sampling = Sampling(),
 ) -> RenderRequest:  # fmt: skip
     """Returns the render request for a frame's pose: both cameras, and the projector that moves with the rig."""
-    rig = capture.rig
-    left_to_world = frame.camera_to_world
-    poses = {"left": left_to_world, "right": left_to_world @ np.linalg.inv(rig.left_to_right)}
-    cameras = tuple(
-        sampling.camera(ViewCamera(rig.camera(side).width, rig.camera(side).height, rig.camera(side).K, poses[side]))
-        for side in SIDES
-    )
+    rig, pose = capture.rig, frame.camera_to_world
+    poses = (rig.left, pose), (rig.right, pose @ np.linalg.inv(rig.left_to_right))
+    projector_to_world = pose @ np.linalg.inv(rig.projector.left_to_projector)
     return RenderRequest(
-        scene_path=capture.scene_path,
-        cameras=cameras,
-        pattern=rig.projector.pattern(),
-        projector_K=rig.projector.K,
-        projector_to_world=left_to_world @ np.linalg.inv(rig.projector.left_to_projector),
-        samples_per_pixel=max(1, round(samples_per_pixel / sampling.scale**2)),
-        max_bounces=max_bounces,
-        seed=seed,
+        capture.scene_path,
+        tuple(sampling.camera(kuafu.Camera(c.width, c.height, c.K, place)) for c, place in poses),
+        kuafu.Light(kind="projector", k=rig.projector.K, ir_intensity=1.0, light_to_world=projector_to_world),
+        rig.projector.pattern(),
+        max(1, round(samples_per_pixel / sampling.scale**2)),
+        max_bounces,
+        seed,
     )
 
 
@@ -192,21 +171,8 @@ def scene_digest(scene_path: str | Path) -> str:
 
 def request_key(request: RenderRequest, renderer_version: str) -> str:
     """Returns a hash of a RenderRequest and the renderer's version. Requests with equal keys give equal layers."""
-    digest = hashlib.sha256()
-
-    def add(value: Any) -> None:
-        if isinstance(value, np.ndarray):
-            digest.update(f"{value.dtype.str}{value.shape}".encode())
-            digest.update(np.ascontiguousarray(value).tobytes())
-        elif isinstance(value, tuple):
-            for camera in value:
-                for own in fields(camera):
-                    add(getattr(camera, own.name))
-        else:
-            digest.update(repr(value).encode())
-
-    add(repr((_FORMAT, renderer_version)))
-    for own in fields(request):
-        value = getattr(request, own.name)
-        add(scene_digest(value) if own.name == "scene_path" else value)
-    return digest.hexdigest()
+    records = [record_key(record) for record in (*request.cameras, request.projector)]
+    samples = request.samples_per_pixel, request.max_bounces, request.seed
+    pattern = np.ascontiguousarray(request.pattern)
+    key = _FORMAT, renderer_version, scene_digest(request.scene_path), records, samples, pattern.dtype, pattern.shape
+    return hashlib.sha256(repr(key).encode() + pattern.tobytes()).hexdigest()

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loads a scene file into kuafu, and renders images of its light in the infrared band for capture_renderer.py."""
+"""Loads a scene file into kuafu, and renders images of its light in the infrared band for capture_renderer.py.
+
+Renders room light that was measured on each surface, in place of even light from all sides.
+
+A scene whose asset has the extras {"room_light": "emission"} stores in each surface's emission the room's light that
+the surface sends out. `activestereo calibrate world` measures it. All bounces are in it, so it lights nothing else.
+Nothing mirrors it: the surfaces of such a scene are matt."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -15,13 +21,75 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 import kuafu
-from activestereo.common.progress_bar import part_of
-from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room, spread
-from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.capture.capture import Capture
+from activestereo.common.progress_bar import Progress, part_of
+from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines.smooth import smooth_view
-from activestereo.scene_io.scene_files import load_scene_file
+from activestereo.scene_io.scene_files import load_scene_file, read_document
+
+# The share of a pixel's samples for bounced light in such a room. That light is the projector's alone, a hundredth of
+# its direct light. It has no dots, and is blurred over its neighbourhood.
+BOUNCED_SHARE = 1.0 / 16.0
+_SPREAD_PX = 1.5
+BOUNCED_VERSION = f"{BOUNCED_SHARE} spread {_SPREAD_PX}"
+# Emission has no noise: more samples only cover a pixel's square more evenly.
+_MOST_SAMPLES = 4
+
+
+def has_room_light(scene_path: Path) -> bool:
+    """Returns whether a scene file's emission is measured room light."""
+    if scene_path.suffix.lower() not in (".gltf", ".glb"):
+        return False
+    extras = read_document(scene_path).get("asset", {}).get("extras")
+    return isinstance(extras, dict) and extras.get("room_light") == "emission"
+
+
+def is_measured_room(capture: Capture) -> bool:
+    """Returns whether `calibrate world` made a capture and two or more of its train views have poses and depth."""
+    posed = capture.measured.get("poses", {}).get("frames", [])
+    train = [f for f in capture.frames if f.id in posed and f.split == "train" and f.depth_path is not None]
+    return len(train) > 1 and has_room_light(capture.scene_path)
+
+
+class RoomLight:
+    """Renders the measured room light of a scene, from a kuafu scene of its own. Its surfaces emit that light and
+    reflect nothing."""
+
+    def __init__(self, device: kuafu.Device, scene_path: Path) -> None:
+        self._scene = kuafu.Scene(device)
+        load_scene_file(self._scene, scene_path)
+        for number in range(self._scene.summary.material_count):
+            material = self._scene.get_material(number)
+            material.base_color, material.ir_albedo = (0.0, 0.0, 0.0, 1.0), 0.0
+            material.ir_emission = material.emission[0]  # which glTF has for visible light alone
+            self._scene.set_material(number, material)
+
+    def images(self, renderer: kuafu.Renderer, cameras: Sequence[Any], spp: int, **options: Any) -> np.ndarray:
+        """Returns radiance [camera][height][width][1] under an ambient scale of 1. No light is sampled, since the first
+        hit emits all of it."""
+        room = renderer.render(
+            self._scene, cameras, ("ambient",), band="infrared", max_bounces=0, light_sampling="bsdf",
+            spp=min(spp, _MOST_SAMPLES), **options,
+        )  # fmt: skip
+        return np.asarray(room["ambient"])
+
+
+def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:
+    """Sets the ambient light of a loaded scene. If the file has measured room light, it is set to 0, and the result is
+    the RoomLight that renders it. Otherwise it is 1 from all sides, and the result is None."""
+    if not has_room_light(scene_path):
+        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        return None
+    scene.set_environment((0.0, 0.0, 0.0), ir_radiance=0.0)
+    for number in range(scene.summary.material_count):
+        material = scene.get_material(number)
+        material.emission, material.ir_emission, material.emission_texture = (0.0, 0.0, 0.0), 0.0, None
+        scene.set_material(number, material)
+    return RoomLight(device, scene_path)
+
 
 LIGHT = ("projector_direct", "projector_indirect", "ambient")
 GEOMETRY = ("depth", "normal", "position", "material_id")
@@ -50,7 +118,7 @@ class LoadedScene:
 
     @property
     def has_room_light(self) -> bool:
-        """Returns whether the file's ambient light was measured on each surface (room_light.py)."""
+        """Returns whether the file's ambient light was measured on each surface."""
         return self._room is not None
 
     def room_light(self, cameras: Sequence[kuafu.Camera], samples_per_pixel: int, **options: Any) -> NDArray:
@@ -95,7 +163,7 @@ class LoadedScene:
         outputs: Sequence[str],
         samples_per_pixel: int,
         max_bounces: int,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress | None = None,
         keeps_surfaces: bool = True,
         environments: Sequence[int] | None = None,
         **options: Any,
@@ -118,7 +186,8 @@ class LoadedScene:
                 environments=environments, **options,
             )  # fmt: skip
         if len(passes) > 1:
-            images["projector_indirect"] = spread(images["projector_indirect"])
+            across = 0.0, _SPREAD_PX, _SPREAD_PX, 0.0
+            images["projector_indirect"] = gaussian_filter(images["projector_indirect"], across, mode="nearest")
         if self._room is not None and "ambient" in images:
             images["ambient"] = images["ambient"] + self.room_light(cameras, samples_per_pixel, **options)
         return images

@@ -23,7 +23,7 @@ from activestereo.compare.depth_compare import DepthModel
 from activestereo.compare.noise import fit_noise_model, repeat_statistics
 from activestereo.compare.nuisances import fit_nuisances
 from activestereo.compare.render import render_frames
-from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.configure import exposed

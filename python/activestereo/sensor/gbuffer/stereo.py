@@ -24,7 +24,7 @@ from activestereo.common.lens import is_distorting, with_finer_pixels
 from activestereo.common.limits import POWER, Limits
 from activestereo.common.nearest import unknown
 from activestereo.common.shown import shown
-from activestereo.effects.engines.world import copy_record
+from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaMaps, CudaMemory, cuda_tensor, require_no_capture, wait_for
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right, inverse_depth, mirrors_or_is_glass, require_row
