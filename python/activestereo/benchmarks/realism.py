@@ -136,9 +136,10 @@ def verdicts(found: Board) -> list[str]:
 
 
 _WIDTH_PX = 300
-_STYLE = (
-    "body{font:14px sans-serif;margin:2em;max-width:110em}td,th{padding:2px 8px;text-align:right;white-space:nowrap}"
-    "td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:4px}figcaption{font-size:12px}"
+_STYLE = (  # six pictures abreast and all ten methods fit 1280 pixels
+    "body{font:14px sans-serif;margin:1em 2em}h2{font-size:14px}table{font-size:12px}td,th{padding:2px 6px;text-align:"
+    "right}td:first-child,th:first-child{text-align:left}small{display:block}figure{display:inline-block;margin:0 4px}"
+    "img{width:190px}figcaption{font-size:12px}"
 )
 
 
@@ -152,15 +153,14 @@ def write_board(found: Board, out: Path, about: dict[str, object]) -> None:
     cells = []
     for name, row in found.rows.items():
         own = (row.get(method) for method in methods)
-        shown = ("–" if x is None else f"{x.value:.3g} <small>({x.low:.3g}–{x.high:.3g})</small>" for x in own)
+        shown = ("–" if x is None else f"{x.value:.3g}<small>{x.low:.3g} to {x.high:.3g}</small>" for x in own)
         cells.append([text(name), *shown])
     parts = [f"<p>{text(line)}</p>" for line in lines]
-    parts.append(table(["measure", *methods], cells))
     for view, pictures in found.pictures.items():
-        parts.append(f"<h2>{text(view)}</h2>")
-        known = pictures["truth"]
-        low, high = np.nanpercentile(known, [1, 99])
+        low, high = np.nanpercentile(pictures["truth"], [1, 99])
+        parts.append(f"<h2>{text(view)}: disparity, blue {low:.0f} to red {high:.0f} px, black none</h2>")
         parts += [_figure(name, image, float(low), float(high)) for name, image in pictures.items()]
+    parts.append(table(["mean of views, 90 % below", *methods], cells))
     head = f"<h1>Realism of depth: {len(found.views)} real views of {text(about['sensor'])}</h1>"
     page = f"<!doctype html><meta charset=utf-8><title>Realism</title><style>{_STYLE}</style>{head}{''.join(parts)}"
     write_text(out / "realism.html", page + "\n")

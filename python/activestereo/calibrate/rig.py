@@ -170,7 +170,7 @@ class Calibration:
             K, half = self.K[side], INTERVAL_90 * self.error[side]
             numbers = zip(("fx", "fy", "cx", "cy"), (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), half, strict=True)
             words = ", ".join(f"{name} {value:.2f} ± {h:.2f}" for name, value, h in numbers)
-            lens = ", ".join(f"{d:.4f}" for d in self.distortion[side])
+            lens = ", ".join(f"{d:.4f}" for d in self.distortion[side]) if np.any(self.distortion[side]) else "none"
             reach = f"{100 * self.coverage[side]:.0f} % of the picture"
             lines.append(f"{side}: {words} px; lens {lens}; corners reach {reach}")
         t, e = 1e3 * self.left_to_right[:3, 3], 1e3 * INTERVAL_90 * self.error["translation"]

@@ -89,7 +89,7 @@ def _run_realism(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.realism import DEVICE, HOLES, board, verdicts, write_board
 
     cli.make_folder(args.out)
-    with ProgressBar(f"{len(args.captures)} captures in nine ways") as bar:
+    with ProgressBar("simulating in nine ways") as bar:
         found = board(args.captures, args.sensor, args.samples_per_pixel, args.seed, args.device, bar)
     write_board(found, args.out, {"sensor": args.sensor, "samples": args.samples_per_pixel, "seed": args.seed})
     if args.json:
