@@ -9,8 +9,8 @@ Differences that depend on the matcher alone (EngineFault.is_matcher_choice) are
 most of the error; faults are judged on the rest.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.compare.depth_compare import model_depths
 from activestereo.diagnose.evidence import TILE_PX, Evidence
 from activestereo.diagnose.fitter import ImageResidual
-from activestereo.diagnose.goodness import Z90, Interval, Limits, design_effect, within_ranges
+from activestereo.diagnose.goodness import Z90, Interval, design_effect, within_ranges
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.ranking import parameter_json
@@ -45,31 +45,28 @@ _MOST_FRAMES = 0.5
 
 
 @dataclass(frozen=True)
-class DepthEvidence:
-    """How well an effect explains the device's disparity. nats: gain of log-likelihood. share: of the squared error of
-    disparity that the effect explains. consistency: share of the frames that get better. pose_error_nats: the part of
-    the gain that errors of the measured poses may explain."""
+class DepthFinding:
+    """An effect on disparity or depth, fitted to the device's disparity.
 
+    limits: (value, low, high) of each of its parameters, [n][3]. nats: gain of log-likelihood. share: of the squared
+    error of disparity that the effect explains. consistency: share of the frames that get better. pose_error_nats: the
+    part of the gain that errors of the measured poses may explain. is_filter: whether it was fitted as a smoothing
+    filter, by the roughness of the errors. is_named: whether the device's depth shows it.
+    """
+
+    effect: Effect
+    limits: np.ndarray
     nats: float
     share: float
     consistency: float = 1.0
     pose_error_nats: float = 0.0
+    is_filter: bool = False
+    is_named: bool = False
 
-    def is_clear(self, tried: int, numbers: Numbers) -> bool:
-        """Returns whether the gain exceeds chance among `tried` effects and errors of the poses, in most frames."""
-        chance = np.log(max(tried, 1) / numbers.alpha)
-        return bool(self.nats > chance + self.pose_error_nats and self.consistency > _MOST_FRAMES)
-
-
-@dataclass(frozen=True)
-class DepthFinding:
-    """An effect on disparity or depth with its fitted parameters and its evidence (own). is_named: whether the device's
-    depth shows it."""
-
-    effect: Effect
-    parameters: dict[str, Interval]
-    own: DepthEvidence
-    is_named: bool
+    def parameters(self) -> dict[str, Interval]:
+        """Returns the effect's parameters with their intervals."""
+        rows = zip(self.effect.parameters, self.limits.tolist(), strict=True)
+        return within_ranges(self.effect, {p.name: (value, low, high) for p, (value, low, high) in rows})
 
 
 @dataclass(frozen=True)
@@ -81,13 +78,9 @@ class Depth:
     findings: tuple[DepthFinding, ...]
     images_agree: bool
 
-    def faults(self) -> list[DepthFinding]:
-        """Returns the named findings that do not depend on the choice of the matcher."""
-        return [f for f in self.findings if f.is_named and not f.effect.engine_fault.is_matcher_choice]
-
-    def choices(self) -> list[DepthFinding]:
-        """Returns the named findings that depend on the matcher alone."""
-        return [f for f in self.findings if f.is_named and f.effect.engine_fault.is_matcher_choice]
+    def named(self, is_choice: bool) -> list[DepthFinding]:
+        """Returns the named findings: those that depend on the choice of the matcher alone, or the faults."""
+        return [f for f in self.findings if f.is_named and f.effect.engine_fault.is_matcher_choice == is_choice]
 
 
 def judged_depth(
@@ -99,8 +92,9 @@ def judged_depth(
     workers: int,
     memory: FitCache | None = None,
 ) -> Depth:
-    """Fits effects on disparity and depth to the device's depth on the train frames, and judges which it shows. rows:
-    residuals of the train images under the model. effects: those to judge."""
+    """Fits effects on disparity and depth to the device's depth on the train frames, and judges which it shows. While
+    an effect that only depends on the choice of the matcher gains most, it is subtracted first, and the others are
+    fitted again. rows: residuals of the train images under the model. effects: those to judge."""
     pixels = sum(row.observation.pixels for row in rows)
     left = sum(float((row.observation.weight * row.residual**2).sum()) for row in rows) / pixels - 1.0
     known, agree = {e.id for e, _ in model.effects}, left < numbers.structure
@@ -108,61 +102,26 @@ def judged_depth(
     frames = list(_frames(evidence, model, rows)) if faults else []
     if not frames:
         return Depth((), agree)
-    fits = _fits(_Judge(frames, numbers, memory), faults, numbers, workers, memory)
-    findings = [
-        DepthFinding(e, within_ranges(e, fit.limits), fit.own,
-                     agree and fit.own.share >= numbers.least_share and fit.own.is_clear(len(faults), numbers))
-        for e, fit in ((e, fits[e.id]) for e in faults)
-    ]  # fmt: skip
-    return Depth(tuple(sorted(findings, key=lambda f: (not f.is_named, -f.own.nats))), agree)
-
-
-def _fits(
-    judge: "_Judge", effects: Sequence[Effect], numbers: Numbers, workers: int, memory: FitCache | None
-) -> dict[str, "_DepthFit"]:
-    """Fits every effect to the device's disparity errors; returns {effect: fit}. While an effect that only depends on
-    the choice of the matcher gains most, it is subtracted first, and the others are fitted again."""
-    fits: dict[str, _DepthFit] = {}
-    waiting = list(effects)
+    judge, waiting, found = _Judge(frames, numbers, memory), list(faults), dict[str, DepthFinding]()
+    chance = np.log(len(faults) / numbers.alpha)
     while waiting:
         if memory is not None:
             memory.make_ahead(judge.fit, waiting, workers)
-        now = {e.id: judge.fit(e) for e in waiting}
-        best = max(waiting, key=lambda e: now[e.id].own.nats)
-        own = replace(now[best.id].own, pose_error_nats=0.0)
-        if not (best.engine_fault.is_matcher_choice and own.is_clear(len(effects), numbers)):
-            return fits | now
-        fits[best.id] = now[best.id]
-        judge = judge.without(best, now[best.id])
-        waiting.remove(best)
-    return fits
+        now = [judge.fit(e) for e in waiting]
+        found |= {f.effect.id: f for f in now}
+        best = max(now, key=lambda f: f.nats)
+        is_clear = best.nats > chance and best.consistency > _MOST_FRAMES
+        if not (best.effect.engine_fault.is_matcher_choice and is_clear):
+            break
+        judge = judge.without(best)
+        waiting.remove(best.effect)
 
+    def is_named(f: DepthFinding) -> bool:
+        is_clear = f.nats > chance + f.pose_error_nats and f.consistency > _MOST_FRAMES
+        return bool(agree and f.share >= numbers.least_share and is_clear)
 
-@dataclass(frozen=True)
-class _DepthFit:
-    """The fit of one effect to the device's disparity errors. values: its parameters in the effect's order.
-
-    limits: {parameter: (value, low, high)}. is_filter: whether it was fitted as a smoothing filter, by the roughness of
-    the errors.
-    """
-
-    own: DepthEvidence
-    values: np.ndarray
-    limits: dict[str, Limits]
-    is_filter: bool = False
-
-    def as_arrays(self) -> dict[str, np.ndarray]:
-        """Returns the fit as named arrays, for a FitCache."""
-        limits = np.array(list(self.limits.values()))
-        own = np.array(astuple(self.own))
-        return {"own": own, "values": self.values, "limits": limits, "is_filter": np.array(self.is_filter)}
-
-    @classmethod
-    def of_arrays(cls, arrays: Mapping[str, np.ndarray], effect: Effect) -> "_DepthFit":
-        """Makes the fit of an effect from the arrays of as_arrays()."""
-        rows = zip(effect.parameters, arrays["limits"].tolist(), strict=True)
-        limits: dict[str, Limits] = {p.name: (value, low, high) for p, (value, low, high) in rows}
-        return cls(DepthEvidence(*arrays["own"].tolist()), arrays["values"], limits, bool(arrays["is_filter"]))
+    findings = [replace(found[e.id], is_named=is_named(found[e.id])) for e in faults]
+    return Depth(tuple(sorted(findings, key=lambda f: (not f.is_named, -f.nats))), agree)
 
 
 @dataclass(frozen=True)
@@ -242,30 +201,35 @@ class _Judge:
         count = sum(s.size for s in squares)
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
 
-    def without(self, effect: Effect, fit: _DepthFit) -> "_Judge":
+    def without(self, found: DepthFinding) -> "_Judge":
         """Subtracts a fitted effect from the device's errors; returns a _Judge of the remaining ones. For a filter it
         returns itself, since smoothing cannot be undone."""
-        if fit.is_filter:
+        if found.is_filter:
             return self
-        shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
-        moved = zip(self._frames, shifts, strict=True)
-        left = [replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved]
+        left = []
+        for frame in self._frames:
+            shift = self._shift(found.effect, found.limits[:, 0], frame)
+            left.append(replace(frame, device=np.where(frame.valid, frame.device - shift, 0.0)))
         return _Judge(left, self._numbers, self._memory)
 
-    def fit(self, effect: Effect) -> _DepthFit:
+    def fit(self, effect: Effect) -> DepthFinding:
+        """Fits an effect as a shift of the disparities and as a filter, and returns the better one."""
+
+        def fitted() -> dict[str, np.ndarray]:
+            bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
+            best = smooth if smooth is not None and smooth.nats > bias.nats else bias
+            own = best.nats, best.share, best.consistency, best.pose_error_nats, best.is_filter
+            return {"limits": best.limits, "own": np.array(own)}
+
         content = effect_content(effect)
-        if self._memory is None or content is None:
-            return self._fit(effect)
-        key = content_key("depth", self._content(), content)
-        return _DepthFit.of_arrays(self._memory.once(key, lambda: self._fit(effect).as_arrays()), effect)
+        key = content and content_key("depth", self._content(), content)
+        arrays = fitted() if self._memory is None else self._memory.once(key, fitted)
+        nats, share, consistency, from_poses, is_filter = arrays["own"].tolist()
+        return DepthFinding(effect, arrays["limits"], nats, share, consistency, from_poses, bool(is_filter))
 
     @computed_once
     def _content(self) -> str:
         return content_key(self._frames, self._numbers)
-
-    def _fit(self, effect: Effect) -> _DepthFit:
-        bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
-        return smooth if smooth is not None and smooth.own.nats > bias.own.nats else bias
 
     def _shift(self, effect: Effect, values: np.ndarray, frame: _DepthFrame) -> np.ndarray:
         """Returns how an effect moves the true disparities, px: the mean over the engine's noise, on which it acts."""
@@ -283,7 +247,7 @@ class _Judge:
             out.append(np.where(frame.valid, np.minimum(rest**2, _LARGEST_ERROR_PX**2), 0.0))
         return out
 
-    def _fit_bias(self, effect: Effect) -> _DepthFit:
+    def _fit_bias(self, effect: Effect) -> DepthFinding:
         neutral, typical, low, high = (
             np.array([getattr(p, n) for p in effect.parameters]) for n in ("neutral", "typical", "low", "high")
         )
@@ -306,9 +270,9 @@ class _Judge:
         options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex, **ends}
         found = np.clip(minimize(cost, best, method="Nelder-Mead", options=options).x, low, high)
         fit = self._judged(effect, neutral, found)
-        return fit if fit.own.nats > 0.0 else self._judged(effect, neutral, neutral)
+        return fit if fit.nats > 0.0 else self._judged(effect, neutral, neutral)
 
-    def _judged(self, effect: Effect, neutral: np.ndarray, found: np.ndarray) -> _DepthFit:
+    def _judged(self, effect: Effect, neutral: np.ndarray, found: np.ndarray) -> DepthFinding:
         base, now = self._squares(effect, neutral), self._squares(effect, found)
         before, after = sum(float(s.sum()) for s in base), sum(s.sum() for s in now)
         tiles, counts = _tile_sums(now, [frame.valid for frame in self._frames])
@@ -318,7 +282,7 @@ class _Judge:
         pose_error_px = (
             self._numbers.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
         )
-        limits = {}
+        limits = np.zeros((len(found), 3))
         for i, p in enumerate(effect.parameters):
             step = 0.05 * p.typical
             here = np.arange(len(found)) == i
@@ -327,14 +291,11 @@ class _Judge:
             error = step * np.sqrt(2 * design * (after / pixels) / curve) if curve > 0 else p.high - p.low
             error = np.hypot(error, pose_error_px)
             ends = found[i], found[i] - Z90 * error, found[i] + Z90 * error
-            value, low, high = (float(np.clip(v, p.low, p.high)) for v in ends)
-            limits[p.name] = value, low, high
+            limits[i] = np.clip(ends, p.low, p.high)
         from_poses = pose_error_nats(nats, found - neutral, pose_error_px)
-        return _DepthFit(
-            DepthEvidence(float(nats), float(1.0 - after / before), float(better), from_poses), found, limits
-        )
+        return DepthFinding(effect, limits, float(nats), float(1.0 - after / before), float(better), from_poses)
 
-    def _fit_smoothness(self, effect: Effect) -> _DepthFit | None:
+    def _fit_smoothness(self, effect: Effect) -> DepthFinding | None:
         """Fits the amplitude of a smoothing filter (the first parameter): our engine's filtered errors become as rough
         as the device's. Returns None if the effect does not smooth, or the device is not smoother."""
         first, differ = effect.parameters[0], self._numbers.engines_differ
@@ -350,10 +311,9 @@ class _Judge:
         engines = [at(wanted * factor) for factor in (differ, 1 / differ)]
         pixels = sum(frame.inside.sum() for frame in self._frames)
         nats = 0.25 * pixels / TILE_PX * (np.log(ratio / differ)) ** 2
-        limits: dict[str, Limits] = {p.name: (p.neutral, p.neutral, p.neutral) for p in effect.parameters}
-        limits[first.name] = at(wanted), min(engines), max(engines)
-        own = DepthEvidence(float(nats), float(1.0 - 1.0 / ratio))
-        return _DepthFit(own, _leading(effect, at(wanted)), limits, is_filter=True)
+        limits = np.array([[p.neutral] * 3 for p in effect.parameters], dtype=np.float64)
+        limits[0] = at(wanted), min(engines), max(engines)
+        return DepthFinding(effect, limits, float(nats), float(1.0 - 1.0 / ratio), is_filter=True)
 
     def _roughness(self, errors: Sequence[np.ndarray]) -> float:
         """Returns the mean squared difference between neighbours along rows and columns, px^2. Only pixels with errors
@@ -394,7 +354,7 @@ def _tile_sums(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tu
 def depth_json(depth: Depth, numbers: Numbers, name_of: Callable[[int], str]) -> dict[str, Any]:
     """Returns the verdict on a depth engine and its fitted effects. nuisance: the effect depends on the matcher alone
     and is no fault. added: the fault that model.json holds. name_of: returns a material's name by its number."""
-    faults = depth.faults()[:1]
+    faults = depth.named(is_choice=False)[:1]
     verdict, reason = (EFFECT if faults else NONE), None
     if not depth.findings:
         verdict, reason = UNDETERMINED, "the capture has no device depth in its train frames"
@@ -406,13 +366,13 @@ def depth_json(depth: Depth, numbers: Numbers, name_of: Callable[[int], str]) ->
             "family": f.effect.family,
             "finding": f.effect.finding,
             "channel": "depth",
-            "score_nats": f.own.nats,
+            "score_nats": f.nats,
             "confidence": numbers.credible if f.is_named else 0.0,
-            "explained_share": f.own.share,
-            "parameters": {p.name: parameter_json(p, f.parameters[p.name], name_of) for p in f.effect.parameters},
+            "explained_share": f.share,
+            "parameters": {p.name: parameter_json(p, found[p.name], name_of) for p in f.effect.parameters},
             "equivalent": [],
             "nuisance": f.effect.engine_fault.is_matcher_choice,
         }
-        for f in depth.findings
+        for f, found in ((f, f.parameters()) for f in depth.findings)
     ]
     return {"verdict": verdict, "reason": reason, "ranking": entries, "added": [f.effect.id for f in faults]}

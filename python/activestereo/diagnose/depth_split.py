@@ -19,9 +19,8 @@ A part's RMS is the root of its share of the mean square, negative if it cancels
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,30 +38,12 @@ _LARGEST_ERROR_PX = 1.0
 _DISTANCES = 4
 # A material with a smaller share of the pixels is not reported.
 _LEAST_MATERIAL = 0.01
-Image = NDArray[np.float64]
-Depths = Mapping[int, DepthFrame]
-
-
-@dataclass(frozen=True)
-class DepthErrors:
-    """One frame's errors of disparity at the pixels where all are known, px [n].
-
-    device: the device's error against the geometry. measured: our matcher's error on the same pair. by_effects: the
-    change by the model's effects on images. by_filters: the change by its effects on disparity and depth. beside_model:
-    the device's error less the model's. disparity: of the geometry, px. metres_per_px: depth error per disparity error.
-    warming_k: the frame's temperature above the reference.
-    """
-
-    device: Image
-    measured: Image
-    by_effects: Image
-    by_filters: Image
-    beside_model: Image
-    disparity: Image
-    distance_m: Image
-    metres_per_px: Image
-    material: NDArray[np.integer[Any]]
-    warming_k: float
+# {name: values [n] at the pixels where all are known}, in px of disparity unless the name states another unit. device:
+# the device's error against the geometry. measured: our matcher's error on the same pair. by_effects: the change by the
+# model's effects on images; by_filters: by those on disparity and depth. beside_model: the device's error less the
+# model's. disparity: of the geometry. metres_per_px: depth error per disparity error. warming_k: the frame's
+# temperature above the reference. distance_m, material: at the pixel.
+Errors: TypeAlias = dict[str, NDArray[Any]]
 
 
 def depth_split(
@@ -76,154 +57,117 @@ def depth_split(
     material's name by its number.
     """
     filters = _on_depth(found.model)
-    for f in (*depth.choices(), *depth.faults()[:1]):
-        filters = filters.with_effect(f.effect, **{n: v.value for n, v in f.parameters.items()})
-    base, own = _depths(capture, plain, found, seed), _own_depths(capture)
-    models = (given, _on_depth(given.model)), (found, filters)
-    expected = [(base if e is plain else _depths(capture, e, found, seed), on_depth) for e, on_depth in models]
-    before, after = [], []
+    for f in (*depth.named(is_choice=True), *depth.named(is_choice=False)[:1]):
+        filters = filters.with_effect(f.effect, **{n: v.value for n, v in f.parameters().items()})
+
+    def depths(errors: ImageErrors) -> dict[int, DepthFrame]:
+        """Matches the pairs that a model expects, under the found model's noise."""
+        pairs = errors.measured, errors.predictions, found.views, found.noise_model
+        return {d.frame.id: d for d in model_depths(capture, *pairs, Model(), seed)}
+
+    base, expected = depths(plain), []
+    for errors, on_depth in ((given, _on_depth(given.model)), (found, filters)):
+        expected.append((base if errors is plain else depths(errors), on_depth))
+    engine = DepthModel(capture) if base else None
+    both: list[list[Errors]] = [[], []]
     for key, bare in base.items():
-        view = found.views[key, "left"]
-        both = [_Matched.of(own[key], bare, depths[key], on_depth, view) for depths, on_depth in expected]
-        here = both[0].known & both[1].known
-        before.append(both[0].errors(here))
-        after.append(both[1].errors(here))
-    if not any(frame.device.size for frame in after):
+        assert engine is not None
+        own, view = engine.depth(*(capture.ir(bare.frame, side) for side in SIDES)), found.views[key, "left"]
+        matched = [_matched(own, bare, frames[key], on_depth, view) for frames, on_depth in expected]
+        here = matched[0][1] & matched[1][1]
+        for out, (images, _) in zip(both, matched, strict=True):
+            out.append({name: image[here] for name, image in images.items()})
+    before, after = both
+    if not any(frame["device"].size for frame in after):
         return None
     named = {"images_agree": depth.images_agree, "filters": [effect.id for effect, _ in filters.effects]}
     return named | split_of(before, after, name_of)
 
 
-def split_of(
-    before: Sequence[DepthErrors], after: Sequence[DepthErrors], name_of: Callable[[int], str]
-) -> dict[str, Any]:
+def split_of(before: Sequence[Errors], after: Sequence[Errors], name_of: Callable[[int], str]) -> dict[str, Any]:
     """Returns the parts of the error under two models of the same pixels: in all, by distance and by material."""
-    parts = {"before": _Parts.of(before), "after": _Parts.of(after)}
-    distance_m, material = parts["after"].distance_m, parts["after"].material
+    joined = [{name: np.concatenate([f[name] for f in frames]) for name in frames[0]} for frames in (before, after)]
+    parts = [_parts(errors) for errors in joined]
+    distance_m, material = (joined[1][name] for name in ("distance_m", "material"))
 
     def told(here: NDArray[np.bool_]) -> dict[str, Any]:
-        return {"pixels": int(here.sum())} | {name: own.as_json(here) for name, own in parts.items()}
+        own = (_told(errors, px, here) for errors, px in zip(joined, parts, strict=True))
+        return {"pixels": int(here.sum())} | dict(zip(("before", "after"), own, strict=True))
 
     edges = np.quantile(distance_m, np.linspace(0.0, 1.0, _DISTANCES + 1))
-    far = [(distance_m >= low) & (distance_m <= high) for low, high in pairwise(edges)]
     numbers, counts = np.unique(material, return_counts=True)
     large = [k for n, k in sorted(zip(-counts, numbers, strict=True)) if -n >= _LEAST_MATERIAL * material.size]
     return told(np.ones(distance_m.shape, dtype=bool)) | {
         "by_distance": [
-            {"from_m": float(low), "to_m": float(high)} | told(here)
-            for (low, high), here in zip(pairwise(edges), far, strict=True)
+            {"from_m": float(low), "to_m": float(high)} | told((distance_m >= low) & (distance_m <= high))
+            for low, high in pairwise(edges)
         ],
         "by_material": [{"material": name_of(int(k))} | told(material == k) for k in large],
     }
 
 
-@dataclass(frozen=True)
-class _Matched:
-    """A frame's errors of disparity under a model, px [height][width], by the names of DepthErrors' fields. known: the
-    pixels where all are known."""
-
-    images: dict[str, Image]
-    known: NDArray[np.bool_]
-    frame: DepthFrame
-    view: View
-
-    @classmethod
-    def of(
-        cls, own: NDArray[np.float32], base: DepthFrame, expected: DepthFrame, on_depth: Model, view: View
-    ) -> _Matched:
-        """Computes the errors. own: our matcher's depth of the measured pair, m. base, expected: depths of the base
-        model's and of the model's pairs. on_depth: the model's effects on disparity and depth."""
-        filtered, modelled = (on_depth.depth(z, view) for z in (own, expected.model[0]))
-        depths = base.measured, own, filtered, modelled, *base.model, *expected.model
-        matched = [base.disparity_error(depth, base.truth) for depth in depths]
-        device, measured, by_filters, by_model, *drawn = (error for error, _ in matched)
-        known = np.logical_and.reduce([valid for _, valid in matched])
-        for error in (device - measured, measured, *drawn):
-            if known.any():
-                known &= np.abs(error - np.median(error[known])) < _LARGEST_ERROR_PX
-        images = {
-            "device": device,
-            "measured": measured,
-            "by_effects": np.mean(drawn[2:], axis=0) - np.mean(drawn[:2], axis=0),
-            "by_filters": by_filters - measured,
-            "beside_model": device - by_model,
-        }
-        return cls(images, known, base, view)
-
-    def errors(self, here: NDArray[np.bool_]) -> DepthErrors:
-        """Returns the errors at the pixels `here`."""
-        truth, device = self.frame.truth[here], self.frame.measured[here]
-        return DepthErrors(
-            **{name: image[here] for name, image in self.images.items()},
-            disparity=self.frame.focal_baseline / truth,
-            distance_m=truth,
-            metres_per_px=-truth * device / self.frame.focal_baseline,
-            material=np.zeros(truth.shape, dtype=int) if self.view.material is None else self.view.material[here],
-            warming_k=self.view.warming_k,
-        )
+def _matched(
+    own: NDArray[np.float32], base: DepthFrame, expected: DepthFrame, on_depth: Model, view: View
+) -> tuple[Errors, NDArray[np.bool_]]:
+    """Returns a frame's Errors under a model as images [height][width], and the pixels where all are known. own: our
+    matcher's depth of the measured pair, m. base, expected: depths of the base model's and of the model's pairs.
+    on_depth: the model's effects on disparity and depth."""
+    filtered, modelled = (on_depth.depth(z, view) for z in (own, expected.model[0]))
+    depths = base.measured, own, filtered, modelled, *base.model, *expected.model
+    matched = [base.disparity_error(depth, base.truth) for depth in depths]
+    device, measured, by_filters, by_model, *drawn = (error for error, _ in matched)
+    known = np.logical_and.reduce([valid for _, valid in matched])
+    for error in (device - measured, measured, *drawn):
+        if known.any():
+            known &= np.abs(error - np.median(error[known])) < _LARGEST_ERROR_PX
+    with np.errstate(divide="ignore"):
+        disparity = base.focal_baseline / base.truth
+    images = {
+        "device": device,
+        "measured": measured,
+        "by_effects": np.mean(drawn[2:], axis=0) - np.mean(drawn[:2], axis=0),
+        "by_filters": by_filters - measured,
+        "beside_model": device - by_model,
+        "disparity": disparity,
+        "distance_m": base.truth,
+        "metres_per_px": -base.truth * base.measured / base.focal_baseline,
+        "material": np.zeros(base.truth.shape, dtype=int) if view.material is None else view.material,
+        "warming_k": np.full(base.truth.shape, view.warming_k),
+    }
+    return images, known
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """The errors of all frames' pixels. px: {part: its errors [n]}."""
+def _parts(errors: Errors) -> dict[str, NDArray[np.float64]]:
+    """Returns {part: its errors, px [n]}."""
+    rest = errors["device"] - errors["measured"] - errors["by_filters"]
+    warming = errors["warming_k"] - errors["warming_k"].mean()
+    line = np.stack([np.ones_like(rest), errors["disparity"]], axis=1)
+    columns = np.hstack([line, line * warming[:, None]]) if np.ptp(warming) > 0 else line
+    fitted = columns * np.linalg.lstsq(columns, rest, rcond=None)[0]
+    effects = errors["by_effects"]
+    of_images = [effects, errors["measured"] - effects, errors["by_filters"]]
+    of_line = [fitted[:, :2].sum(axis=1), fitted[:, 2:].sum(axis=1), rest - fitted.sum(axis=1)]
+    return dict(zip(PARTS, [*of_images, *of_line], strict=True))
 
-    px: dict[str, Image]
-    beside_model: Image
-    metres_per_px: Image
-    distance_m: Image
-    material: NDArray[np.integer[Any]]
 
-    @classmethod
-    def of(cls, frames: Sequence[DepthErrors]) -> _Parts:
-        joined = {
-            name: np.concatenate([getattr(f, name) for f in frames])
-            for name in DepthErrors.__dataclass_fields__
-            if name != "warming_k"
-        }
-        rest = joined["device"] - joined["measured"] - joined["by_filters"]
-        warming = np.concatenate([np.full(f.device.shape, f.warming_k) for f in frames])
-        warming = warming - warming.mean()
-        line = np.stack([np.ones_like(rest), joined["disparity"]], axis=1)
-        columns = np.hstack([line, line * warming[:, None]]) if np.ptp(warming) > 0 else line
-        fitted = columns * np.linalg.lstsq(columns, rest, rcond=None)[0]
-        effects = joined["by_effects"]
-        of_images = [effects, joined["measured"] - effects, joined["by_filters"]]
-        of_line = [fitted[:, :2].sum(axis=1), fitted[:, 2:].sum(axis=1), rest - fitted.sum(axis=1)]
-        kept = (joined[name] for name in ("beside_model", "metres_per_px", "distance_m", "material"))
-        return cls(dict(zip(PARTS, [*of_images, *of_line], strict=True)), *kept)
-
-    def as_json(self, here: NDArray[np.bool_]) -> dict[str, Any]:
-        """Returns the RMS of the error, the RMS that the model leaves of it, and each part's share, in pixels and
-        metres. here: the pixels that count."""
-        out: dict[str, Any] = {"rms_px": 0.0, "rms_m": 0.0, "beside_model_px": 0.0, "beside_model_m": 0.0}
-        parts: dict[str, dict[str, float]] = {name: {} for name in (*PARTS, "sensor's own")}
-        for unit, factor in (("px", np.ones(here.sum())), ("m", self.metres_per_px[here])):
-            own = {name: values[here] * factor for name, values in self.px.items()}
-            error = np.sum(np.stack(list(own.values())), axis=0)
-            square = float(np.mean(error**2))
-            shares = {name: float(np.mean(values * error)) / max(square, 1e-30) for name, values in own.items()}
-            shares["sensor's own"] = sum(shares[name] for name in OWN)
-            out |= {f"rms_{unit}": float(np.sqrt(square))}
-            out |= {f"beside_model_{unit}": float(np.sqrt(np.mean((self.beside_model[here] * factor) ** 2)))}
-            for name, share in shares.items():
-                rms = float(np.sign(share) * np.sqrt(abs(share) * square))
-                parts[name] |= {f"share_{unit}": share, f"rms_{unit}": rms}
-        return out | {"parts": parts}
+def _told(errors: Errors, px: Mapping[str, NDArray[np.float64]], here: NDArray[np.bool_]) -> dict[str, Any]:
+    """Returns the RMS of the error, the RMS that the model leaves of it, and each part's share, in pixels and metres.
+    px: _parts(). here: the pixels that count."""
+    out: dict[str, Any] = {"rms_px": 0.0, "rms_m": 0.0, "beside_model_px": 0.0, "beside_model_m": 0.0}
+    parts: dict[str, dict[str, float]] = {name: {} for name in (*PARTS, "sensor's own")}
+    for unit, factor in (("px", np.ones(here.sum())), ("m", errors["metres_per_px"][here])):
+        own = {name: values[here] * factor for name, values in px.items()}
+        error = np.sum(np.stack(list(own.values())), axis=0)
+        square = float(np.mean(error**2))
+        shares = {name: float(np.mean(values * error)) / max(square, 1e-30) for name, values in own.items()}
+        shares["sensor's own"] = sum(shares[name] for name in OWN)
+        out[f"rms_{unit}"] = float(np.sqrt(square))
+        out[f"beside_model_{unit}"] = float(np.sqrt(np.mean((errors["beside_model"][here] * factor) ** 2)))
+        for name, share in shares.items():
+            rms = float(np.sign(share) * np.sqrt(abs(share) * square))
+            parts[name] |= {f"share_{unit}": share, f"rms_{unit}": rms}
+    return out | {"parts": parts}
 
 
 def _on_depth(model: Model) -> Model:
     return Model(tuple((e, p) for e, p in model.effects if e.stage > Stage.DIGITAL))
-
-
-def _own_depths(capture: Capture) -> dict[int, NDArray[np.float32]]:
-    """Returns {frame id: our matcher's depth of the measured pair, m [height][width]} for frames with the device's
-    depth."""
-    frames = [frame for frame in capture.frames if frame.depth_path is not None]
-    engine = DepthModel(capture) if frames else None
-    return {f.id: engine.depth(*(capture.ir(f, side) for side in SIDES)) for f in frames if engine is not None}
-
-
-def _depths(capture: Capture, errors: ImageErrors, found: ImageErrors, seed: int) -> Depths:
-    """Returns {frame id: our matcher's depths of the pairs that a model expects}, under the found model's noise."""
-    frames = model_depths(capture, errors.measured, errors.predictions, found.views, found.noise_model, Model(), seed)
-    return {d.frame.id: d for d in frames}

@@ -35,7 +35,7 @@ from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
 from activestereo.diagnose.geometry_search import gather_where_it_stands, standing, with_test_frames
 from activestereo.diagnose.goodness import design_effect
-from activestereo.diagnose.kept import FitCache, Found, keep, key_of
+from activestereo.diagnose.kept import FitCache, keep, key_of
 from activestereo.diagnose.kept import kept as found_before
 from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.numbers import NUMBERS, Numbers
@@ -47,7 +47,7 @@ from activestereo.diagnose.ranking import (
     sets_of,
 )
 from activestereo.diagnose.refit import Rendering
-from activestereo.diagnose.residual_model import residual_model
+from activestereo.diagnose.residual_model import effect_stub, residual_model
 from activestereo.diagnose.search import Outcome, Search, restore_functions
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
 from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
@@ -66,6 +66,12 @@ if TYPE_CHECKING:
     from activestereo.effects.engines import CaptureRenderer
 
 _BASE_SHARE = 0.4  # of the last phase
+_NO_FIGURES: dict[str, Any] = {
+    **dict.fromkeys(("heldout_ir_rmse_before", "heldout_ir_rmse_geometry", "heldout_ir_rmse_after")),
+    "heldout_noise_floor": None,
+    "curve": [],
+    "depth_split": None,
+}
 
 
 @dataclass(frozen=True)
@@ -162,7 +168,7 @@ def diagnose(
     `calibrate world` measured (else ValueError).
     """
     effects = library() if effects is None else effects
-    reason = no_infrared(capture_path)
+    reason = _no_infrared(capture_path)
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
@@ -210,8 +216,13 @@ def diagnose(
     options = made, searched, capture.binning, numbers, rendering is None, engines is None
     key = None if model is not None else key_of(whole, effects, *options)
     known_before = None if key is None else found_before(kept, key, whole)
-    if known_before is not None:
-        return replace(_told_again(known_before, errors, phases, made, says), kept_as=key)
+    if known_before is not None:  # its images are made from kept renders
+        result, complete, stub = known_before
+        says(_verdict_words(result["verdict"], result["added"]))
+        phases.begin(BOTH)
+        _, before, _, after = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
+        accepted = complete.bound(surface_names(whole.scene_path))
+        return Diagnosis(result, accepted, stub, complete, before, after, made, key)
     evidence, engine = located(known)
     memory = FitCache(kept, evidence.train)
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, says)
@@ -220,23 +231,11 @@ def diagnose(
     finally:
         memory.save()  # keeps finished fits when a run is cancelled
     if key is not None and diagnosis.sensor_model is not None:
-        keep(kept, key, Found(diagnosis.result, diagnosis.sensor_model, diagnosis.stub))
+        keep(kept, key, (diagnosis.result, diagnosis.sensor_model, diagnosis.stub))
     return replace(diagnosis, made=made, kept_as=key)
 
 
-def _told_again(
-    found: Found, errors: ErrorsOfModels, phases: Phases, made: RenderedWith, says: Callable[[str], object]
-) -> Diagnosis:
-    """Returns the Diagnosis of a search kept on disk, with images made from kept renders."""
-    result, complete = found.result, found.model
-    says(_verdict_words(result["verdict"], result["added"]))
-    phases.begin(BOTH)
-    _, before, _, after = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
-    accepted = complete.bound(surface_names(errors.capture.scene_path))
-    return Diagnosis(result, accepted, found.stub, complete, before, after, made)
-
-
-def no_infrared(capture_path: str | Path) -> str | None:
+def _no_infrared(capture_path: str | Path) -> str | None:
     """Returns the reason why a capture without infrared images cannot be judged; None if it has some.
 
     Depth alone cannot tell one effect from another: nearly all fit it.
@@ -255,19 +254,13 @@ def no_infrared(capture_path: str | Path) -> str | None:
 
 def _undetermined(reason: str, model: Model) -> Diagnosis:
     text = "record the infrared images of both cameras, with two or more frames of each static view"
-    result: dict[str, Any] = {
+    result: dict[str, Any] = _NO_FIGURES | {
         "verdict": UNDETERMINED,
         "reason": reason,
         "probabilities": None,
         "ranking": [],
         "sets": [],
         "added": [],
-        "heldout_ir_rmse_before": None,
-        "heldout_ir_rmse_geometry": None,
-        "heldout_ir_rmse_after": None,
-        "heldout_noise_floor": None,
-        "curve": [],
-        "depth_split": None,
         "next_measurement": [{"text": text, "separates": [], "change": None}],
         "residual_model": None,
         "geometry": [],
@@ -368,15 +361,15 @@ def _told(
             accepted = accepted.with_effect(name.effect, **{key: v.value for key, v in found[name.id].items()})
     phases.begin(DEPTH)
     depth = judged_depth(evidence, accepted, rows, candidates, numbers, settings.workers, settings.memory)
-    for fault in depth.faults()[:1]:
-        accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in fault.parameters.items()})
-        found[fault.effect.id] = fault.parameters
+    for fault in depth.named(is_choice=False)[:1]:
+        found[fault.effect.id] = fault.parameters()
+        accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in found[fault.effect.id].items()})
     if settings.with_test is not None:
         own = restore_functions(solution.model, candidates)
         evidence = settings.with_test(evidence, outcome.fitter, solution, own)
     capture, black_dn = evidence.capture, solution.nuisances.black_dn
-    residual = residual_model(rows, black_dn, capture.name, evidence.seed) if verdict == UNKNOWN else None
-    result: dict[str, Any] = {
+    residual = residual_model(rows, black_dn, evidence.seed) if verdict == UNKNOWN else None
+    result: dict[str, Any] = _NO_FIGURES | {
         "verdict": verdict,
         "capture": capture.name,
         "binning": capture.binning,
@@ -388,16 +381,11 @@ def _told(
            for e in chosen if e.id in outcome.unjudged],
         "added": [name.id for name in names] if is_found else [],
         "depth": depth_json(depth, numbers, name_of),
-        "heldout_ir_rmse_before": None,
-        "heldout_ir_rmse_geometry": None,
-        "heldout_ir_rmse_after": None,
         "heldout_noise_floor": float(np.sqrt(evidence.floor_variance(evidence.train))) if evidence.has_floor else None,
-        "curve": [],
-        "depth_split": None,
         "next_measurement": next_measurements(evidence, *_open_set(outcome)),
         "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
         "albedos": albedo_json(evidence, outcome.fitter, solution),
-        "residual_model": residual and residual.as_json(),
+        "residual_model": residual,
         "model": model_json(accepted, solution.nuisances),
     } | _verdict_evidence(outcome, numbers)  # fmt: skip
     result["own"] = {e.id: _why(e, result, model) for e in candidates if builtin().get(e.id) is not e}
@@ -414,7 +402,9 @@ def _told(
         first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))
         result |= {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
         result["heldout_ir_rmse_after"] = last
-    return Diagnosis(result, accepted, None if residual is None else residual.stub(), complete, before, after)
+    return Diagnosis(
+        result, accepted, None if residual is None else effect_stub(residual, capture.name), complete, before, after
+    )
 
 
 def _verdict_words(verdict: str, added: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ not overfitted.
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, maximum_filter
@@ -29,6 +29,8 @@ DOT_CELL_PX = 3
 # Dots of the pattern are at least so many pattern pixels apart, and no dimmer than this share of the brightest.
 _DOT_PX, _DIMMEST = 5, 0.1
 _SPREAD, _SEED = 0.1, 13
+# Draws are independent so many steps apart.
+_APART = 3
 # Least share of the true variance by which an estimate is divided: less would only amplify noise.
 _LEAST = 0.1
 _JACKKNIFE = 16
@@ -73,87 +75,61 @@ def draws_growth(effect: Effect, errors: ImageErrors, black_dn: float) -> float:
     return float(max(growth))
 
 
-def frames_that_share(term: RandomTerm, o: Observation) -> Hashable:
-    """Returns a key of the group that an observation belongs to. Random draws of one group's images are predicted only
-    from other groups, because frames of one pose also share other errors, such as misplaced edges.
-
-    Draws that last only while the rig stands still exist in one view alone, so other frames of that view predict them.
-    """
-    return o.frame.id if term.shared_by is SharedBy.VIEW else o.frame.camera_to_world.tobytes()
-
-
-class DrawIndex:
-    """Numbers the random draws of a field: pixels with the same number share one draw (of a pixel, row, column or
-    dot)."""
-
-    def __init__(self) -> None:
-        self._views: dict[Hashable, int] = {}
-        self._dots: dict[Hashable, np.ndarray] = {}
-
-    def __call__(self, term: RandomTerm, o: Observation) -> np.ndarray:
-        """Returns the number of the draw at every pixel, [height][width]."""
-        height, width = o.measured.shape
-        right = o.side == "right"
-        if term.shared_by is SharedBy.COLUMN:
-            return np.broadcast_to(np.arange(width) + right * width, o.measured.shape)
-        if term.shared_by is SharedBy.ROW:
-            return np.broadcast_to(np.arange(height)[:, None] + right * height, o.measured.shape)
-        if term.shared_by is SharedBy.DOT:
-            return self._dot(o)
-        pixel = np.arange(o.measured.size).reshape(o.measured.shape) + right * o.measured.size
-        if term.shared_by is SharedBy.PIXEL:
-            return pixel
-        number = self._views.setdefault(pose_key(o), len(self._views))
-        return pixel + 2 * o.measured.size * number
-
-    def _dot(self, o: Observation) -> np.ndarray:
+def _draw_index(term: RandomTerm, o: Observation, known: dict[Hashable, Any]) -> np.ndarray:
+    """Returns the number of each pixel's draw, [height][width]: pixels with the same number share one draw. known: kept
+    between the calls for one effect."""
+    height, width = o.measured.shape
+    right = o.side == "right"
+    if term.shared_by is SharedBy.COLUMN:
+        return np.broadcast_to(np.arange(width) + right * width, o.measured.shape)
+    if term.shared_by is SharedBy.ROW:
+        return np.broadcast_to(np.arange(height)[:, None] + right * height, o.measured.shape)
+    if term.shared_by is SharedBy.DOT:
         key = o.side, pose_key(o)
-        if key not in self._dots:
-            dots, (height, width) = DotView.of(o.view), draw_grid(SharedBy.DOT, o)[0]
+        if key not in known:
+            dots, (height, width) = DotView.of(o.view), draw_grid(SharedBy.DOT, o)
             u, v = (np.floor((x + 0.5) / DOT_CELL_PX).astype(int) for x in (dots.u, dots.v))
             inside = dots.lit & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-            self._dots[key] = np.where(inside, v * width + u, height * width)
-        return self._dots[key]
+            known[key] = np.where(inside, v * width + u, height * width)
+        return np.asarray(known[key])
+    pixel = np.arange(o.measured.size).reshape(o.measured.shape) + right * o.measured.size
+    if term.shared_by is SharedBy.PIXEL:
+        return pixel
+    return pixel + 2 * o.measured.size * known.setdefault(pose_key(o), len(known))
 
 
-def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int]:
-    """Returns (the shape of the grid on which draws lie, how many steps apart draws are independent)."""
+def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[int, ...]:
+    """Returns the shape of the grid on which draws lie."""
     if shared_by is SharedBy.COLUMN:
-        return o.measured.shape[1:], 3
+        return o.measured.shape[1:]
     if shared_by is SharedBy.ROW:
-        return o.measured.shape[:1], 3
+        return o.measured.shape[:1]
     if shared_by is SharedBy.DOT:
-        return tuple(-(-n // DOT_CELL_PX) for n in o.view.pattern.shape), 3
-    return o.measured.shape, 3
+        return tuple(-(-n // DOT_CELL_PX) for n in o.view.pattern.shape)
+    return o.measured.shape
 
 
 def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.ndarray]], float]) -> float:
     """Returns estimated over true variance for gains that vary independently from dot to dot.
 
     The estimate bins dots into cells of the pattern; neighbouring dots share pixels and cells, so it is too small. The
-    factor comes from simulated gains (method of simulated moments: McFadden 1989). variance_of: estimates the variance
-    from the train images' residuals.
+    factor comes from simulated gains (method of simulated moments: McFadden 1989): mean 1, deviation _SPREAD, and each
+    pattern pixel has the nearest dot's. variance_of: estimates the variance from the train images' residuals.
     """
-    drawn = None
+    first = train[0][0].view
+    pattern = first.pattern
+    peaks = (pattern == maximum_filter(pattern, _DOT_PX)) & (pattern > _DIMMEST * pattern.max())
+    draws = np.zeros(pattern.shape)
+    draws[peaks] = np.random.Generator(np.random.PCG64([_SEED, first.seed])).normal(1.0, _SPREAD, int(peaks.sum()))
+    drawn = pattern * draws[tuple(distance_transform_edt(~peaks, return_distances=False, return_indices=True))]
     residuals = []
     for o, _, dots, _ in train:
-        if drawn is None:
-            drawn = o.view.pattern * _gains(o.view.pattern, o.view.seed)
         view = DotView.of(o.view)
         nominal = view.nominal()
         residuals.append(
             dots * np.where(nominal > 0, view.mean(drawn) / np.where(nominal > 0, nominal, 1.0) - 1.0, 0.0)
         )
     return max(variance_of(residuals) / _SPREAD**2, _LEAST)
-
-
-def _gains(pattern: np.ndarray, seed: int) -> np.ndarray:
-    """Draws a gain for every dot, mean 1 and deviation _SPREAD; each pattern pixel gets the nearest dot's gain."""
-    peaks = (pattern == maximum_filter(pattern, _DOT_PX)) & (pattern > _DIMMEST * pattern.max())
-    draws = np.zeros(pattern.shape)
-    draws[peaks] = np.random.Generator(np.random.PCG64([_SEED, seed])).normal(1.0, _SPREAD, int(peaks.sum()))
-    nearest = distance_transform_edt(~peaks, return_distances=False, return_indices=True)
-    return draws[tuple(nearest)]
 
 
 @dataclass(frozen=True)
@@ -178,11 +154,6 @@ def has_extended_draws(effect: Effect) -> bool:
     return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
 
 
-def has_sparse_draws(effect: Effect) -> bool:
-    """Returns whether only some places have a draw of the effect."""
-    return any(term.sparse_share for term in effect.random_terms)
-
-
 def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
     """Returns the fitted parameters of a random effect with their intervals."""
     shares = {term.sparse_share for term in effect.random_terms}
@@ -193,6 +164,45 @@ def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
     return within_ranges(effect, found, has_floor=True)
 
 
+def fields_of(
+    effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
+) -> dict[str, tuple[float, FieldFit]]:
+    """Fits lasting random fields: one random number (a draw) for each pixel, row, column or dot, which other frames
+    predict. Returns {effect: (share of chi2 that the predicted draws explain, its fit)}. Fields that last only while
+    the rig stands still need residuals that are white over the image."""
+    chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
+    if not chosen:
+        return {}
+    weights, is_white, out = [row.observation.weight for row in rows], _is_white(rows, numbers.neighbours), {}
+
+    def chi2(residuals: Iterable[np.ndarray]) -> float:
+        return float(sum((w * r**2).sum() for w, r in zip(weights, residuals, strict=True)))
+
+    whole, curves = chi2(row.residual for row in rows), [level_means(row) for row in rows]
+    for effect in chosen:
+        if not is_white and any(term.shared_by is SharedBy.VIEW for term in effect.random_terms):
+            continue
+        fit = fit_fields(effect, rows, curves, black_dn, numbers)
+        if fit is not None:
+            out[effect.id] = 1.0 - chi2(fit.residuals) / whole, fit
+    return out
+
+
+def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
+    """Returns whether the residuals that repeats of a view share are uncorrelated between neighbouring pixels, edges
+    left out. Speckle grains are; shifted, dimmed or blurred dots are not. neighbours: the largest correlation
+    allowed."""
+    by_view: dict[object, list[np.ndarray]] = {}
+    for o, _, _, r in rows:
+        view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side
+        by_view.setdefault(view, []).append(np.where(edges(o), np.nan, r * np.sqrt(o.weight)))
+    same, beside = 0.0, np.zeros(2)
+    for first, second, *_ in (group for group in by_view.values() if len(group) > 1):
+        same += np.nanmean(first * second)
+        beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
+    return bool(same > 0 and np.abs(beside).max() < neighbours * same)
+
+
 def fit_fields(
     effect: Effect, train: Sequence[ImageResidual], curves: Sequence[np.ndarray], black_dn: float, numbers: Numbers
 ) -> FieldFit | None:
@@ -201,38 +211,46 @@ def fit_fields(
     Returns None if there are fewer than two groups of frames, or the residual neither repeats nor is random. curves:
     level_means() of each train image, subtracted first: an error that depends on brightness alone is no random field.
     """
-    train = _with_residuals(train, [row.residual - curve for row, curve in zip(train, curves, strict=True)])
-    index, share, unforeseen, found = DrawIndex(), 0.0, 0.0, False
-    sigma, error = {}, {}
+    known, share, unforeseen, found = dict[Hashable, Any](), 0.0, 0.0, False
+    left, sigma, error = [row.residual - curve for row, curve in zip(train, curves, strict=True)], {}, {}
     for term in effect.random_terms:
-        rows = [_row_of(term, row, black_dn, index) for row in train]
+        name = term.parameter
+        rows = [_row_of(term, image, r, black_dn, known) for image, r in zip(train, left, strict=True)]
         if len({row.group for row in rows}) < 2:
             return None
-        first = _variance(rows)[0]
-        variance, deviation = _variance(_unclipped(rows, train, first))
-        sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
+        variance, deviation = _variance(_unclipped(rows, train, _variance(rows)[0]))
+        sigma[name], error[name] = float(np.sqrt(max(variance, 0.0))), float(deviation)
         totals = np.sum([*_group_sums(rows).values()], axis=0)
-        grid = draw_grid(term.shared_by, train[0].observation)
-        sparse = numbers.outlier * _spread(totals) if term.sparse_share else None
-        if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, numbers.neighbours)):
-            sigma[term.parameter] = 0.0
+        is_random = variance > 0 and (
+            term.sparse_share or _is_random(totals, variance, draw_grid(term.shared_by, train[0].observation), numbers)
+        )
+        if not is_random:
+            sigma[name] = 0.0
             continue
         if term.shared_by is SharedBy.DOT:
-            seen = np.sqrt(dots_seen(train, partial(_variance_of, rows)))
-            sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
-        found = True
-        if sparse is not None:
-            share, mean = _sparse(totals, sparse)
-            sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
+
+            def variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row] = rows) -> float:
+                return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
+
+            seen = np.sqrt(dots_seen(train, variance_of))
+            sigma[name], error[name] = sigma[name] / seen, error[name] / seen
+        found, hot_sigma = True, None
+        if term.sparse_share:
+            a, b = totals[:, totals[0] > 0]
+            # The spread of most draws in noise deviations, at least 1: draws that all places have are no outliers.
+            hot_sigma = numbers.outlier * max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
+            a, b = totals
+            strong = _exceeds_noise(totals, hot_sigma)
+            share = float(strong.sum() / max((a > 0).sum(), 1))
+            sigma[name] = float((b[strong] / a[strong]).mean()) if strong.any() else sigma[name]
         else:
-            pairs = zip(train, rows, strict=True)
             squares = 0.0  # the draws' expected squared error, in noise variances, summed over the pixels
-            for image, row in pairs:
-                left = variance / (1.0 + variance * _leave_one_out_sums(row, rows, totals)[0])
-                squares += float((image.observation.weight * row.z**2 * left[row.index]).sum())
+            for image, row in zip(train, rows, strict=True):
+                rest = variance / (1.0 + variance * _leave_one_out_sums(row, rows, totals)[0])
+                squares += float((image.observation.weight * row.z**2 * rest[row.index]).sum())
             unforeseen += squares / sum(row.residual.size for row in rows)
-        train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
-    residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
+        left = [_corrected(row, rows, totals, variance, hot_sigma) for row in rows]
+    residuals = tuple(r + curve for r, curve in zip(left, curves, strict=True))
     return FieldFit(residuals, sigma, error, share, unforeseen) if found else None
 
 
@@ -244,24 +262,6 @@ def level_means(row: ImageResidual) -> np.ndarray:
     return (total / np.maximum(np.bincount(level, minlength=_LEVELS), 1))[level].reshape(row.residual.shape)
 
 
-def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> list[ImageResidual]:
-    return [row._replace(residual=r) for row, r in zip(rows, residuals, strict=True)]
-
-
-def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
-    """Returns (share of the places that have a draw, the mean of these draws or None) of a sparse field."""
-    a, b = totals
-    strong = _exceeds_noise(totals, hot_sigma)
-    share = float(strong.sum() / max((a > 0).sum(), 1))
-    return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
-
-
-def _spread(totals: np.ndarray) -> float:
-    """Returns the spread of most draws in noise deviations, at least 1: draws that all places have are no outliers."""
-    a, b = totals[:, totals[0] > 0]
-    return max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
-
-
 def _exceeds_noise(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
     """Returns where the draws of a sparse field exceed hot_sigma noise deviations, bool [draw]."""
     a, b = totals
@@ -271,7 +271,8 @@ def _exceeds_noise(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
 @dataclass(frozen=True)
 class _Row:
     """Holds one image's sums for predicting its draws b: a = w z^2 and b = w z r over each draw's pixels, with weight
-    w, lever z (DN per draw) and residual r. index: each pixel's draw. group: of frames, as in frames_that_share()."""
+    w, lever z (DN per draw) and residual r. index: each pixel's draw. group: of frames; draws of one group's images are
+    predicted only from other groups."""
 
     group: Hashable
     index: np.ndarray
@@ -285,34 +286,28 @@ class _Row:
         return np.array([np.bincount(flat, part.ravel(), minlength=size) for part in parts])
 
 
-def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex) -> _Row:
-    """Makes the _Row of an image. For draws that last only while the rig stands still, pixels at edges get weight 0:
-    misplaced edges last as long."""
-    o = row.observation
-    weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
-    lever = lever_image(term.lever, o.frame, row.expected, row.projector, black_dn)
-    return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight)
+def _row_of(
+    term: RandomTerm, image: ImageResidual, residual: np.ndarray, black_dn: float, known: dict[Hashable, Any]
+) -> _Row:
+    """Makes the _Row of an image. Frames of one pose are one group, because they share other errors too, such as
+    misplaced edges. Draws that last only while the rig stands still exist in one view alone, so its other frames
+    predict them; pixels at edges get weight 0 then."""
+    o, is_still = image.observation, term.shared_by is SharedBy.VIEW
+    group = o.frame.id if is_still else o.frame.camera_to_world.tobytes()
+    weight = np.where(edges(o), 0.0, o.weight) if is_still else o.weight
+    lever = lever_image(term.lever, o.frame, image.expected, image.projector, black_dn)
+    return _Row(group, _draw_index(term, o, known), lever, residual, weight)
 
 
-def _variance_of(rows: Sequence[_Row], residuals: Sequence[np.ndarray]) -> float:
-    return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
-
-
-def _is_random(
-    totals: np.ndarray,
-    variance: float,
-    shape: tuple[int, ...],
-    steps: int,
-    largest_correlation: float,
-) -> bool:
-    """Returns whether draws `steps` apart on their grid are independent: their covariance is a small part of the
+def _is_random(totals: np.ndarray, variance: float, shape: tuple[int, ...], numbers: Numbers) -> bool:
+    """Returns whether draws _APART steps apart on their grid are independent: their covariance is a small part of the
     variance."""
     count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
     a, b = (total[:count].reshape(-1, *shape) for total in totals)
     for axis in range(1, a.ndim):
-        near, far = np.arange(a.shape[axis] - steps), np.arange(steps, a.shape[axis])
+        near, far = np.arange(a.shape[axis] - _APART), np.arange(_APART, a.shape[axis])
         both = (a.take(near, axis) * a.take(far, axis)).sum()
-        if both > 0 and (b.take(near, axis) * b.take(far, axis)).sum() > largest_correlation * variance * both:
+        if both > 0 and (b.take(near, axis) * b.take(far, axis)).sum() > numbers.neighbours * variance * both:
             return False
     return True
 
@@ -372,43 +367,3 @@ def _leave_one_out_sums(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> 
     """Returns the sums (a, b) of all groups of frames except the image's own, [2][draw]. totals: the sums of all
     groups."""
     return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
-
-
-def fields_of(
-    effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
-) -> dict[str, tuple[float, FieldFit]]:
-    """Fits lasting random fields: one random number (a draw) for each pixel, row, column or dot, which other frames
-    predict. Returns {effect: (share of chi2 that the predicted draws explain, its fit)}. Fields that last only while
-    the rig stands still need residuals that are white over the image."""
-    chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
-    if not chosen:
-        return {}
-    whole, is_white, out = _chi2(rows), _is_white(rows, numbers.neighbours), {}
-    curves = [level_means(row) for row in rows]
-    for effect in chosen:
-        if not is_white and any(term.shared_by is SharedBy.VIEW for term in effect.random_terms):
-            continue
-        fit = fit_fields(effect, rows, curves, black_dn, numbers)
-        if fit is not None:
-            left = [row._replace(residual=residual) for row, residual in zip(rows, fit.residuals, strict=True)]
-            out[effect.id] = 1.0 - _chi2(left) / whole, fit
-    return out
-
-
-def _chi2(rows: Sequence[ImageResidual]) -> float:
-    return float(sum((row.observation.weight * row.residual**2).sum() for row in rows))
-
-
-def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
-    """Returns whether the residuals that repeats of a view share are uncorrelated between neighbouring pixels, edges
-    left out. Speckle grains are; shifted, dimmed or blurred dots are not. neighbours: the largest correlation
-    allowed."""
-    by_view: dict[object, list[np.ndarray]] = {}
-    for o, _, _, r in rows:
-        view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side
-        by_view.setdefault(view, []).append(np.where(edges(o), np.nan, r * np.sqrt(o.weight)))
-    same, beside = 0.0, np.zeros(2)
-    for first, second, *_ in (group for group in by_view.values() if len(group) > 1):
-        same += np.nanmean(first * second)
-        beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
-    return bool(same > 0 and np.abs(beside).max() < neighbours * same)

@@ -50,45 +50,32 @@ class ErrorsOfModels:
         return self if _stand_alike(there, self.capture) else replace(self, stands=there)
 
     def given(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Returns the errors of the model that a diagnosis starts from; None: of the base model, at the geometry that
-        was found if the capture has one. Models of effects are on the capture as stated, a SensorModel on the capture
-        that it calibrates."""
-        if isinstance(model, SensorModel):
-            capture = calibrated(self.capture, model)
-            return self._under(model, capture, self.base(capture))
-        if self.stands is None:
-            return self.plain() if model is None else self._of_effects(model, self.capture, *self._base_light())
-        return self._of_effects(model, self.capture, self.base(self.capture))
-
-    def standing(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Returns the errors of given() on the capture at the geometry that was found."""
-        if self.stands is None:
-            return self.given(model)
-        if isinstance(model, SensorModel):
-            return self.found(model)
-        return self.plain() if model is None else self._of_effects(model, self.stands, *self._base_light())
+        """Returns the errors of the model that a diagnosis starts from; None: of the base model. Models of effects are
+        on the capture as stated, a SensorModel on the capture that it calibrates."""
+        if model is None and self.stands is None:
+            return self.plain()
+        return self._under(model, calibrated(self.capture, model) if isinstance(model, SensorModel) else self.capture)
 
     @computed_once
     def plain(self) -> ImageErrors:
         """Returns the errors of the base model on the capture at the geometry that was found."""
-        return self._of_effects(None, self.stands or self.capture, *self._base_light())
+        return self._under(None, self.stands or self.capture)
 
-    def found(self, model: SensorModel) -> ImageErrors:
-        """Returns the errors of a model's effects on the capture at the geometry that was found."""
-        return self._under(model, self.stands or self.capture, *self._base_light())
+    def found(self, model: Model | SensorModel | None) -> ImageErrors:
+        """Returns the errors of a model on the capture at the geometry that was found."""
+        return self.plain() if model is None else self._under(model, self.stands or self.capture)
 
-    def _of_effects(
-        self, model: Model | None, capture: Capture, base: Halves, mean: LayersOfFrames | None = None
-    ) -> ImageErrors:
-        engines = None if model is None else self.engines
-        return image_errors(capture, model or Model(), base, self.seed, engines, None, self.progress, self.cache, mean)
-
-    def _under(
-        self, model: SensorModel, capture: Capture, base: Halves, mean: LayersOfFrames | None = None
-    ) -> ImageErrors:
-        names = surface_names(capture.scene_path)
-        bound, measured = model.bound(names), model.scene_measurement(names)
-        return image_errors(capture, bound, base, self.seed, self.engines, measured, self.progress, self.cache, mean)
+    def _under(self, model: Model | SensorModel | None, capture: Capture) -> ImageErrors:
+        is_here = capture is (self.stands or self.capture)
+        base, mean = self._base_light() if is_here else (self.base(capture), None)
+        measured, engines = None, None if model is None else self.engines
+        if isinstance(model, SensorModel):
+            names = surface_names(capture.scene_path)
+            measured = model.scene_measurement(names)
+            model = model.bound(names)
+        return image_errors(
+            capture, model or Model(), base, self.seed, engines, measured, self.progress, self.cache, mean
+        )
 
     @computed_once
     def _base_light(self) -> tuple[Halves, LayersOfFrames]:
@@ -104,10 +91,8 @@ def _stand_alike(a: Capture, b: Capture) -> bool:
     def places(capture: Capture) -> list[NDArray[np.float64]]:
         rig = capture.rig
         cameras = [x for side in SIDES for x in (rig.camera(side).K, rig.camera(side).distortion)]
-        return [
-            *cameras, rig.left_to_right, rig.projector.K, rig.projector.left_to_projector,
-            *(frame.camera_to_world for frame in capture.frames),
-        ]  # fmt: skip
+        projector = rig.projector.K, rig.projector.left_to_projector
+        return [*cameras, rig.left_to_right, *projector, *(frame.camera_to_world for frame in capture.frames)]
 
     return all(map(np.array_equal, places(a), places(b)))
 
@@ -123,24 +108,24 @@ def held_out_figures(
     written model has more.
     """
     before, after = errors.given(given), errors.found(written)
-    standing = before if errors.stands is None else errors.standing(given)
+    standing = before if errors.stands is None else errors.found(given)
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
+
+    def rmse(errors: ImageErrors, split: str) -> float | None:
+        return errors.by_split().get(split, {}).get("rmse_dn")
+
     figures: dict[str, Any] = {
-        "heldout_ir_rmse_before": _rmse(before, "test"),
-        "heldout_ir_rmse_geometry": _rmse(standing, "test"),
-        "heldout_ir_rmse_after": _rmse(after, "test"),
+        "heldout_ir_rmse_before": rmse(before, "test"),
+        "heldout_ir_rmse_geometry": rmse(standing, "test"),
+        "heldout_ir_rmse_after": rmse(after, "test"),
         "heldout_noise_floor": floors.get("test"),
         "train_noise_floor": floors.get("train"),
         "curve": [
-            {"effects": names, "train_ir_rmse": _rmse(e, "train"), "heldout_ir_rmse": _rmse(e, "test")}
+            {"effects": names, "train_ir_rmse": rmse(e, "train"), "heldout_ir_rmse": rmse(e, "test")}
             for names, e in (([], before), (added, after))[: 1 + bool(added)]
         ],
     }
     return figures, before, standing, after
-
-
-def _rmse(errors: ImageErrors, split: str) -> float | None:
-    return errors.by_split().get(split, {}).get("rmse_dn")
 
 
 def left_out_rmse(fitter: Fitter, solution: Solution) -> float:

@@ -188,6 +188,10 @@ class Fitter:
         """Returns the pixels that count in each observation."""
         return [Pixels(o, self.materials) for o in self.observations]
 
+    def pixels_used(self) -> int:
+        """Returns the number of pixels that count."""
+        return sum(o.pixels for o in self.observations)
+
     def tile_pixels(self) -> np.ndarray:
         """Returns the number of pixels that count in each tile."""
         return np.bincount(np.concatenate([p.tile for p in self.pixels()]), minlength=self._tiles)
@@ -228,16 +232,14 @@ class Fitter:
         return self._residuals[id(solution)][1]
 
     def _residuals_of(self, solution: Solution) -> list[ImageResidual]:
-        model = solution.model
-
-        def residual(i: int, o: Observation) -> ImageResidual:
-            light = self.light(model, i)
-            image = signal(model, o, light, solution.phi)
+        out = []
+        for i, o in enumerate(self.observations):
+            light = self.light(solution.model, i)
+            image = signal(solution.model, o, light, solution.phi)
             dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
             residual = o.measured - image if o.view.known is None else np.where(o.view.known, o.measured - image, 0.0)
-            return ImageResidual(o, image, dots, residual)
-
-        return [residual(i, o) for i, o in enumerate(self.observations)]
+            out.append(ImageResidual(o, image, dots, residual))
+        return out
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
         """Returns the weighted squared residuals of the pixels under (theta, phi), plus the squared nuisances in prior
@@ -258,10 +260,9 @@ class Fitter:
         """Returns the normal equations at (theta, phi). Columns: theta, then phi."""
         n_theta = len(theta)
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
+        has_blocks = self._supersampled and n_theta > 0
         for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, n_theta):
-            sums.add(pixels, columns, residual, n_theta, phi)
-            if self._supersampled and n_theta:
-                sums.add_blocks(pixels, columns, residual, n_theta, phi)
+            sums.add(pixels, columns, residual, n_theta, phi, has_blocks)
         return sums
 
     def pixel_slopes(
@@ -274,16 +275,13 @@ class Fitter:
     ) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
         """Yields, for each observation, (pixels, derivatives [n] by the first n_theta of theta, scales, black level and
         focal lengths, residual [n])."""
-        steps = space.steps(theta)
-        models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
-        here = space.model(theta)
-
-        def one(seen: tuple[int, Pixels, Light]) -> tuple[Pixels, list[np.ndarray], np.ndarray]:
-            i, pixels, light = seen
+        steps, one, here = space.steps(theta), np.eye(len(theta), dtype=bool), space.model(theta)
+        models = [space.model(np.where(one[j], theta + steps, theta)) for j in range(n_theta)]
+        for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)):
             image, scale_columns = exposed(here, pixels, light, phi, True)
             columns = []
             for j, model in enumerate(models):
-                if model is None:
+                if space.given[j]:
                     columns.append(np.zeros(image.shape))
                     continue
                 moved = self.light(model, i) if space.in_light[j] else light
@@ -291,15 +289,7 @@ class Fitter:
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
-            return pixels, columns, pixels.measured - _moved(image, pixels, phi)
-
-        seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)))
-        yield from map(one, seen)  # keeps only one in memory
-
-    @staticmethod
-    def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:
-        """Returns the model with parameter j one step further; None if no fit changes it."""
-        return None if space.given[j] else space.model(np.where(np.arange(len(theta)) == j, theta + steps, theta))
+            yield pixels, columns, pixels.measured - _moved(image, pixels, phi)
 
     def covariance(self, solution: Solution) -> np.ndarray:
         """Returns the covariance of theta, [n][n], which does not assume independent pixels.
@@ -363,7 +353,7 @@ class Fitter:
         sums, model = Sums.of_size(len(phi), self._tiles), space.model(theta)
         lights = (self.light(model, i) for i in range(len(self.observations)))
         for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, 0):
-            sums.add(pixels, columns, residual, 0, phi)
+            sums.add(pixels, columns, residual, 0, phi, has_blocks=False)
         step = self.solve(sums, phi, 0, space, theta, 1e-9)
         return phi + step, sums.total - 2.0 * step @ sums.moment + step @ sums.gram @ step
 

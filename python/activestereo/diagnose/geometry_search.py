@@ -13,7 +13,6 @@ than the views at rest keeps its stated pose, for an effect to explain.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from hashlib import blake2b
 from typing import Any
 
@@ -184,20 +183,21 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     frames affect no other unknown, because motion shows more than geometry."""
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
     fitted = {o.key for o in at_rest}
-    others, seen = [o for o in evidence.train if o.key not in fitted], _look(evidence, blur_px)
-    at_rest, others = list(map(seen, at_rest)), list(map(seen, others))
+    others = [_thinned(o, blur_px, evidence.seed) for o in evidence.train if o.key not in fitted]
+    at_rest = [_thinned(o, blur_px, evidence.seed) for o in at_rest]
     misfit = 1.0
-    prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
+    fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
     if np.abs(_drop_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
         start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
         misfit = _misfit(fitter, fitter.refine(start, start.start, phi0, 0))
-        prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
+        fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
     phi = solution.phi.copy()
     variance = np.diag(fitter.inverse(solution))[len(solution.theta) + SCALES :].copy()
     fitted_places, all_places = ({int(p) for o in group for p in o.geometry_places} for group in (at_rest, others))
     own = np.array(sorted(all_places - fitted_places), dtype=np.intp)  # of poses that only moving frames have
     if own.size:
-        moved, variance[own] = _own_step(evidence, others, prior, own, solution.space, solution.theta, phi, not blur_px)
+        at = solution.space, solution.theta, phi
+        moved, variance[own] = _own_step(evidence, others, fitter.nuisance_prior, own, *at, not blur_px)
         phi[SCALES + own] += moved
     focal, twists = np.split(_drop_albedos(phi[SCALES:], evidence), [len(SIDES)])
     deviations = np.sqrt(_misfit(fitter, solution) * _drop_albedos(variance, evidence))
@@ -238,8 +238,8 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
         return replace(evidence, capture=capture, geometry=geometry, test=test)
 
     def step(there: Evidence, blur_px: float) -> tuple[np.ndarray, np.ndarray]:
-        twists, look = np.zeros(len(held)), _look(evidence, blur_px)
-        others = [look(o) for o in there.test if np.isin(o.geometry_places, own).any()]
+        twists = np.zeros(len(held))
+        others = [_thinned(o, blur_px, evidence.seed) for o in there.test if np.isin(o.geometry_places, own).any()]
         prior = there.nuisance_prior()
         twists[held], variance = _own_step(there, others, prior, own, space, space.start, phi, not blur_px)
         return twists, variance
@@ -258,14 +258,11 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
     return replace(there, geometry=replace(there.geometry, deviations=deviations))
 
 
-def _look(evidence: Evidence, blur_px: float) -> Callable[[Observation], Observation]:
-    """Returns a function that thins out an Observation for a geometry search: it blurs it, or for blur_px = 0 picks a
-    random part of its pixels."""
-    return partial(coarse, sigma_px=blur_px) if blur_px else partial(_random_pixels, seed=evidence.seed)
-
-
-def _random_pixels(o: Observation, seed: int) -> Observation:
-    """Returns the observation with a random part of its pixels, the same ones for all frames of one camera and pose."""
+def _thinned(o: Observation, blur_px: float, seed: int) -> Observation:
+    """Returns the observation blurred, or for blur_px = 0 with a random part of its pixels, the same ones for all
+    frames of one camera and pose."""
+    if blur_px:
+        return coarse(o, blur_px)
     view = int.from_bytes(blake2b(o.side.encode() + o.frame.camera_to_world.tobytes(), digest_size=8).digest(), "big")
     pool = np.arange(o.measured.size) if o.pick is None else o.pick
     chosen = np.random.Generator(np.random.PCG64([_SEED, view, seed])).permutation(len(pool))
@@ -274,7 +271,7 @@ def _random_pixels(o: Observation, seed: int) -> Observation:
 
 def _fit_at_rest(
     evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
-) -> tuple[NuisancePrior, Fitter, Solution]:
+) -> tuple[Fitter, Solution]:
     """Fits the frames at rest with the likelihood divided by the misfit. If sharp images need a correction, it fits
     again with a distorting lens, which may be the true cause."""
     prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
@@ -284,7 +281,7 @@ def _fit_at_rest(
     moves = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     if not blur_px and _change(evidence, *moves) >= _LINEAR_SHARE:
         solution = fitter.refine(*_lens_start(evidence, model, fitter, phi0), phi0, _ITERATIONS)
-    return prior, fitter, solution
+    return fitter, solution
 
 
 def _misfit(fitter: Fitter, solution: Solution) -> float:

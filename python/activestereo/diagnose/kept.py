@@ -10,7 +10,7 @@ code is unknown.
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -34,6 +34,8 @@ from activestereo.model.write import model_json
 # Raise it if the stored arrays change their meaning.
 _FORMAT = 1
 Arrays: TypeAlias = Mapping[str, np.ndarray]
+# A diagnosis without its images: the contents of diagnose.json and model.json, and the stub (Python text) of an effect.
+Found: TypeAlias = tuple[dict[str, Any], SensorModel, str | None]
 
 
 class FitCache:
@@ -41,7 +43,11 @@ class FitCache:
 
     def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
-        self._known: dict[str, Arrays] = dict(_apart(renders.get_arrays(self._key) or {}))
+        known: dict[str, dict[str, np.ndarray]] = {}
+        for place, array in (renders.get_arrays(self._key) or {}).items():
+            key, _, name = place.partition("/")
+            known.setdefault(key, {})[name] = array
+        self._known: dict[str, Arrays] = dict(known)
         self._kept_before = len(self._known)
 
     def __iter__(self) -> Iterator[str]:
@@ -131,34 +137,13 @@ def code_digest() -> str:
     # A build tree may hold broken links.
     for path in sorted(path for path in root.rglob("*") if path.suffix in kinds and path.is_file()):
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
-    return f"{digest.hexdigest()} {np.__version__} {scipy.__version__} {_opencv_version()}"
-
-
-def _opencv_version() -> str:
     try:
         import cv2  # effects blur by it where there is one
+
+        opencv = cv2.__version__
     except ImportError:
-        return "none"
-    return str(cv2.__version__)
-
-
-def _apart(stored: Arrays) -> dict[str, dict[str, np.ndarray]]:
-    """Splits {"key/name": array} into {key: {name: array}}."""
-    out: dict[str, dict[str, np.ndarray]] = {}
-    for name, array in stored.items():
-        key, _, own = name.partition("/")
-        out.setdefault(key, {})[own] = array
-    return out
-
-
-@dataclass(frozen=True)
-class Found:
-    """A diagnosis without its images: the contents of diagnose.json and model.json, and the stub (Python text) of an
-    effect."""
-
-    result: dict[str, Any]
-    model: SensorModel
-    stub: str | None
+        opencv = "none"
+    return f"{digest.hexdigest()} {np.__version__} {scipy.__version__} {opencv}"
 
 
 def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) -> str | None:
@@ -171,7 +156,8 @@ def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) ->
 
 def keep(cache: LayerCache, key: str, found: Found) -> None:
     """Writes a diagnosis to the cache."""
-    record = found.result, model_json(found.model, "pattern.png"), found.stub
+    result, model, stub = found
+    record = result, model_json(model, "pattern.png"), stub
     cache.put_arrays(key, {"diagnosis/found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
 
 
@@ -189,4 +175,4 @@ def kept(cache: LayerCache, key: str, capture: Capture) -> Found | None:
         found = read_model(path)
     if found.pattern is not None and found.pattern.file is not None:
         found = replace(found, pattern=replace(found.pattern, file=capture.rig.projector.pattern_path))
-    return Found(result, found, stub)
+    return result, found, stub

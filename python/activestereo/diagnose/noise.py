@@ -6,7 +6,7 @@ the model states its noise, that is if it has a term of that kind already.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,23 +34,18 @@ _NO_REPEATS = "the capture has no repeated frames of a static view"
 
 @dataclass(frozen=True)
 class NoiseTerm:
-    """An effect of temporal noise as fitted. nats: gain of log-likelihood. share: of the noise floor that it
-    explains."""
+    """An effect of temporal noise as fitted. nats: gain of log-likelihood. variance: explained per pixel, DN^2. values:
+    {parameter: (value, low, high)}. share: of the noise floor that it explains."""
 
     effect: Effect
-    parameters: dict[str, Interval]
-    nats: float
-    share: float
-
-
-@dataclass(frozen=True)
-class _NoiseFit:
-    """A fitted noise term. nats: gain of log-likelihood. variance: explained per pixel, DN^2. values: {parameter:
-    (value, low, high)}."""
-
     nats: float
     variance: float
     values: dict[str, Limits]
+    share: float = 0.0
+
+    def parameters(self) -> dict[str, Interval]:
+        """Returns the effect's parameters with their intervals."""
+        return within_ranges(self.effect, self.values)
 
 
 def noise_terms(
@@ -61,41 +56,38 @@ def noise_terms(
     noise."""
     floor, terms, unjudged = evidence.floor_variance(evidence.train), {}, {}
     for effect in effects:
-        fit = _fit(effect, evidence, given, numbers)
+        steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
+        fit = _comb(evidence, effect, steps.parameter) if steps else _of_repeats(effect, evidence, given, numbers)
         if isinstance(fit, str):
             unjudged[effect.id] = fit
-            continue
-        share = fit.variance / max(floor, fit.variance)
-        terms[effect.id] = NoiseTerm(effect, within_ranges(effect, fit.values), fit.nats, share)
+        else:
+            terms[effect.id] = replace(fit, share=fit.variance / max(floor, fit.variance))
     return terms, unjudged
 
 
-def _fit(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> _NoiseFit | str:
-    """Returns the fit of an effect, or the reason why it was not judged."""
-    steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
-    if steps is not None:
-        return _comb(evidence, steps.parameter)
+def _of_repeats(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> NoiseTerm | str:
+    """Returns the fit of an effect to repeated frames, or the reason why it was not judged."""
     term, *more = effect.random_terms
     if more:
         return "the noise model is judged one term at a time, and its descriptor names several"
     if not evidence.capture.repeats("train"):
         return _NO_REPEATS
     if term.shared_by is SharedBy.ROW:
-        return _rows(evidence.train, term.parameter, numbers.neighbours)
+        return _rows(evidence.train, effect, term.parameter, numbers.neighbours)
     if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
         return f"the noise model has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
-    return _transfer(term, evidence, given)
+    return _transfer(effect, term, evidence, given)
 
 
-def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
+def _comb(evidence: Evidence, effect: Effect, parameter: str) -> NoiseTerm:
     """Fits the step between the digital numbers that occur, for a converter with coarse steps. parameter: the step's
     name."""
     comb = comb_in(evidence)
     if comb is None:
-        return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
+        return NoiseTerm(effect, 0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
     step = comb.step_dn
     limits = step, float(comb.steps_dn.min()) - 0.02, float(comb.steps_dn.max()) + 0.02
-    return _NoiseFit(comb.pixels * float(np.log(step)), step**2 * ROUNDING_VARIANCE, {parameter: limits})
+    return NoiseTerm(effect, comb.pixels * float(np.log(step)), step**2 * ROUNDING_VARIANCE, {parameter: limits})
 
 
 def comb_in(evidence: Evidence) -> Comb | None:
@@ -103,7 +95,9 @@ def comb_in(evidence: Evidence) -> Comb | None:
     return comb_of((o.measured for o in evidence.train), evidence.capture.rig.max_dn)
 
 
-def _rows(observations: Sequence[Observation], parameter: str, largest_correlation: float) -> _NoiseFit | str:
+def _rows(
+    observations: Sequence[Observation], effect: Effect, parameter: str, largest_correlation: float
+) -> NoiseTerm | str:
     """Fits an offset that each row of a frame shares, by the marginal likelihood of differences of repeats. Returns a
     reason instead of a fit if neighbouring rows vary together."""
     weight, moment, beside, both = [], [], 0.0, 0.0
@@ -123,15 +117,15 @@ def _rows(observations: Sequence[Observation], parameter: str, largest_correlati
     best = int(nats.argmax())
     if nats[best] <= 0:
         high = _ROW_SIGMAS_DN[nats > -_LIKELIHOOD_DROP].max(initial=_ROW_SIGMAS_DN[0])
-        return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, float(high))})
+        return NoiseTerm(effect, 0.0, 0.0, {parameter: (0.0, 0.0, float(high))})
     sigma = float(_ROW_SIGMAS_DN[best])
     if beside > largest_correlation * both * sigma**2:
         return "neighbouring rows vary together, as bands of light that flickers do"
     inside = _ROW_SIGMAS_DN[nats > nats[best] - _LIKELIHOOD_DROP]
-    return _NoiseFit(float(nats[best]), sigma**2, {parameter: (sigma, float(inside[0]), float(inside[-1]))})
+    return NoiseTerm(effect, float(nats[best]), sigma**2, {parameter: (sigma, float(inside[0]), float(inside[-1]))})
 
 
-def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit | str:
+def _transfer(effect: Effect, term: RandomTerm, evidence: Evidence, model: Model) -> NoiseTerm | str:
     """Fits variance against mean of the repeated frames with and without a noise term. Other terms are fitted in both.
     Returns the fit with its gain of likelihood in nats (0 if the model has no noise term), or why there is none."""
     capture = evidence.capture
@@ -150,7 +144,7 @@ def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit |
     low, high = (float(max(value + side * Z90 * error, 0.0) ** power) for side in (-1, 1))
     mean = np.average([_column(term.lever, row[0], np.array(row[1]), np.array(row[2]), black) for row in rows])
     nats = 0.5 * (without - misfit) if stated else 0.0
-    return _NoiseFit(float(nats), float(value * mean), {term.parameter: (float(value**power), low, high)})
+    return NoiseTerm(effect, float(nats), float(value * mean), {term.parameter: (float(value**power), low, high)})
 
 
 def _column(

@@ -273,15 +273,22 @@ class Sums:
         return float(self.tile_chi2.sum())
 
     def add(
-        self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
+        self,
+        pixels: Pixels,
+        columns: list[np.ndarray],
+        residual: np.ndarray,
+        n_theta: int,
+        phi: np.ndarray,
+        has_blocks: bool,
     ) -> None:
-        """Adds one observation.
+        """Adds one observation; its moments by block only with has_blocks.
 
         columns: derivatives [k][n] by all parameters except albedos and geometry. An albedo's derivative is the light
         that the material sends. It is computed from the columns of projector and ambient scale (n_theta and the next)
         times their scales.
         """
-        dense, materials, own = len(columns), pixels.materials, self._own_rows(pixels, columns)
+        dense, materials = len(columns), pixels.materials
+        own = dense - len(SIDES) + pixels.observation.geometry_places  # the twelve numbers that move the observation
         A, r = np.stack(columns), residual * pixels.root_weight
         A *= pixels.root_weight
         single, geometry = np.vstack([A, r]).astype(np.float32), pixels.geometry
@@ -303,27 +310,17 @@ class Sums:
             both = np.concatenate([np.array(sums), pixels.by_material(geometry, glow.astype(np.float32))])
             self.gram[np.ix_(rows, diagonal)] += both
             self.gram[np.ix_(diagonal, rows)] += both.T
-
-    def _own_rows(self, pixels: Pixels, columns: list[np.ndarray]) -> np.ndarray:
-        """Returns the indices into the normal equations of the twelve geometry parameters that move an observation.
-        columns: as in add()."""
-        return len(columns) - len(SIDES) + pixels.observation.geometry_places
-
-    def add_blocks(
-        self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
-    ) -> None:
-        """Adds one observation to block_moment. Arguments: as in add()."""
-        dense, materials = len(columns), pixels.materials
+        if not has_blocks:
+            return
         force, block = residual * pixels.root_weight**2, pixels.block()
         blocks = int(block.max()) + 1
         moment = np.zeros((len(self.moment), blocks))
-        rows = [*range(dense), *self._own_rows(pixels, columns)]
-        for j, column in zip(rows, [*columns, *pixels.geometry_slopes], strict=True):
+        for j, column in zip([*range(dense), *own], [*columns, *pixels.geometry_slopes], strict=True):
             moment[j] = np.bincount(block, column * force, minlength=blocks)
-        glow = (columns[n_theta] * phi[0] + columns[n_theta + 1] * phi[1]) * force
+        sent = (columns[n_theta] * phi[0] + columns[n_theta + 1] * phi[1]) * force
         # The last row is of pixels without a material and is dropped.
         label = np.where(pixels.material >= 0, pixels.material, materials) * blocks + block
-        by_material = np.bincount(label, glow, minlength=(materials + 1) * blocks)
+        by_material = np.bincount(label, sent, minlength=(materials + 1) * blocks)
         moment[dense : dense + materials] = by_material.reshape(-1, blocks)[:-1]
         cluster = cluster_of(pixels.observation)
         self.block_moment[cluster] = self.block_moment.get(cluster, 0.0) + moment

@@ -30,7 +30,7 @@ def parameters_of(outcome: Outcome, name: Name) -> Parameters:
     if name.field is not None:
         return field_parameters(name.effect, name.field)
     if name.id in outcome.noise:
-        return outcome.noise[name.id].parameters
+        return outcome.noise[name.id].parameters()
     return intervals(outcome.fitter, outcome.solution, name.effect)
 
 
@@ -40,7 +40,7 @@ def ranking_of(
     """Returns the ranking: the named effects in order, then all effects that this recording cannot tell from them, then
     fitted effects by gain, then the rest by score, highest first. name_of: gives a material's name for its number."""
     entries: dict[str, Json] = {}
-    pixels, known = _pixels(outcome), _known(outcome, numbers)
+    pixels, known = outcome.fitter.pixels_used(), _known(outcome, numbers)
 
     def add(effect: Effect, gain: float, nats: float, p: float, found: Parameters, same: list[str]) -> None:
         if effect.id in entries:
@@ -77,12 +77,12 @@ def ranking_of(
         nats = max(candidate.evidence, 0.0) / max(1.0, _design(outcome))
         add(effect, candidate.gain / pixels, nats, 0.0, found, [])
     for term in outcome.noise.values():
-        add(term.effect, 0.0, term.nats, 0.0, term.parameters, [])
+        add(term.effect, 0.0, term.nats, 0.0, term.parameters(), [])
     return list(entries.values())
 
 
 def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[str], add: Callable[..., None]) -> None:
-    fit, pixels = seen.fits[member].solution, _pixels(outcome)
+    fit, pixels = seen.fits[member].solution, outcome.fitter.pixels_used()
     effect = fit.effects[-1]
     own = fit.theta[len(fit.theta) - len(effect.parameters) :]
     found = {q.name: Interval(float(v), q.low, q.high, q.unit) for q, v in zip(effect.parameters, own, strict=True)}
@@ -93,7 +93,7 @@ def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[st
 def _nats(outcome: Outcome, gain: float) -> float:
     """Returns the gain of the profile log-likelihood by a fall of the first round's mean square (noise variances). The
     noise's scale is free: the residual of every model counts as noise."""
-    pixels = _pixels(outcome)
+    pixels = outcome.fitter.pixels_used()
     left = max(1.0 - gain * pixels / outcome.rounds[0].chi2, 1e-3)
     return -0.5 * pixels / _design(outcome) * float(np.log(left))
 
@@ -130,21 +130,17 @@ def sets_of(outcome: Outcome) -> list[Json]:
 def _rivals(outcome: Outcome, name: Name) -> dict[str, float]:
     if name.seen is None:
         return {}
-    gains = {id: (name.seen.chi2 - fit.chi2) / _pixels(outcome) for id, fit in name.seen.fits.items()}
+    gains = {id: (name.seen.chi2 - fit.chi2) / outcome.fitter.pixels_used() for id, fit in name.seen.fits.items()}
     others = {id: _explained(outcome, gain) for id, gain in gains.items() if id not in name.members}
     return dict(sorted(others.items(), key=lambda other: -other[1]))
-
-
-def _pixels(outcome: Outcome) -> int:
-    return sum(o.pixels for o in outcome.fitter.observations)
 
 
 def _explained(outcome: Outcome, gain: float) -> float:
     """Returns the share of the error beyond noise that a fall of the mean square explains, at most 1. Error and noise
     are those of the first round, under whose weights the fits are: noise is no more than the best of them leaves."""
     first = outcome.rounds[0]
-    noise = min([_pixels(outcome), *(fit.chi2 for fit in first.fits.values())])
-    return min(gain * _pixels(outcome) / max(first.chi2 - noise, 1e-9), 1.0)
+    noise = min([outcome.fitter.pixels_used(), *(fit.chi2 for fit in first.fits.values())])
+    return min(gain * outcome.fitter.pixels_used() / max(first.chi2 - noise, 1e-9), 1.0)
 
 
 def judging_of(outcome: Outcome) -> dict[str, Any]:

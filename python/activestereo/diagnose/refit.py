@@ -278,7 +278,7 @@ def _from_starts(
     thetas, atoms = [*thetas, space.start], [*(atom for atom, _ in starts), None]
     best, *others = np.argsort(seen)
     gain, fit = base_chi2 - seen, fitter.refine(space, thetas[best], phis[best], _STEPS)
-    left = fit.sums.total - sum(o.pixels for o in fitter.observations)
+    left = fit.sums.total - fitter.pixels_used()
     if left < _NOTHING * (base_chi2 - fit.sums.total):
         return fit
     rivals = [k for k in others if gain[k] > _RIVAL * gain[best] and (effect.starts or atoms[k] is not atoms[best])]

@@ -5,9 +5,8 @@ The model comes from a forward selection (Bayesian information criterion) over f
 tile means of the residual relative to the light it would act on, with intervals by a bootstrap over tiles.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, TypedDict
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -42,55 +41,14 @@ def my_effect({value}, view, amount):
 '''
 
 
-class Term(TypedDict):
-    """One summand of the model: its name, its code in the stub, its factor with a 90 % interval."""
-
-    term: str
-    code: str
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class ResidualModel:
-    """A formula of the residual. stage: the pipeline's stage where it acts. share: of the residual's variance over
-    tiles that the formula explains."""
-
-    capture: str
-    stage: str
-    terms: tuple[Term, ...]
-    share: float
-
-    @property
-    def text(self) -> str:
-        parts = [f"{t['value']:+.4g} {t['term']}" for t in self.terms]
-        of = (
-            "the projector's light"
-            if self.stage == "PROJECTOR"
-            else "the signal"
-            if self.stage == "READOUT"
-            else "1 DN"
-        )
-        formula = " ".join(parts) or "0"
-        return f"residual / {of} = {formula} (explains {100 * self.share:.0f} % of its variation over tiles)"
-
-    def as_json(self) -> dict[str, Any]:
-        return {"stage": self.stage, "terms": list(self.terms), "explained_share": self.share, "text": self.text}
-
-    def stub(self) -> str:
-        code = " + ".join(f"{t['value']:.6g} * {t['code']}" for t in self.terms) or "0.0"
-        light = self.stage == "PROJECTOR"
-        result = {
-            "PROJECTOR": "light.scale_projector((1.0 + amount * formula + 0.0 * z).clip(0.0))",
-            "READOUT": "signal * (1.0 + amount * formula)",
-            "DIGITAL": "dn + amount * formula",
-        }[self.stage]
-        value = "light" if light else "signal" if self.stage == "READOUT" else "dn"
-        source = f"found by activestereo diagnose in {self.capture}"
-        return _STUB.format(stage=self.stage, source=source, value=value, text=self.text, code=code, result=result)
-
-
+# Of each stage: what the formula is relative to, the image in the stub, and the stub's result.
+_STAGES = {
+    "PROJECTOR": (
+        "the projector's light", "light", "light.scale_projector((1.0 + amount * formula + 0.0 * z).clip(0.0))"
+    ),
+    "READOUT": ("the signal", "signal", "signal * (1.0 + amount * formula)"),
+    "DIGITAL": ("1 DN", "dn", "dn + amount * formula"),
+}  # fmt: skip
 # Name, code in the stub, and function of (x, y, z, frame's time, kelvins above reference, exposure).
 _LIBRARY = (
     ("1", "1.0", lambda c: np.ones_like(c["x"])),
@@ -106,8 +64,10 @@ _LIBRARY = (
 )
 
 
-def residual_model(rows: Sequence[ImageResidual], black_dn: float, capture: str, seed: int = 0) -> ResidualModel:
-    """Fits a sparse formula to the residuals of the train images. capture: its name."""
+def residual_model(rows: Sequence[ImageResidual], black_dn: float, seed: int = 0) -> dict[str, Any]:
+    """Fits a sparse formula to the residuals of the train images; returns diagnose.json's `residual_model`. stage:
+    where it acts. terms: summands with their name, code in the stub, and factor with a 90 % interval. explained_share:
+    of the residual's variance over tiles."""
     stage = _stage(rows)
     tiles = [_tiles(row, stage, black_dn) for row in rows]
     target, weight = (np.concatenate([t[name] for t in tiles]) for name in ("target", "weight"))
@@ -122,12 +82,22 @@ def residual_model(rows: Sequence[ImageResidual], black_dn: float, capture: str,
         draws.append(_solve(A[pick], target[pick], weight[pick]))
     low, high = np.quantile(np.array(draws).reshape(_BOOTSTRAPS, -1), [0.05, 0.95], axis=0)
     total = (weight * target**2).sum()
-    share = 1.0 - (weight * (target - A @ value) ** 2).sum() / total if total > 0 else 0.0
-    terms = tuple(
-        Term(term=_LIBRARY[i][0], code=_LIBRARY[i][1], value=float(v), low=float(a), high=float(b))
+    share = float(1.0 - (weight * (target - A @ value) ** 2).sum() / total if total > 0 else 0.0)
+    terms = [
+        {"term": _LIBRARY[i][0], "code": _LIBRARY[i][1], "value": float(v), "low": float(a), "high": float(b)}
         for i, v, a, b in zip(chosen, value, low, high, strict=True)
-    )
-    return ResidualModel(capture, stage, terms, float(share))
+    ]
+    formula = " ".join(f"{t['value']:+.4g} {t['term']}" for t in terms) or "0"
+    text = f"residual / {_STAGES[stage][0]} = {formula} (explains {100 * share:.0f} % of its variation over tiles)"
+    return {"stage": stage, "terms": terms, "explained_share": share, "text": text}
+
+
+def effect_stub(model: Mapping[str, Any], capture: str) -> str:
+    """Returns Python text of an effect with the formula of a residual_model(). capture: its name."""
+    code = " + ".join(f"{t['value']:.6g} * {t['code']}" for t in model["terms"]) or "0.0"
+    _, value, result = _STAGES[model["stage"]]
+    source = f"found by activestereo diagnose in {capture}"
+    return _STUB.format(stage=model["stage"], source=source, value=value, text=model["text"], code=code, result=result)
 
 
 def _stage(rows: Sequence[ImageResidual]) -> str:

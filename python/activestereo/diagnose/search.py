@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.dictionary import Atom, atoms_of, carried, columns_of, first_shapes, numbered, start_images
 from activestereo.diagnose.evidence import Evidence, one_of_each_situation
-from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, has_sparse_draws
+from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws
 from activestereo.diagnose.fitter import Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.goodness import design_effect, local_structure, occam_nats
@@ -185,10 +185,6 @@ class Search:
         return columns
 
     @property
-    def _pixels(self) -> int:
-        return sum(o.pixels for o in self._fitter.observations)
-
-    @property
     def _chi2(self) -> float:
         return self._solution.sums.total
 
@@ -223,6 +219,7 @@ class Search:
         self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
         self._whole = Fitter(evidence.train, *sized)
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
+        self._pixels = self._fitter.pixels_used()
         few = one_of_each_situation(self._fitter.observations, share=1.0)
         self._scored = Fitter(few, *sized, memory=self._settings.memory)
 
@@ -265,7 +262,8 @@ class Search:
         best = min(left, key=lambda name: left[name])
         if best in fields and all(term.lever is Lever.ONE for term in self._effect(best).random_terms):
             least = numbers.formula_error * (self._chi2 - left[best])
-            sparse = (n for n in left if n in fields and has_sparse_draws(self._effect(n)))
+            terms = {n: self._effect(n).random_terms for n in left if n in fields}
+            sparse = (n for n in terms if any(term.sparse_share for term in terms[n]))
             left = {n: left[n] for n in sparse if self._chi2 - left[n] > least} or left
         members = self._members(left, fits)
         name = next(iter(members))

@@ -2,7 +2,6 @@
 """A depth error's parts add up, and each is found where it alone was made."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import image_errors
 from activestereo.compare.render import render_halves
 from activestereo.diagnose.depth_engine import Depth
-from activestereo.diagnose.depth_split import OWN, PARTS, DepthErrors, depth_split, split_of
+from activestereo.diagnose.depth_split import OWN, PARTS, depth_split, split_of
 from activestereo.effects import Model, builtin
 from activestereo.report.diagnosis import split_sentences
 from lab_worlds import WorldRenderer, with_device_depth
@@ -32,7 +31,7 @@ def frame(seed=0, warming_k=0.0, **made):
     images = {"by_effects": zero, "by_filters": zero} | {k: f(disparity) for k, f in made.items() if k != "own"}
     own = 0.02 * rng.standard_normal(n) + (made["own"](disparity) if "own" in made else 0.0)
     measured = shared + images["by_effects"]
-    return DepthErrors(
+    return dict(
         device=measured + images["by_filters"] + own,
         measured=measured,
         **images,
@@ -41,7 +40,7 @@ def frame(seed=0, warming_k=0.0, **made):
         distance_m=distance_m,
         metres_per_px=-(distance_m**2) / FOCAL_BASELINE,
         material=(np.arange(n) >= n // 4).astype(int),
-        warming_k=warming_k,
+        warming_k=np.full(n, warming_k),
     )
 
 
@@ -63,10 +62,10 @@ def test_the_largest_part_is_the_one_that_was_made():
     assert largest([frame(own=lambda d: 0.3 * np.cos(7 * d))])[0] == "other matcher"
     name, told = largest([frame(own=lambda d: 0.012 * d + 0.2)])
     assert name == "calibration"
-    made = np.sqrt(np.mean((0.012 * frame().disparity + 0.2) ** 2))
+    made = np.sqrt(np.mean((0.012 * frame()["disparity"] + 0.2) ** 2))
     assert told["parts"][name]["rms_px"] == pytest.approx(made, rel=0.02)
     cold, warm = frame(), frame(1, 20.0, own=lambda d: 0.5 + 0.0 * d)
-    assert largest([frame(own=lambda d: -0.5 + 0.0 * d), replace(warm, warming_k=0.0)])[0] == "other matcher"
+    assert largest([frame(own=lambda d: -0.5 + 0.0 * d), warm | {"warming_k": np.zeros(20000)}])[0] == "other matcher"
     assert largest([frame(own=lambda d: -0.5 + 0.0 * d), warm])[0] == "temperature"
     assert largest([cold, frame(1, 20.0)])[1]["parts"]["temperature"]["share_px"] < 0.01
 
@@ -75,7 +74,7 @@ def test_noise_that_the_device_did_not_have_counts_nothing():
     """Half of what the effects are said to change is noise of our own draws."""
     noisy = frame(by_effects=lambda d: 0.3 * np.sin(d))
     rng = np.random.default_rng(5)
-    drawn = replace(noisy, by_effects=noisy.by_effects + 0.3 * rng.standard_normal(noisy.device.size))
+    drawn = noisy | {"by_effects": noisy["by_effects"] + 0.3 * rng.standard_normal(20000)}
     clean, drawn = (largest([f])[1]["parts"]["image effects"] for f in (noisy, drawn))
     assert drawn["rms_px"] == pytest.approx(clean["rms_px"], rel=0.03)
 

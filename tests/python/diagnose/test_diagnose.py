@@ -1,25 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""diagnose: names the effect that a world hides, names none where nothing is hidden, and says so where the data cannot
-tell."""
+"""A diagnosis as a user meets it: what is hidden is found, users' own effects are judged, files keep their schema."""
 
+import ast
 import json
 import shutil
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lab_worlds import BLACK_DN, WorldRenderer, altered
-from schema_check import violations
 import activestereo.lab
+import activestereo.report
 from activestereo.cli import main
-from activestereo.effects import Model, builtin
-from activestereo.lab import Lab
+from activestereo.common.text_table import markdown
+from activestereo.compare.model_file import library, read_model, write_model
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.goodness import Z90
-from activestereo.report.diagnosis import diagnosis_table
-from activestereo.report.write import write_diagnosis
-from activestereo.compare.model_file import library, read_model, write_model
+from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.residual_model import effect_stub
+from activestereo.effects import Model, Parameter, Randomness, Stage, builtin, effect
+from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, Unjudged
+from activestereo.effects.core.load import load_effects
+from activestereo.lab import Lab
+from activestereo.report.diagnosis import diagnosis_screen, diagnosis_table
+from activestereo.report.write import write_diagnosis, write_diagnosis_report
+from lab_worlds import BLACK_DN, WorldRenderer, altered
+from schema_check import violations
 
 FEW = (
     "projector_vignetting",
@@ -31,9 +38,9 @@ FEW = (
     "prnu",
 )
 EFFECTS = {name: e for name, e in builtin().items() if name in FEW}
-
-
 EXPONENT = 2.0
+mine_shading = replace(builtin()["vignetting"], id="mine_shading", family="mine", finding="My lens is dark")
+LAB = Path(activestereo.diagnose.__file__).resolve().parent
 
 
 def shaded(dn, side):
@@ -196,3 +203,152 @@ def test_model_files_say_what_is_wrong(tmp_path):
         read_model(path, library())
     write_model(path, Model().with_effect(builtin()["vignetting"], exponent=0.2))
     assert read_model(path, library()).effects[0][1] == {"exponent": 0.2}
+
+
+@effect("mine_idle", stage=Stage.READOUT, family="mine", source="a test",
+        parameters=[Parameter("amount", "1", neutral=0.0, low=-1.0, high=1.0, typical=0.1)])  # fmt: skip
+def mine_idle(signal, view, amount):
+    """Columns differ in gain from left to right in waves of four pixels."""
+    return signal * (1.0 + amount * np.cos(np.pi * np.arange(signal.shape[-1]) / 2.0))
+
+
+@pytest.fixture(scope="module")
+def renderer(lab_world):
+    return WorldRenderer(lab_world, grid=3)
+
+
+@pytest.fixture(scope="module")
+def words():
+    return []
+
+
+@pytest.fixture(scope="module")
+def diagnosis(lab_world, renderer, lab_cache, tmp_path_factory, words):
+    folder = altered(lab_world, tmp_path_factory.mktemp("own") / "capture", shaded)
+    own = {e.id: e for e in (mine_shading, mine_idle)}
+    effects = {"gain_mismatch": builtin()["gain_mismatch"]} | own
+    return diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache, says=words.append)
+
+
+def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
+    own, result = diagnosis.result["own"], diagnosis.result
+    assert list(own) == ["mine_shading", "mine_idle"] and result["added"] == ["mine_shading"]
+    assert own["mine_shading"] == "it explains the data best"
+    ranked = {entry["effect"]: entry for entry in result["ranking"]}
+    if "mine_idle" in ranked:
+        share = 100 * ranked["mine_idle"]["explained_share"]
+        assert own["mine_idle"].startswith(f"it may not be named: it explains {share:.1f} % of the error")
+    else:
+        assert own["mine_idle"] == "it explains next to nothing of the images"
+    text = " ".join(diagnosis_screen(result, [], Path("report.html"), "", True).split())
+    assert "lacks mine_shading (my lens is dark)" in text
+    assert all(f"yours: {why}" in text for why in own.values())
+
+
+def test_own_effects_are_ranked_by_their_scores_before_anything_is_fitted(diagnosis, words):
+    ranks = [line for line in words if " ranks " in line]
+    assert words[0].startswith("looks like") and words[1 : 1 + len(ranks)] == ranks
+    assert ranks[0].startswith("mine_shading ranks 1 of ") and "gain_mismatch" not in " ".join(ranks)
+
+
+def test_the_report_of_a_diagnosis_needs_no_render(diagnosis, renderer, tmp_path, monkeypatch):
+    def refused(*_):
+        raise AssertionError("the report renders")
+
+    monkeypatch.setattr(WorldRenderer, "__call__", refused)
+    path = write_diagnosis_report(diagnosis, tmp_path / "new", {"mine_shading": mine_shading})
+    page = path.read_text()
+    assert "mine_shading (my lens is dark).</h1>" in page and page.index('id="verdict"') < page.index('id="explorer"')
+    data = json.loads(page.split('id="explorer-data">')[1].split("</script>")[0])
+    assert list(data["models"]) == ["base", "found", "mine_shading"]
+    view = next(v for v in data["views"] if v["camera"] == "left" and v["split"] == "test")
+    key = view["frame"], "left"
+    for name, errors in (("base", diagnosis.before), ("found", diagnosis.after)):
+        rest = errors.measured[key].astype(np.float64) - errors.predictions[key]
+        frame = next(frame for frame in errors.by_frame() if frame["id"] == view["frame"])
+        assert view["rmse"][name] == pytest.approx(frame["cameras"]["left"]["rmse_dn"], rel=1e-6)
+        assert 0.97 < view["rmse"][name] / np.sqrt(np.mean(rest**2)) < 1.0  # the renderer's noise is not the model's
+    assert view["rmse"]["found"] < 0.8 * view["rmse"]["base"]
+
+
+def test_the_answer_obeys_its_schema(diagnosis):
+    schema = Path(activestereo.report.__file__).parent / "schema/diagnose.schema.json"
+    assert violations(diagnosis.result, json.loads(schema.read_text())) == []
+
+
+@pytest.mark.parametrize("stage", ["PROJECTOR", "READOUT", "DIGITAL"])
+def test_the_stub_of_an_unknown_effect_loads_before_anybody_edits_it(tmp_path, stage):
+    model = {"stage": stage, "terms": [{"code": "(x**2 + y**2)", "value": -0.3}], "text": "residual = -0.3 r^2"}
+    (tmp_path / "stub.py").write_text(effect_stub(model, 'a user\'s "room"'))
+    [loaded] = load_effects(tmp_path / "stub.py").values()
+    assert loaded.id == "my_effect" and loaded.stage is Stage[stage]
+
+
+def test_no_effect_is_named_in_the_lab():
+    # A room's plan and the spread between its sessions are told by effect.
+    for path in (path for path in LAB.rglob("*.py") if path.parent.name != "room"):
+        texts = {
+            n.value
+            for n in ast.walk(ast.parse(path.read_text()))
+            if isinstance(n, ast.Constant) and isinstance(n.value, str)
+        }
+        assert not texts & set(builtin()), path
+
+
+def test_every_built_in_effect_says_how_it_is_judged():
+    assert all(e.channel is not None or any(isinstance(j, Unjudged) for j in e.judged) for e in builtin().values())
+    static = {e.id for e in builtin().values() if e.channel is Channel.STATIC_FIELD}
+    assert static == {e.id for e in builtin().values() if e.randomness is Randomness.STATIC}
+
+
+def test_a_term_names_a_parameter_of_its_effect():
+    with pytest.raises(ValueError, match="judged by a parameter 'sigma'"):
+        replace(builtin()["read_noise"], judged=(RandomTerm("sigma", Lever.ONE),))
+
+
+@pytest.fixture(scope="module")
+def result(lab_world, lab_cache, tmp_path_factory):
+    """A world whose pixels have gains, ranked with effects of a user's: gains by another name, noise, and one without a
+    word."""
+    rng, gains = np.random.default_rng(3), {}
+
+    def change(dn, side):
+        gain = gains.setdefault(side, 1.0 + 0.15 * rng.standard_normal(dn.shape))
+        return BLACK_DN + gain * (dn - BLACK_DN)
+
+    capture = altered(lab_world, tmp_path_factory.mktemp("gains") / "capture", change)
+    effects = {
+        "my_gains": replace(builtin()["prnu"], id="my_gains"),
+        "my_noise": replace(builtin()["read_noise"], id="my_noise"),
+        "no_word": replace(builtin()["prnu"], id="no_word", judged=()),
+    }
+    return diagnose(capture, effects=effects, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache).result
+
+
+def test_a_users_static_effect_is_ranked_and_found(result):
+    first = result["ranking"][0]
+    assert (first["effect"], result["verdict"]) == ("my_gains", "effect")
+    assert first["parameters"]["sigma"]["value"] == pytest.approx(0.15, rel=0.15)
+
+
+def test_a_users_temporal_effect_is_ranked(result):
+    [noise] = [e for e in result["ranking"] if e["effect"] == "my_noise"]
+    assert noise["channel"] == "noise" and noise["parameters"]["sigma_dn"]["value"] >= 0.0
+
+
+def test_what_cannot_be_ranked_is_listed_with_the_reason(result):
+    [skipped] = result["not_ranked"]
+    assert skipped["effect"] == "no_word" and "does not say how it is judged" in skipped["reason"]
+
+
+def test_page_and_help_print_the_numbers_that_decide(capsys):
+    rows = [
+        (f"`{f.name}`", f"{getattr(NUMBERS, f.name):g}", f.metadata["unit"].strip("1"), f.metadata["decides"])
+        for f in fields(NUMBERS)
+    ]
+    table = "\n".join(markdown(("number", "value", "unit", "decides"), rows))
+    assert len(rows) <= 15 and table in (LAB / "README.md").read_text()
+    with pytest.raises(SystemExit):
+        main(["diagnose", "--help"])
+    said = capsys.readouterr().out
+    assert f"--alpha {NUMBERS.alpha:g}" in said and f"removes {NUMBERS.least_share:g} of the squared error" in said

@@ -6,17 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab_worlds import WorldRenderer
 from activestereo.capture.capture import read_capture
-from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.gather import gather
-from activestereo.diagnose.evidence import one_of_each_situation
-from activestereo.diagnose.next_measurement import _MENU, _changed, left_between
-from activestereo.diagnose.fitter import Fitter
-from activestereo.diagnose.fitter import ParameterSpace
-from activestereo.diagnose.linear import fitted_model
 from activestereo.compare.render import WARP_SCALE, render_frames
+from activestereo.diagnose.evidence import one_of_each_situation
+from activestereo.diagnose.fitter import Fitter, ParameterSpace
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.linear import fitted_model
+from activestereo.diagnose.next_measurement import _MENU, _changed, left_between
+from activestereo.effects import Model, builtin
+from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
 

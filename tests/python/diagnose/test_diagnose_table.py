@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab_worlds import WorldRenderer
 from activestereo.capture.capture import SIDES, read_capture
 from activestereo.capture.write import write_capture
-from activestereo.effects import Model, Stage, View, builtin
-from activestereo.effects.core.descriptor import Channel
 from activestereo.compare.depth_compare import DepthModel
-from activestereo.diagnose import Settings, examine
-from activestereo.diagnose.gather import gather
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
+from activestereo.diagnose import Settings, examine
+from activestereo.diagnose.gather import gather
+from activestereo.effects import Model, Stage, View, builtin
+from activestereo.effects.core.descriptor import Channel
+from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
 EFFECTS = builtin()

@@ -17,16 +17,15 @@ from activestereo.capture.images import read_gray
 from activestereo.capture.write import write_capture
 from activestereo.cli import main
 from activestereo.compare.cache import LayerCache
+from activestereo.compare.effect_trials import trial_capture
 from activestereo.compare.engine_prediction import engines_of
 from activestereo.compare.nuisances import Nuisances
-from activestereo.compare.effect_trials import trial_capture
 from activestereo.diagnose import diagnose
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 from activestereo.model import diagnosed_model, read_model, write_model
 from activestereo.report.screen import Step
-from activestereo.report.write import write_diagnosis_report
-from activestereo.report.write import write_diagnosis
+from activestereo.report.write import write_diagnosis, write_diagnosis_report
 
 FEW = {name: builtin()[name] for name in ("vignetting", "response_gamma", "gain_mismatch")}
 SAMPLING = 16, 1, 3  # per pixel, bounces, seed

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Views, projector and focal lengths that stand elsewhere than a capture states: their signature in the images by
+"""Views, projector, focal lengths and albedos that differ from what a capture states: their signature in the images by
 closed form, and that they are found, told and taken into account."""
 
 import json
@@ -10,36 +10,38 @@ from functools import partial
 import numpy as np
 import pytest
 
-from lab_worlds import RememberingRenderer, WorldRenderer
-from report_worlds import DIAGNOSIS
 from activestereo.capture.capture import Uncertainty, read_capture
 from activestereo.capture.capture_json import CaptureError
-from activestereo.effects.core.view import Layers
-from activestereo.compare.nuisances import Nuisances
-from activestereo.compare.render import render_frames
-from activestereo.diagnose.found_model import geometry_json
-from activestereo.diagnose.words import geometry_words, next_steps
-from activestereo.diagnose.gather import gather
-from activestereo.diagnose.geometry_search import coarse
-from activestereo.diagnose.geometry import TWIST, Geometry, geometry_slopes
 from activestereo.common.pose import motion_of_twist
 from activestereo.compare.measured_image import MeasuredImage
-from activestereo.diagnose.fitter import Fitter
+from activestereo.compare.nuisances import Nuisances, predict
+from activestereo.compare.render import render_frames
+from activestereo.diagnose.fitter import Fitter, ParameterSpace
+from activestereo.diagnose.found_model import albedo_json, albedo_surfaces, found_model, geometry_json
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.geometry import TWIST, Geometry, focal_slopes, geometry_slopes
 from activestereo.diagnose.geometry_search import (
     _moving_beyond_others,
     _searched,
+    coarse,
     gather_where_it_stands,
     with_test_frames,
 )
 from activestereo.diagnose.linear import fitted_model
+from activestereo.diagnose.pixels import DENSE
+from activestereo.diagnose.words import geometry_words, next_steps
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
-from activestereo.effects.core.view import transform
+from activestereo.effects.core.resample import SupersampledImages
+from activestereo.effects.core.surfaces import scene_surfaces
+from activestereo.effects.core.view import Layers, transform
 from activestereo.model import SensorModel
 from activestereo.model.diagnosed import calibrated
 from activestereo.model.model import MeasuredPose
 from activestereo.model.read import read_model
 from activestereo.model.write import write_model
+from lab_worlds import RememberingRenderer, WorldRenderer
+from report_worlds import DIAGNOSIS
 
 # Radians of phase per metre of the wall's albedo, and per pixel of the pattern.
 GRAIN, WAVE = 8.0, 0.06
@@ -47,6 +49,10 @@ POSE = np.array([0.008, -0.006, 0.004, 0.008, -0.004, 0.006])
 PROJECTOR = np.array([0.002, 0.0012, -0.0016, 0.004, -0.005, 0.003])
 UNMOVED = np.eye(4)
 ROUGH = Uncertainty(pose_m=0.01, pose_rad=0.01, projector_m=0.002, projector_rad=0.005)
+# Dots 2.9 pixels apart, as in the benchmark suite's worlds: radians of phase per unit of a direction's tangent.
+PHASE = 130.0
+MARGIN_PX = 4
+LIGHT = Nuisances(9.0e4, 3.0e3, 4.0)
 
 
 def seen(view, camera=UNMOVED, projector=UNMOVED):
@@ -293,3 +299,109 @@ def test_a_stated_place_that_is_impossible_for_what_is_seen_is_told(lab_world):
         assert entry["text"].endswith(", 200 times its stated uncertainty") == impossible
         steps = next_steps(DIAGNOSIS | {"geometry": [entry]})
         assert any('state a larger "uncertainty"' in step for step in steps) == impossible
+
+
+def pixel_means(view, focal_px, scale=1, margin_px=0):
+    """The picture [height][width], 1 + cos(PHASE x) cos(PHASE y): means over squares, `scale` a pixel's side, margin_px
+    pixels beyond the frame."""
+    sinc = np.sinc(PHASE / focal_px / scale / (2 * np.pi))
+    wave = []
+    for size, middle in zip(view.shape, (view.K[1, 2], view.K[0, 2]), strict=True):
+        at = (np.arange((size + 2 * margin_px) * scale) + 0.5) / scale - 0.5 - margin_px
+        wave.append(sinc * np.cos(PHASE * (at - middle) / focal_px))
+    return 1.0 + wave[0][:, None] * wave[1]
+
+
+@pytest.mark.parametrize(("scale", "error"), [(2, 0.05), (1, 0.5)])
+def test_the_slope_along_the_focal_length_is_that_of_finer_images(scale, error):
+    view = replace(example_view(), frame=replace(example_view().frame, exposure_s=1.0, gain=1.0))
+    focal_px, none = view.K[0, 0], np.zeros(view.shape, np.float32)
+    dots = pixel_means(view, focal_px).astype(np.float32)
+    layers = Layers(dots, none, none, dots, none, none, none)
+    if scale > 1:
+        supersampled = pixel_means(view, focal_px, scale, MARGIN_PX).astype(np.float32)
+        images = SupersampledImages(
+            np.stack([supersampled, 0 * supersampled, 0 * supersampled, supersampled]), scale, MARGIN_PX
+        )
+        layers = Layers(dots, none, none, dots, none, none, none, supersampled=images)
+    shot = MeasuredImage(view.frame, view.side, view, layers, dots)
+    slope = focal_slopes([shot], Nuisances(40.0, 0.0, 4.0))[shot.key]
+    step = 1e-4
+    truth = 40.0 * (pixel_means(view, focal_px * (1 + step)) - pixel_means(view, focal_px * (1 - step))) / (2 * step)
+    assert np.std(slope - truth) < error * np.std(truth)
+
+
+@pytest.fixture(scope="module")
+def evidence(lab_world, lab_cache):
+    capture = read_capture(lab_world.capture_path)
+    return gather(capture, render_frames(capture, WorldRenderer(lab_world, grid=3), cache=lab_cache))
+
+
+def reflecting(evidence, factors):
+    """The evidence of materials, by index, that reflect so many times what the scene says; and the fit to it."""
+    train = []
+    for o in evidence.train:
+        gain = np.ones(o.measured.shape)
+        for index, factor in factors.items():
+            gain[o.material == index] = factor
+        expected = predict(o.frame, o.layers, LIGHT, 255.0)
+        measured = LIGHT.black_dn + gain * (expected - LIGHT.black_dn)
+        train.append(replace(o, measured=measured.astype(np.float32)))
+    evidence = replace(evidence, train=tuple(train))
+    fitter, space = Fitter(train, evidence.nuisance_prior(), evidence.tiles), ParameterSpace.of(Model())
+    return evidence, fitter, fitter.refine(space, space.start, fitter.phi0(LIGHT), 8)
+
+
+def test_a_wrong_albedo_is_told_by_name_and_number(evidence):
+    told = albedo_json(*reflecting(evidence, {0: 0.6}))
+    surface = scene_surfaces(evidence.capture.scene_path)[albedo_surfaces(evidence)[0]]
+    assert [entry["material"] for entry in told] == [surface.name]
+    assert told[0]["factor"] == pytest.approx(0.6, abs=0.03)
+    assert geometry_words({"albedos": told}) == [f"{told[0]['text'][0].upper()}{told[0]['text'][1:]}."]
+    assert "the scene says" in told[0]["text"]
+
+
+def test_the_largest_material_is_told_where_all_others_seem_wrong_alike(evidence):
+    told = albedo_json(*reflecting(evidence, {-1: 1.5}))
+    surface = scene_surfaces(evidence.capture.scene_path)[albedo_surfaces(evidence)[-1]]
+    assert [entry["material"] for entry in told] == [surface.name]
+    assert told[0]["factor"] == pytest.approx(1.5, abs=0.1)
+
+
+@pytest.mark.parametrize("factors, farthest, second", [({0: 0.7}, 10.0, 0.0), ({0: 0.7, 1: 0.7}, 10.0, 10.0)])
+def test_a_second_wrong_albedo_is_told_apart_from_one(evidence, factors, farthest, second):
+    _, fitter, solution = reflecting(evidence, factors)
+    found = [fitter.albedo_sigmas(solution, 0.03, k) for k in (1, 2)]
+    np.testing.assert_allclose(found, (farthest, second), atol=1.5)
+
+
+def test_what_is_as_stated_is_not_told(evidence):
+    assert albedo_json(*reflecting(evidence, {0: 1.05})) == []
+
+
+def test_beside_gloss_an_albedo_is_another_quantity(evidence):
+    evidence, fitter, solution = reflecting(evidence, {0: 0.6})
+    space = ParameterSpace.of(Model(), builtin()["specular"])
+    named = fitter.refine(space, space.start, solution.phi, 0)
+    assert albedo_json(evidence, fitter, named) == []
+
+
+@pytest.mark.parametrize("stated, impossible", [(0.01, True), (0.1, False)])
+def test_a_stated_albedo_that_is_impossible_for_what_is_seen_is_told(evidence, stated, impossible):
+    wrong, fitter, solution = reflecting(evidence, {0: 0.6})
+    wrong = replace(wrong, capture=replace(wrong.capture, uncertainty=Uncertainty(albedo=stated)))
+    [entry] = albedo_json(wrong, fitter, solution)
+    assert entry["stated_sigmas"] == pytest.approx(0.4 / stated, rel=0.1)
+    assert ("times its stated uncertainty" in entry["text"]) == impossible
+    steps = next_steps(DIAGNOSIS | {"albedos": [entry]})
+    assert any(step.startswith("Measure the albedos again, or state a larger") for step in steps) == impossible
+
+
+def test_no_material_of_a_found_model_reflects_less_than_nothing(evidence):
+    evidence, fitter, solution = reflecting(evidence, {0: 0.6})
+    phi = solution.phi.copy()
+    phi[DENSE] = -1.02
+    solution = replace(solution, phi=phi)
+    materials = found_model(evidence, Model(), solution, {}).materials
+    assert min(fields["ir_albedo_factor"].value for fields in materials.values()) == 0.0
+    assert min(entry["factor"] for entry in albedo_json(evidence, fitter, solution)) == 0.0

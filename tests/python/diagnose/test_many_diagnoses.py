@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from virtual_sensor.world import make_world
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
-from activestereo.effects.engines import CaptureRenderer
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.diagnosis import Settings, examine
 from activestereo.diagnose.gather import gather
 from activestereo.effects import Model, builtin
+from activestereo.effects.engines import CaptureRenderer
+from virtual_sensor.world import make_world
 
 TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 3
 HAZE = {"extinction_per_m": 0.6, "backscatter": 1.0, "housing_m": 0.05}

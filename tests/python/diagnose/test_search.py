@@ -1,20 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of a search: columns, sets, what a ranking tells of a round, and the verdict."""
+"""Parts of a search: starts, columns, sets, the cost of freedom, what a ranking tells of a round, and the verdict."""
 
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture
 from activestereo.capture.capture import SIDES, SPLITS
-from activestereo.diagnose.ranking import ranking_of
+from activestereo.diagnose import diagnose
+from activestereo.diagnose.depth_engine import pose_error_nats
 from activestereo.diagnose.diagnosis import _add_test_errors
+from activestereo.diagnose.dictionary import Atom, carried
+from activestereo.diagnose.evidence import NuisancePrior, one_of_each_situation
+from activestereo.diagnose.fields import dots_seen
+from activestereo.diagnose.fitter import Fitter, ParameterSpace
+from activestereo.diagnose.goodness import Interval, interval, occam_nats
 from activestereo.diagnose.numbers import NUMBERS
-from activestereo.diagnose.goodness import Interval
-from activestereo.diagnose.dictionary import carried
-from activestereo.diagnose.search import Name, Round
+from activestereo.diagnose.pixels import SCALES
+from activestereo.diagnose.ranking import ranking_of
 from activestereo.diagnose.refit import Refit
-from activestereo.diagnose.selection import credible
+from activestereo.diagnose.search import Name, Round
+from activestereo.diagnose.selection import Hit, _candidate, credible
 from activestereo.diagnose.verdict import (
     EFFECT,
     NONE,
@@ -24,8 +32,11 @@ from activestereo.diagnose.verdict import (
     probability_right,
     verdict_of,
 )
-from activestereo.effects import builtin
-from activestereo.effects.core.descriptor import Lever
+from activestereo.effects import Model, Parameter, builtin
+from activestereo.effects.core.descriptor import Lever, StartImage
+from activestereo.effects.core.dots import DotView
+from activestereo.effects.lights import flicker_starts, unit_starts
+from effect_worlds import seen, view_of
 
 EFFECTS = builtin()
 
@@ -56,10 +67,10 @@ def test_what_a_name_cannot_be_told_from_has_the_figures_of_its_own_round():
     outcome = SimpleNamespace(
         names=(Name(vignetting, {"vignetting": 0.8, "projector_vignetting": 0.2}, 0.5, seen=rounds[1]),),
         rounds=rounds,
-        noise={"vignetting": SimpleNamespace(effect=vignetting, nats=0.0, parameters=found)},
+        noise={"vignetting": SimpleNamespace(effect=vignetting, nats=0.0, parameters=lambda: found)},
         first=fitted("vignetting", 200.0),
         solution=fitted("vignetting", 100.0),
-        fitter=SimpleNamespace(observations=[SimpleNamespace(pixels=100)], tile_pixels=lambda: np.full(4, 25)),
+        fitter=SimpleNamespace(pixels_used=lambda: 100, tile_pixels=lambda: np.full(4, 25)),
         rest=Remainder(1.0, 0.0, 0.0, 1.0),
     )
     twin = ranking_of(outcome, NUMBERS, True, str)[1]
@@ -151,3 +162,206 @@ def test_a_name_is_stated_the_likelier_right_the_less_is_missing():
 def test_a_set_ends_where_it_holds_its_mass():
     assert list(credible({"a": 0.0, "b": -0.1, "c": -9.0}, 0.95)) == ["a", "b"]
     assert list(credible({"a": 0.0, "b": -9.0}, 0.95)) == ["a"]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    light, geometry = seen(bounces=0)
+    return light, view_of(geometry)
+
+
+@pytest.mark.parametrize(("x", "yaw"), [(0.14, 0.02), (-0.2, 0.1)])
+def test_a_second_units_place_is_found_from_its_dots(scene, x, yaw):
+    (light, view), unit = scene, EFFECTS["second_projector"]
+    view = replace(view, frame=replace(view.frame, projector_power=0.0))
+    place = {"intensity_m2": 6.0, "offset_x_m": x, "yaw_rad": yaw}
+    ambient_dn = 500.0 * view.frame.exposure_gain
+    added = ambient_dn * (unit(light, view, **place).ambient - light.ambient)
+    residual = added + np.random.default_rng(1).normal(0.0, added.std(), added.shape)
+    weight, ambient = np.full(view.shape, added.var() ** -1), ambient_dn * light.ambient
+    image = StartImage(view, light, weight, residual, ambient, ambient_dn, ambient)
+    found = unit_starts([image])[0]
+    # A pixel of this small camera is 19 mrad wide.
+    assert found["yaw_rad"] == pytest.approx(yaw, abs=0.03)
+    assert found["offset_x_m"] == pytest.approx(x, abs=0.03)
+    assert found["intensity_m2"] == pytest.approx(6.0, rel=0.5)
+
+
+@pytest.mark.parametrize("name", ["double_image", "lens_psf"])
+def test_each_start_of_a_fit_comes_with_its_atom(name):
+    lead = EFFECTS[name].parameters[0]
+    atom = Atom(EFFECTS[name], EFFECTS[name].neutral_values, ((lead.name, 0.1),), (False,), (1.0,), 0)
+    starts = _candidate([Hit(atom, None, np.ones(1), 1.0, 1.0, 0.5)]).starts
+    assert starts and all(own is atom and values[lead.name] == lead.neutral + 0.1 for own, values in starts)
+
+
+@pytest.mark.parametrize(("fraction", "u", "v"), [(0.2, 5.0, -2.0), (0.4, -3.0, 0.0)])
+def test_a_panes_second_image_is_found_at_its_shift(scene, fraction, u, v):
+    """Beside a scale of the image that is fitted too."""
+    (light, view), rng = scene, np.random.default_rng(1)
+    image = 200.0 * light.direct / light.direct.max() + 20.0 * light.ambient / light.ambient.max()
+    both = EFFECTS["double_image"](image, view, fraction=fraction, shift_u_px=u, shift_v_px=v)
+    residual = both - 1.1 * image + rng.normal(0.0, 1.0, image.shape)
+    seen_there = StartImage(view, light, np.ones(view.shape), residual, image, 1.0, image)
+    found = EFFECTS["double_image"].starts([seen_there])[0]
+    assert (found["shift_u_px"], found["shift_v_px"]) == (u, v)
+    assert found["fraction"] == pytest.approx(fraction, abs=0.03)
+
+
+def test_a_fit_begins_at_its_starts_nuisances(tmp_path):
+    """Vignetting of cos^3 takes half of the light of whole images. From the scales without it, a step from a start of
+    twice the exponent fails."""
+    write_example_capture(tmp_path / "capture", samples_per_pixel=8, hidden="vignetting")
+    few = {name: EFFECTS[name] for name in ("vignetting", "lens_psf")}
+    found = diagnose(tmp_path / "capture", effects=few, samples_per_pixel=8, workers=1).result
+    assert found["added"] == ["vignetting"]
+    assert found["ranking"][0]["parameters"]["exponent"]["value"] == pytest.approx(HIDDEN["vignetting"][1], rel=0.05)
+
+
+def test_a_flickers_starts_are_of_different_frequencies_and_no_deeper_than_its_mean():
+    flicker, ambient, images = EFFECTS["flicker_banding"], np.full((60, 4), 40.0), []
+    truth = {"depth": 0.6, "frequency_hz": 107.36, "phase_rad": 0.7, "line_time_s": 2e-5}
+    frames = [SimpleNamespace(timestamp_s=t, exposure_s=0.002) for t in (0.0, 0.97, 2.31, 4.88)]
+    seen_dn = [
+        flicker(SimpleLight(ambient), SimpleNamespace(shape=ambient.shape, frame=f), **truth).ambient for f in frames
+    ]
+    level = np.mean(seen_dn) / 40.0  # a fit without flicker takes its mean for the light
+    for frame, image in zip(frames, seen_dn, strict=True):
+        view, weight = SimpleNamespace(frame=frame), np.ones(ambient.shape)
+        images.append(StartImage(view, None, weight, image - level * ambient, level * ambient, level, image))
+    starts = flicker_starts(images)
+    assert starts[0]["frequency_hz"] == pytest.approx(107.36, abs=0.02)
+    assert starts[0]["depth"] == pytest.approx(0.6, rel=0.05) and starts[0]["line_time_s"] == pytest.approx(2e-5)
+    assert len({start["frequency_hz"] for start in starts}) == len(starts) > 3
+    assert max(start["depth"] for start in starts) <= 1.0
+    space = ParameterSpace.of(Model(), flicker)
+    at = [p.name for _, p in space.pairs].index("frequency_hz")
+    # Over the frames' five seconds a slope's step may turn the wave by a small part of a radian.
+    assert 2 * np.pi * 4.88 * space.steps(space.start)[at] < 0.1
+
+
+@dataclass(frozen=True)
+class SimpleLight:
+    """The part of a Light that a flicker changes."""
+
+    ambient: np.ndarray
+
+
+@dataclass(frozen=True)
+class Image:
+    """The part of an Observation that a scan's choice uses."""
+
+    frame: SimpleNamespace
+    side: str
+    measured: np.ndarray
+    pick: np.ndarray | None = None
+
+    @property
+    def pixels(self) -> int:
+        return self.measured.size
+
+
+def test_one_image_of_each_situation_sees_two_instants_of_repeats():
+    pose = dict(camera_to_world=np.eye(4), exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
+    frame = lambda k, group: SimpleNamespace(id=k, repeat_group=group, is_moving=False, **pose)  # noqa: E731
+    images = [Image(frame(k, 0), side, np.zeros((8, 8))) for k in range(3) for side in ("left", "right")]
+    chosen = {(o.frame.id, o.side) for o in one_of_each_situation(images)}
+    assert chosen == {(0, "right"), (2, "left")}
+    single = [Image(frame(0, None), side, np.zeros((8, 8))) for side in ("left", "right")]
+    assert {(o.frame.id, o.side) for o in one_of_each_situation(single)} == {(0, "right"), (0, "left")}
+
+
+def explanation(name, values, information):
+    """A fit with given values of an effect's parameters, and what the data say of each (1 / variance)."""
+    parameters = EFFECTS[name].parameters
+    neutral, nothing = np.array([p.neutral for p in parameters]), np.zeros(len(parameters), bool)
+    space = SimpleNamespace(given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters])
+    sums = SimpleNamespace(gram=np.diag(information))
+    fitter = SimpleNamespace(prior=lambda n, space: np.zeros(n))
+    return fitter, SimpleNamespace(space=space, theta=np.array(values), sums=sums), EFFECTS[name]
+
+
+def test_freedom_costs_by_how_finely_it_was_used():
+    cost = [-occam_nats(*explanation("vignetting", [1.5], [n]), design=1.0) for n in (1e2, 1e4, 1e6)]
+    assert np.diff(cost) == pytest.approx(np.log(10.0), rel=0.05)
+    assert -occam_nats(*explanation("vignetting", [1.5], [4e6]), design=4.0) == pytest.approx(cost[2])
+
+
+def test_an_effect_of_more_parameters_is_less_likely_where_one_of_them_is_enough():
+    """A parameter that the data do not tell gains nothing by itself."""
+    one = occam_nats(*explanation("stereo_pitch", [0.0035], [1e12]), design=1.0)
+    both = occam_nats(*explanation("pattern_scale_drift", [0.014, 0.0], [1e12 / 16.0, 0.0]), design=1.0)
+    assert one - both == pytest.approx(np.log(3.0), abs=0.01)
+
+
+def test_what_the_data_do_not_tell_costs_next_to_nothing():
+    penalty = occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6]), design=1.0)
+    assert penalty - occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6 + 1]), design=1.0) == pytest.approx(
+        0.0, abs=1e-3
+    )
+    far = occam_nats(*explanation("black_level", [0.0, 0.8], [0.0, 1e6]), design=1.0)
+    assert penalty - far == pytest.approx(2 * np.log(2.0), abs=0.05)  # amplitudes: a power law's tail
+    usual, odd = (occam_nats(*explanation("dark_signal", [100.0, k], [1e-2, 100.0]), design=1.0) for k in (7.0, 4.0))
+    # Cauchy's density at three deviations; the usual value need not be told from the neutral one.
+    assert usual - odd == pytest.approx(np.log(10.0 * np.pi) + 0.5 * np.log(101.0 / (2.0 * np.pi)), abs=0.01)
+
+
+@pytest.mark.parametrize(("apart_px", "square_px", "low", "high"), [(12, 3.0, 0.9, 1.1), (5, 8.0, 0.6, 0.8)])
+def test_dots_that_share_pixels_show_less_of_their_own_gains(scene, apart_px, square_px, low, high):
+    """Pixels of this camera are 2.8 pattern pixels wide."""
+    light, view = scene
+    rows, columns = np.mgrid[0:200, 0:320]
+    pattern = np.exp(
+        -(((rows % apart_px) - apart_px // 2) ** 2 + ((columns % apart_px) - apart_px // 2) ** 2) / square_px
+    )
+    view = replace(view, pattern=pattern)
+    dots = light.flat * DotView.of(view).nominal()
+    of_pixels = lambda residuals: (residuals[0] ** 2).sum() / (dots**2).sum()  # noqa: E731
+    assert low < dots_seen([(SimpleNamespace(view=view), None, dots, None)], of_pixels) < high
+
+
+def test_what_formulas_lack_widens_a_shapes_interval_by_its_value_and_a_choices_not_at_all():
+    focus, strength = (
+        Parameter(name, "m", neutral=neutral, low=0.0, high=5.0, typical=1.0)
+        for name, neutral in (("focus", 1.0), ("strength", 0.0))
+    )
+    (_, low, high), (_, other_low, other_high) = interval(focus, 1.5, 0.0), interval(strength, 1.5, 0.0)
+    assert high - low == pytest.approx(other_high - other_low)
+    place = Parameter("place", "bits", neutral=0.0, low=0.0, high=8.0, typical=1.0, choice=True)
+    assert interval(place, 3.0, 1.0) == (3.0, 3.0, 3.0)
+
+
+@pytest.mark.parametrize(("nats", "offset_px"), [(19.5, 0.6), (150.0, 1.8), (0.5, 3.0)])
+def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, offset_px):
+    pose_error_px = 0.27
+    tried = np.linspace(0.0, offset_px, 20001)
+    likelihood = nats * (1.0 - (1.0 - tried / offset_px) ** 2)
+    misplaced = (likelihood - 0.5 * (tried / pose_error_px) ** 2).max()
+    assert pose_error_nats(nats, np.array([0.6, 0.8]) * offset_px, pose_error_px) == pytest.approx(misplaced, abs=1e-4)
+
+
+def test_how_far_a_fit_takes_calibration_and_measurement_counts_the_farthest_in_its_own_deviations():
+    fitter = Fitter([], NuisancePrior(np.zeros(3), np.array([6e-4, 6e-4, 0.03]), 1), 1)
+    phi = np.array([5.0, 9.0, 20.0, 6e-4, -1.8e-3, 0.06])  # scales and black level have no prior
+    assert fitter.prior_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)
+    base = SimpleNamespace(phi=np.array([5.0, 9.0, 20.0, 0.0, -1.2e-3, 0.06]))
+    assert fitter.prior_sigmas(SimpleNamespace(phi=phi), base) == pytest.approx(1.0)  # what goes beyond the base's
+    weighed_up = NuisancePrior(np.zeros(3), np.array([6e-4, 6e-4, 0.03]) / 5.0, 1, weighed_up=25.0)
+    assert Fitter([], weighed_up, 1).prior_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)  # as stated
+    nothing = NuisancePrior(np.array([]), np.array([]), 0)
+    assert Fitter([], nothing, 1).prior_sigmas(SimpleNamespace(phi=phi[:SCALES])) == 0.0
+
+
+def test_what_a_scene_measurement_may_have_wrong_widens_an_interval():
+    """An effect and a focal length that move the images alike: the data tell their sum, the scene measurement one of
+    them."""
+    sigma, weight = 6e-4, 1e10
+    fitter = Fitter([], NuisancePrior(np.zeros(2), np.array([sigma, sigma]), 0), 1)
+    size = 1 + SCALES + 2
+    alike = np.zeros(size)
+    alike[[0, 1 + SCALES]] = 1.0, 1.0  # of the effect's parameter and the left camera's focal length
+    gram = weight * np.outer(alike, alike) + np.diag([0.0, *[weight] * SCALES, 0.0, weight])
+    space = SimpleNamespace(low=np.array([-1.0]), high=np.array([1.0]))
+    sums = SimpleNamespace(gram=gram, block_moment={"left": np.zeros((size, 1))})
+    deviation = np.sqrt(fitter.covariance(SimpleNamespace(theta=np.zeros(1), space=space, sums=sums))[0, 0])
+    assert deviation == pytest.approx(sigma, rel=0.01)

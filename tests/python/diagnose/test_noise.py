@@ -1,36 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters and scales that a search reports: no bias by weights that have seen the noise, and no name where two fit
-alike."""
+"""Noise and weights: no bias by weights that have seen the noise, no name where two fit alike, and no part of a found
+effect in the floor."""
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lab_worlds import WorldRenderer
-from activestereo.capture.capture import SIDES, Capture, read_capture
-from activestereo.effects import Model, View, builtin
+from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.ranking import parameters_of
-from activestereo.diagnose.gather import gather
-from activestereo.diagnose.search import Search
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.fitter import ImageResidual
+from activestereo.diagnose.gather import gather, weighed_again
+from activestereo.diagnose.ranking import parameters_of
+from activestereo.diagnose.search import Search
+from activestereo.effects import Model, View, builtin
+from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
 SCALES = Nuisances(9.0e4, 3.0e3, 4.0)
 SPECKLE, READ_DN = 0.15, 1.0
 PER_K = -0.01
 DRIFT = builtin()["laser_power_drift"]
+DRIFT_READ_DN = 1.5
+WARMING = Model().with_effect(builtin()["black_level"], per_k_dn=0.5)
+Images = dict[tuple[int, str], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Exposed(Capture):
     """A capture whose images were never written."""
 
-    images: dict = field(default_factory=dict)
+    images: dict[tuple[int, str], np.ndarray] = field(default_factory=dict)
 
-    def ir(self, frame, side):
+    def ir(self, frame: Frame, side: str) -> np.ndarray:
         return self.images[frame.id, side]
 
 
@@ -101,3 +107,45 @@ def test_a_parameter_has_its_truth_in_its_interval_and_one_that_is_not_at_work_i
 def test_what_the_data_cannot_tell_apart_is_a_set_and_the_likelier_is_first(found):
     """A filter that drifts dims dots in a warm rig as a laser does; a laser's drift of this size is the likelier."""
     assert [list(name.members) for name in found.names] == [["laser_power_drift", "chromatic_drift"]]
+
+
+@pytest.fixture(scope="module")
+def warming(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evidence, Images, Images]:
+    """(evidence of repeats whose black level grows, expected images under the true model, those without the growth)."""
+    folder: Path = tmp_path_factory.mktemp("world")
+    world = make_world(folder, size=(96, 56))
+    capture = read_capture(world.capture_path)
+    base = replace(capture.frames[0], repeat_group=0, split="train", depth_path=None)
+    frames = tuple(replace(base, id=i, timestamp_s=2.0 * i, temperature_c=t) for i, t in enumerate((25.0, 33.0, 41.0)))
+    frames = (*frames, replace(base, id=3, timestamp_s=8.0, repeat_group=None, split="test"))
+    capture = replace(capture, frames=frames)
+    layers = render_frames(capture, WorldRenderer(world), cache=LayerCache(folder / "cache"))
+    rng, images, true, steady = np.random.default_rng(4), {}, {}, {}
+    for frame in capture.frames:
+        for side in SIDES:
+            light = layers[frame.id][side]
+            view = View.of(capture, frame, side, light)
+            true[frame.id, side] = WARMING.signal(WARMING.light(light, view), view, SCALES)
+            steady[frame.id, side] = Model().signal(Model().light(light, view), view, SCALES)
+            noise = DRIFT_READ_DN * rng.standard_normal(view.shape)
+            images[frame.id, side] = np.clip(np.rint(true[frame.id, side] + noise), 0, 255).astype(np.float32)
+    return gather(Exposed(**vars(capture), images=images), layers), true, steady
+
+
+def weighed(evidence: Evidence, model: Model, expected: Images) -> Evidence:
+    rows = [ImageResidual(o, expected[o.key], o.measured, o.measured - expected[o.key]) for o in evidence.train]
+    return weighed_again(evidence, model, SCALES.black_dn, rows)
+
+
+def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, Images]) -> None:
+    evidence, true, _ = warming
+    found = weighed(evidence, WARMING, true)
+    assert evidence.noise_variances[0, "left"] > 4.0 * DRIFT_READ_DN**2
+    assert found.noise_variances[0, "left"] == pytest.approx(DRIFT_READ_DN**2 + 1 / 12, rel=0.1)
+    for before, after in zip(evidence.train, found.train, strict=True):
+        assert after.weight.mean() > 2.0 * before.weight.mean()
+
+
+def test_what_explains_no_difference_of_repeats_leaves_the_floor(warming: tuple[Evidence, Images, Images]) -> None:
+    evidence, _, steady = warming
+    assert weighed(evidence, Model(), steady).noise_variances == pytest.approx(evidence.noise_variances, rel=1e-4)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits that are kept: a second diagnosis repeats none, and none of them outlives what decided it."""
+"""Fits that are kept: a second diagnosis repeats none, none outlives what decided it, and those made ahead in processes
+are there afterwards."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,14 +10,14 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import read_capture
-from activestereo.effects import Effect, Model, builtin
+from activestereo.common.processes import forked
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.gather import gather
-from activestereo.diagnose.fitter import ParameterSpace, Solution
-from activestereo.diagnose.kept import FitCache, content_key, effect_content
-from activestereo.diagnose.fitter import Fitter
 from activestereo.compare.render import render_frames
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.kept import FitCache, content_key, effect_content
+from activestereo.effects import Effect, Model, builtin
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
@@ -85,3 +87,53 @@ def test_keys_are_of_content_alone() -> None:
     others = {"a": [np.arange(3.0), 0.1]}, {"a": [np.arange(3), 0.2]}, {"b": [np.arange(3), 0.1]}, {"a": [np.arange(3)]}
     assert len({content_key(values), *map(content_key, others)}) == 5
     assert content_key(Path("here")) == content_key(Path("there"))  # the same capture in another folder
+
+
+@pytest.fixture
+def memory(tmp_path: Path) -> FitCache:
+    return FitCache(LayerCache(tmp_path), [])
+
+
+class Squares:
+    """work(n) asks for the fit of n; `made` counts the fits of this process."""
+
+    def __init__(self, memory: FitCache) -> None:
+        self.memory, self.made, self.own = memory, 0, os.getpid()
+
+    def __call__(self, n: int) -> float:
+        return float(self.memory.once(f"square {n}", lambda: self._made(n))["value"])
+
+    def _made(self, n: int) -> dict[str, np.ndarray]:
+        self.made += 1
+        return {"value": np.array(n * n)}
+
+
+def test_fits_come_back_from_their_processes(memory: FitCache) -> None:
+    squares = Squares(memory)
+    memory.make_ahead(squares, [3, 4, 5], 2)
+    assert [squares(n) for n in (3, 4, 5)] == [9.0, 16.0, 25.0] and squares.made == 0
+    assert squares(6) == 36.0 and squares.made == 1
+
+
+def test_one_worker_leaves_all_to_the_caller(memory: FitCache) -> None:
+    assert list(forked(Squares(memory), [3, 4], 1)) == list(forked(Squares(memory), [3], 2)) == []
+
+
+def test_what_fails_or_dies_in_a_process_is_left_to_the_caller(memory: FitCache) -> None:
+    squares = Squares(memory)
+
+    def failing(n: int) -> float:
+        if n == 4:
+            raise ValueError("four")
+        return squares(n)
+
+    memory.make_ahead(failing, [3, 4, 5], 2)
+    assert [squares(n) for n in (3, 5)] == [9.0, 25.0] and squares.made == 0
+
+    def dying(n: int) -> float:
+        if n == 7 and os.getpid() != squares.own:
+            os._exit(1)
+        return squares(n)
+
+    memory.make_ahead(dying, [7, 7, 7], 2)
+    assert squares(7) == 49.0 and squares.made == 1

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The part of a named effect that a formula misses is no other effect's gain; rendered images and free curves stand for
+formulas."""
+
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from activestereo.capture.capture import read_capture
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.render import render_frames
+from activestereo.diagnose.dictionary import atoms_of, columns_of
+from activestereo.diagnose.fitter import Fitter, ParameterSpace
+from activestereo.diagnose.gather import gather
+from activestereo.diagnose.linear import linearised
+from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.refit import fitted_to_renders, refit_free_curve
+from activestereo.diagnose.search import Search
+from activestereo.diagnose.selection import freed, gain_beyond, stand_ins
+from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
+from activestereo.effects.core.view import Layers
+from lab_worlds import WorldRenderer
+from virtual_sensor.world import make_world
+
+TRUTH = 0.8
+CURVATURE = 8.0
+AMOUNT = Parameter("amount", "1", neutral=0.0, low=0.0, high=0.5, typical=0.1)
+own = partial(effect, stage=Stage.OPTICS, family="f", source="s", parameters=[AMOUNT])
+
+
+@own("dark_corners")
+def dark_corners(image, view, amount):
+    """The corners alone are darker."""
+    u, v = view.field()
+    return image * (1.0 - amount * ((u**2 + v**2) / 2) ** 2)
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    """A world without noise."""
+    folder = tmp_path_factory.mktemp("world")
+    world = make_world(folder, grid=4)
+    capture = read_capture(world.capture_path)
+    return gather(capture, render_frames(capture, WorldRenderer(world), cache=LayerCache(folder / "cache")))
+
+
+@own("haloes")
+def haloes(image, view, amount):
+    """Bright places shine on what is near them."""
+    return image + amount * (near(image) - image.mean())
+
+
+def near(image):
+    return gaussian_filter(image, 0.12 * image.shape[1], mode="nearest")
+
+
+def corners(image, view, falloff, gain):
+    """Falls off to its corners by 1 - 0.3 (r^2 + falloff r^4); a right camera has another gain."""
+    u, v = view.field()
+    square = (u**2 + v**2) / 2
+    return image * (1.0 - 0.3 * (square + falloff * square**2)) * (1.0 + gain * view.is_right)
+
+
+def fading_glare(image, view):
+    return 0.7 * image + 0.15 * (image.mean() + near(image))
+
+
+def fit(evidence, space, steps, start=lambda space: space.start):
+    """(the fitter, its fit from start(space))."""
+    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
+    return fitter, fitter.refine(space, np.array(start(space)), fitter.phi0(evidence.nuisances), steps)
+
+
+def seen(clean, bent):
+    """The evidence where images are bent(image, view), DN above black."""
+
+    def exposed(o):
+        dn = Model().signal(Light.of(o.layers), o.view, clean.nuisances) - clean.nuisances.black_dn
+        return replace(o, measured=(bent(dn, o.view) + clean.nuisances.black_dn).astype("float32"))
+
+    return replace(clean, train=tuple(map(exposed, clean.train)))
+
+
+@pytest.mark.parametrize(
+    "bent, first, second, low, high",
+    [
+        (partial(corners, falloff=0.6, gain=0.0), builtin()["vignetting"], dark_corners, 0.0, 0.3),
+        (partial(corners, falloff=0.0, gain=0.1), builtin()["vignetting"], builtin()["gain_mismatch"], 0.7, 1.1),
+        (fading_glare, builtin()["veiling_glare"], haloes, 0.0, 0.3),
+    ],
+    ids=["the formula's own error", "another effect", "glare that fades with distance"],
+)
+def test_a_further_name_explains_what_the_formula_of_the_first_cannot_look_like(clean, bent, first, second, low, high):
+    evidence = seen(clean, bent)
+    fitter, named = fit(evidence, ParameterSpace.of(Model(), first), 6, lambda space: space.start + 0.3)
+    space = ParameterSpace.of(named.model, second)
+    start = space.start.copy()
+    start[len(named.theta)] += 0.05
+    both = fitter.refine(space, start, named.phi, 6)
+    beyond = gain_beyond(freed(linearised(fitter, named), [first], 0.035), both)
+    assert low <= beyond / (named.sums.total - both.sums.total) <= high
+
+
+def warm_charge(image, view):
+    """Dark current that doubles faster than usual."""
+    return image + 400.0 * view.frame.exposure_s * view.frame.gain * 2.0 ** (view.warming_k / 5.0)
+
+
+def of_others(linear, name, others, floor):
+    atoms = atoms_of(linear, [builtin()[other] for other in others], NUMBERS.prior_reach)
+    return stand_ins(linear, builtin()[name], atoms, columns_of(linear, atoms, 1), floor, NUMBERS)
+
+
+@pytest.mark.parametrize(
+    "name, bent, frames, start, steps, twin, other",
+    [
+        ("dark_signal", warm_charge, {0: {"temperature_c": 45.0}, 2: {"exposure_s": 0.002}}, [300.0, 6.0], 8,
+         "black_level", "gain_mismatch"),
+        ("chromatic_drift", None, {0: {"temperature_c": 45.0}, 2: {"temperature_c": 35.0}}, [-0.02, 0.02], 0,
+         "laser_power_drift", "gain_error"),
+    ],
+    ids=["a shape", "a part"],
+)  # fmt: skip
+def test_what_may_stand_for_a_part_of_a_name_is_told(clean, name, bent, frames, start, steps, twin, other):
+    taken = [replace(o.frame, **frames.get(o.frame.id, {})) for o in clean.train]
+    train = (replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(clean.train, taken, strict=True))
+    evidence = replace(clean, train=tuple(train))
+    evidence = seen(evidence, bent) if bent else evidence
+    fitter, named = fit(evidence, ParameterSpace.of(Model(), builtin()[name]), steps, lambda space: start)
+    assert of_others(linearised(fitter, named), name, (twin, other, "lens_psf"), 1e-3) == [twin]
+
+
+def test_a_shape_is_looked_at_within_its_range(clean):
+    subsurface = builtin()["subsurface"]
+    theta = [{"fraction": 0.3, "core": 0.5}.get(p.name, p.neutral) for p in subsurface.parameters]
+    linear = linearised(*fit(clean, ParameterSpace.of(Model(), subsurface), 0, lambda space: theta))
+    assert of_others(linear, "subsurface", ["lens_psf"], 1e12) == []  # a typical core is as wide as its range
+
+
+def test_an_earlier_name_starts_again_within_its_range(clean):
+    """A light's direction may be proposed below all that the light's effect allows."""
+    peaked = replace(dark_corners, starts=lambda images: [{"amount": 0.9}])
+    model = Model().with_effect(peaked, amount=0.1)
+    fitter, both = fit(clean, ParameterSpace.of(model, builtin()["gain_error"]), 0)
+    found = Search._refit_at_peaks(SimpleNamespace(_fitter=fitter), both)
+    assert found.theta[0] == pytest.approx(0.0, abs=0.01)
+
+
+def brightened(light, view, amount, formula):
+    """Ambient light that grows to the right."""
+    return replace(light, ambient=light.ambient * (1.0 + formula(amount * (1.0 + view.field()[0]))))
+
+
+@own("glow", stage=Stage.SURFACE, parameters=[replace(AMOUNT, high=3.0, typical=0.3)])
+def glow(light, view, amount):
+    """It grows linearly, says the image function."""
+    return brightened(light, view, amount, lambda x: x)
+
+
+def engine_law(x):
+    return 1.3 * (np.exp(0.7 * x) - 1.0)
+
+
+@pytest.fixture(scope="module")
+def glowing(clean):
+    """A world whose ambient light follows the engine's formula, without noise."""
+
+    def exposed(o):
+        light = brightened(Light.of(o.layers), o.view, TRUTH, engine_law)
+        return replace(o, measured=Model().signal(light, o.view, clean.nuisances).astype(np.float32))
+
+    return replace(clean, train=tuple(map(exposed, clean.train)))
+
+
+def rendering_of(glowing, calls):
+    """The engine; calls gets the amount of each."""
+
+    def rendering(model):
+        amount = model.effects[0][1]["amount"] if model.effects else 0.0
+        calls.append(amount)
+        lights = {o.key: brightened(Light.of(o.layers), o.view, amount, engine_law) for o in glowing.train}
+        return {key: light.images[:3].astype(np.float32) for key, light in lights.items()}
+
+    return rendering
+
+
+def proposed_by(evidence, effect):
+    """(the fitter, the fit of the image function)."""
+    return fit(evidence, ParameterSpace.of(Model(), effect), 6, lambda space: [0.3])
+
+
+def test_the_engines_images_find_the_parameter_that_the_formula_misses(glowing):
+    calls = []
+    fitter, proposed = proposed_by(glowing, glow)
+    refined = fitted_to_renders(fitter, proposed, rendering_of(glowing, calls))
+    assert abs(proposed.theta[0] - TRUTH) > 0.5 * TRUTH
+    assert refined.theta[0] == pytest.approx(TRUTH, rel=0.1)
+    assert refined.sums.total < 0.2 * proposed.sums.total and refined.effects[-1].id == "glow"
+    assert len(calls) <= 5  # without it, then it and one step of it in each of two rounds
+    o = glowing.train[0]
+    neutral = refined.effects[-1](Light.of(o.layers), o.view, amount=0.0)
+    assert np.array_equal(neutral.ambient, o.layers.ambient)
+
+
+def test_a_search_by_small_steps_ends_with_what_its_rounds_reached(glowing):
+    [amount] = glow.parameters
+    careful = replace(glow, parameters=(replace(amount, slope_step=0.01),))
+    fitter, proposed = proposed_by(glowing, careful)
+    refined = fitted_to_renders(fitter, proposed, rendering_of(glowing, []))
+    assert abs(refined.theta[0] - TRUTH) < abs(proposed.theta[0] - TRUTH)
+    assert refined.sums.total < proposed.sums.total
+
+
+def test_a_fit_to_images_that_are_no_better_is_the_formulas(glowing):
+    fitter, proposed = proposed_by(glowing, glow)
+    dark = rendering_of(replace(glowing, train=tuple(replace(o, layers=dimmed(o.layers)) for o in glowing.train)), [])
+    assert fitted_to_renders(fitter, proposed, dark) is proposed
+
+
+def dimmed(layers):
+    """Layers without ambient light: the engine sees nothing of the effect."""
+    return Layers(layers.direct, layers.indirect, 0.0 * layers.ambient, layers.flat, layers.depth_m, layers.normal,
+                  layers.material)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def curved(clean):
+    """A world without noise, seen by a sensor whose values grow with the logarithm of light."""
+
+    def logarithm(dn, view):
+        return view.max_dn * np.log1p(CURVATURE * np.maximum(dn, 0.0) / view.max_dn) / np.log1p(CURVATURE)
+
+    return seen(clean, logarithm)
+
+
+def fitted_to_curve(curved, effect):
+    return fit(curved, ParameterSpace.of(Model(), builtin().get(effect)), 8, lambda space: space.start + 0.1)
+
+
+def test_a_curve_of_any_shape_takes_what_the_formula_of_the_response_leaves(curved):
+    fitter, formula = fitted_to_curve(curved, "response_gamma")
+    curve = refit_free_curve(fitter, formula)
+    assert curve.sums.total < 0.2 * formula.sums.total
+    assert curve.theta == pytest.approx(formula.theta, abs=0.05)
+    dark = np.zeros((4, 4))
+    (effect, _), view = curve.model.effects[0], curved.train[0].view
+    np.testing.assert_array_equal(effect.apply(dark, view, log_exponent=0.0), dark)
+
+
+@pytest.mark.parametrize("effect", ["gain_mismatch", "none"])
+def test_what_is_no_curve_of_values_keeps_its_fit(curved, effect):
+    fitter, formula = fitted_to_curve(curved, effect)
+    assert refit_free_curve(fitter, formula) is formula
