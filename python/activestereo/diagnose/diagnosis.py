@@ -25,7 +25,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
-from activestereo.compare.render import WARP_SCALE, LayersOfFrames, Renderer, render_frames, render_halves
+from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, render_frames, render_halves
 from activestereo.diagnose.depth_engine import depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence
@@ -39,13 +39,7 @@ from activestereo.diagnose.kept import FitCache, keep, key_of
 from activestereo.diagnose.kept import kept as found_before
 from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.numbers import NUMBERS, Numbers
-from activestereo.diagnose.ranking import (
-    judging_of,
-    parameters_of,
-    probabilities_of,
-    ranking_of,
-    sets_of,
-)
+from activestereo.diagnose.ranking import judging_of, parameters_of, probabilities_of, ranking_of, sets_of
 from activestereo.diagnose.refit import Rendering
 from activestereo.diagnose.residual_model import effect_stub, residual_model
 from activestereo.diagnose.search import Outcome, Search, restore_functions
@@ -192,13 +186,11 @@ def diagnose(
     phases.begin(RENDERING)
     searched = half_samples(samples_per_pixel or usual_samples(capture))
     samples_per_pixel = samples_per_pixel or usual_samples(whole)
-    sampled: dict[str, Any] = {"samples_per_pixel": searched, "max_bounces": max_bounces}
-    sampled |= {"seed": seed, "cache": kept, "scale": WARP_SCALE}
-    known = _effects_of(model, capture.scene_path)
-    made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
+    known, made_by = _effects_of(model, capture.scene_path), (renderer.version, searched, max_bounces)
 
     def render(capture: Capture, split: str = "train", progress: Progress | None = phases) -> LayersOfFrames:
-        return render_frames(capture, tracer, **sampled, progress=progress, frames=capture.split(split))
+        sampled = searched, max_bounces, seed, kept, progress, WARP_SCALE
+        return render_frames(capture, tracer, *sampled, capture.split(split))
 
     def located(model: Model, near: Evidence | None = None) -> tuple[Evidence, Rendering | None]:
         evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near)
@@ -208,9 +200,11 @@ def diagnose(
         test = partial(render, split="test", progress=None)
         return with_test_frames(evidence, fitter, solution, model, test)
 
-    told: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
-    told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
-    base = partial(render_halves, renderer=renderer, cache=kept, **told)
+    sampled = samples_per_pixel, max_bounces, seed, kept, part_of(phases, 0.0, _BASE_SHARE), WARP_SCALE
+
+    def base(capture: Capture) -> Halves:
+        return render_halves(capture, tracer, *sampled)
+
     errors = ErrorsOfModels(whole, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
     made = RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed)
     options = made, searched, capture.binning, numbers, rendering is None, engines is None

@@ -266,12 +266,7 @@ class Fitter:
         return sums
 
     def pixel_slopes(
-        self,
-        space: ParameterSpace,
-        theta: np.ndarray,
-        phi: np.ndarray,
-        lights: Iterable[Light],
-        n_theta: int,
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light], n_theta: int
     ) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
         """Yields, for each observation, (pixels, derivatives [n] by the first n_theta of theta, scales, black level and
         focal lengths, residual [n])."""

@@ -23,13 +23,7 @@ from activestereo.compare.noise import (
 )
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import LayersOfFrames
-from activestereo.diagnose.evidence import (
-    TILE_PX,
-    Evidence,
-    Observation,
-    edge_discrepancy,
-    weight_of,
-)
+from activestereo.diagnose.evidence import TILE_PX, Evidence, Observation, edge_discrepancy, weight_of
 from activestereo.diagnose.fitter import ImageResidual
 from activestereo.diagnose.geometry import Geometry, focal_slopes, geometry_slopes
 from activestereo.effects import Model, View
@@ -63,36 +57,20 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
     if shown is None:
         noise_variances = {s.key: noise_model.image_variance(s) for s in measured_images}
     tiles, count = _tiles(train)
-    material_of = _material_of(capture)
-    materials = _albedo_materials(train, material_of)
     evidence = Evidence(
-        capture=capture,
-        train=(),
-        test=(),
-        nuisances=nuisances,
-        noise_model=noise_model,
-        noise_variances=noise_variances,
-        has_floor=shown is not None,
-        materials=len(materials),
-        tiles=count,
-        geometry=geometry,
-        seed=seed,
+        capture, (), (), nuisances, noise_model, noise_variances, shown is not None, 0, count, geometry, seed
     )
-    edge_discrepancy_m = edge_discrepancy(train, predicted, noise_model)
-    observed = _observed(evidence, measured_images, tiles, edge_discrepancy_m, material_of, materials)
+    observed, materials = _observed(evidence, measured_images, tiles, train)
     of = {split: tuple(o for o in observed if o.frame.split == split) for split in SPLITS}
-    return replace(evidence, **of)
+    return replace(evidence, materials=materials, **of)
 
 
 def held_out(evidence: Evidence, capture: Capture, layers: LayersOfFrames) -> tuple[Observation, ...]:
     """Makes observations of the frames that have layers, with the noise and the materials of the evidence's train
     frames."""
-    images, noise = _measured_images(capture, layers, evidence.seed), evidence.noise_model
-    variances = {s.key: noise.image_variance(s) for s in images}
-    evidence, train = replace(evidence, noise_variances=variances | evidence.noise_variances), evidence.train
-    edge_discrepancy_m = edge_discrepancy(train, _predicted(train, evidence.nuisances), noise)
-    material_of = _material_of(evidence.capture)
-    return _observed(evidence, images, {}, edge_discrepancy_m, material_of, _albedo_materials(train, material_of))
+    images = _measured_images(capture, layers, evidence.seed)
+    variances = {s.key: evidence.noise_model.image_variance(s) for s in images} | evidence.noise_variances
+    return _observed(replace(evidence, noise_variances=variances), images, {}, evidence.train)[0]
 
 
 def _measured_images(capture: Capture, layers: LayersOfFrames, seed: int) -> list[MeasuredImage]:
@@ -114,19 +92,32 @@ def _observed(
     evidence: Evidence,
     images: Sequence[MeasuredImage],
     tiles: Mapping[tuple[int, str], np.ndarray],
-    edge_discrepancy_m: float,
-    material_of: np.ndarray,
-    materials: Sequence[int],
-) -> tuple[Observation, ...]:
-    """Makes observations of images: adds weights, slopes and materials. tiles: each pixel's tile, of train images only.
-    edge_discrepancy_m, material_of, materials: as found on the train images."""
+    train: Sequence[MeasuredImage],
+) -> tuple[tuple[Observation, ...], int]:
+    """Makes observations of images: adds weights, slopes and materials. Returns them and the number of albedo
+    nuisances. tiles: each pixel's tile, of train images only. train: tell how far edges may be misplaced, and which
+    materials cover enough: all but the largest one, whose albedo is part of the scales."""
     nuisances, noise_model, places = evidence.nuisances, evidence.noise_model, evidence.geometry.places()
+    edge_discrepancy_m = edge_discrepancy(train, _predicted(train, nuisances), noise_model)
     expected = _expected(images, evidence.noise_variances, nuisances)
     growing, moving = focal_slopes(images, nuisances), geometry_slopes(images, nuisances)
+    material_of = np.array([s.material for s in scene_surfaces(evidence.capture.scene_path)], dtype=np.int64)
+
+    def material(s: MeasuredImage) -> np.ndarray:
+        """Returns the material of each pixel's surface; a number that is no surface of the scene file stays. All
+        objects of one material share an albedo error."""
+        surface = np.asarray(s.layers.material).astype(np.int64)
+        known = surface < len(material_of)
+        return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
+
+    seen_by_train = [material(s).ravel() if s.view.known is None else material(s)[s.view.known] for s in train]
+    ids, counts = np.unique(np.concatenate(seen_by_train), return_counts=True)
+    least = _SMALLEST_MATERIAL * counts.sum()
+    materials = [ids[i] for i in np.argsort(-counts) if counts[i] > least][1:]
 
     def observation(s: MeasuredImage) -> Observation:
         tile = tiles.get(s.key)
-        index, seen = np.full(s.measured.shape, -1, np.int16), _materials(s, material_of)
+        index, seen = np.full(s.measured.shape, -1, np.int16), material(s)
         for number, name in enumerate(materials):
             index[seen == name] = number
         return Observation(
@@ -144,7 +135,7 @@ def _observed(
             None if s.view.known is None else np.flatnonzero(s.view.known),
         )
 
-    return tuple(map(observation, images))
+    return tuple(map(observation, images)), len(materials)
 
 
 def _expected(
@@ -181,30 +172,6 @@ def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.nda
         out[s.key] = (first + rows[:, None] * across + columns[None]).astype(np.int32)
         first += (rows[-1] + 1) * across
     return out, int(first)
-
-
-def _material_of(capture: Capture) -> np.ndarray:
-    """Returns the material of every surface, by the surface's number. All objects of one material share an albedo
-    error."""
-    return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
-
-
-def _materials(measured_image: MeasuredImage, material_of: np.ndarray) -> np.ndarray:
-    """Returns the material of each pixel's surface, [height][width]. A number that is no surface of the scene file
-    stays."""
-    surface = np.asarray(measured_image.layers.material).astype(np.int64)
-    known = surface < len(material_of)
-    return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
-
-
-def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -> list[int]:
-    """Returns the materials that cover enough of the train frames, largest first, without the largest one: its albedo
-    is part of the scales."""
-    images = [(_materials(s, material_of), s.view.known) for s in train]
-    seen = [material.ravel() if known is None else material[known] for material, known in images]
-    ids, counts = np.unique(np.concatenate(seen), return_counts=True)
-    order = np.argsort(-counts)
-    return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
 
 
 def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:

@@ -258,9 +258,7 @@ def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
 
 
 def derivatives_in_dn(
-    images: Sequence[MeasuredImage],
-    nuisances: Nuisances,
-    of_light: Callable[[MeasuredImage], NDArray[np.float32]],
+    images: Sequence[MeasuredImage], nuisances: Nuisances, of_light: Callable[[MeasuredImage], NDArray[np.float32]]
 ) -> dict[ImageKey, NDArray[np.float32]]:
     """Returns {(frame id, side): derivatives of an image, DN, [...][height][width]}, 0 at clipped pixels.
 

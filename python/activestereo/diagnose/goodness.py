@@ -61,7 +61,12 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
     typical = np.array([p.typical for p in parameters])
     away = (solution.theta[free] - solution.space.neutral[free]) / typical
     density = np.array([_log_density(p, x) for p, x in zip(parameters, away, strict=True)])
-    information = _information(fitter, solution, free) * np.outer(typical, typical) / design
+    # What the data tell of these parameters with all others and the nuisances fitted too (Schur's complement).
+    gram = solution.sums.gram + np.diag(fitter.prior(len(solution.theta), solution.space))
+    rest = np.setdiff1d(np.arange(len(gram)), free)
+    cross = gram[np.ix_(free, rest)]
+    told = gram[np.ix_(free, free)] - cross @ inverse_normal_matrix(gram[np.ix_(rest, rest)]) @ cross.T
+    information = told * np.outer(typical, typical) / design
     sizes = range(1, len(free) + 1)
     kept = (list(chosen) for size in sizes for chosen in combinations(range(len(free)), size))
     peaks = np.array([_log_density(p, 0.0) for p in parameters])
@@ -82,15 +87,6 @@ def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: n
     told = inner + 2.0 * np.pi * np.diag(np.exp(2.0 * peaks[used]))
     volume = len(used) * np.log(2.0 * np.pi) - np.linalg.slogdet(told)[1]
     return float(density[kept].sum() + 0.5 * volume - 0.5 * max(loss, 0.0))
-
-
-def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.ndarray:
-    """Returns the information on the chosen parameters with all others and the nuisances fitted too (Schur's
-    complement)."""
-    gram = solution.sums.gram + np.diag(fitter.prior(len(solution.theta), solution.space))
-    rest = np.setdiff1d(np.arange(len(gram)), chosen)
-    cross = gram[np.ix_(chosen, rest)]
-    return gram[np.ix_(chosen, chosen)] - cross @ inverse_normal_matrix(gram[np.ix_(rest, rest)]) @ cross.T
 
 
 def _log_density(parameter: Parameter, away: float) -> float:
@@ -141,10 +137,7 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits], has_floor: bool =
     out = {}
     for p in effect.parameters:
         value, low, high = found.get(p.name, (p.neutral, p.low, p.high))
-        low, high = (
-            min(max(p.low, low), p.high),
-            max(min(p.high, high), p.low),
-        )  # a NaN end becomes the range's end
+        low, high = (min(max(p.low, low), p.high), max(min(p.high, high), p.low))  # a NaN end becomes the range's end
         least = floor(p, value) if has_floor and p.name in found else 0.0
         out[p.name] = Interval(float(np.clip(value, p.low, p.high)), float(low), float(high), p.unit, least)
     return out

@@ -121,18 +121,15 @@ def sets_of(outcome: Outcome) -> list[Json]:
     """Returns [{effects, probabilities, rivals}] for each named effect. effects: those that this recording cannot tell
     apart, likeliest first. rivals: {effect: share of the error that it explains} of other fitted effects, the best
     first."""
-    return [
-        {"effects": list(n.members), "probabilities": list(n.members.values()), "rivals": _rivals(outcome, n)}
-        for n in outcome.names
-    ]
-
-
-def _rivals(outcome: Outcome, name: Name) -> dict[str, float]:
-    if name.seen is None:
-        return {}
-    gains = {id: (name.seen.chi2 - fit.chi2) / outcome.fitter.pixels_used() for id, fit in name.seen.fits.items()}
-    others = {id: _explained(outcome, gain) for id, gain in gains.items() if id not in name.members}
-    return dict(sorted(others.items(), key=lambda other: -other[1]))
+    pixels, sets = outcome.fitter.pixels_used(), list[Json]()
+    for name in outcome.names:
+        seen, rivals = name.seen, dict[str, float]()
+        if seen is not None:
+            shares = {id: _explained(outcome, (seen.chi2 - fit.chi2) / pixels) for id, fit in seen.fits.items()}
+            rivals = {id: share for id, share in shares.items() if id not in name.members}
+            rivals = dict(sorted(rivals.items(), key=lambda rival: -rival[1]))
+        sets.append({"effects": [*name.members], "probabilities": [*name.members.values()], "rivals": rivals})
+    return sets
 
 
 def _explained(outcome: Outcome, gain: float) -> float:

@@ -248,7 +248,10 @@ class Search:
         self._rounds.append(now)
         if sum(n.seen is not None for n in self._names) == numbers.most_names or max(by_line, by_draws) < floor:
             return False
-        fits = self._fits(found)
+        most = max((c.gain for c in found.values()), default=0.0)
+        likely = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
+        given = self._solution.model, self._solution.phi, likely, self._chi2, self._rendering, self._settings.workers
+        fits = refits(self._fitter, self._scored, *given)
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():
@@ -337,14 +340,6 @@ class Search:
     def _is_open(self, effect: Effect) -> bool:
         """Returns whether an effect may still be named. One that was dropped stays out, so that the search ends."""
         return effect.id not in self._needless | {n.id for n in self._names}
-
-    def _fits(self, found: dict[str, Candidate]) -> dict[str, Refit]:
-        most = max((c.gain for c in found.values()), default=0.0)
-        chosen = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
-        model, phi = self._solution.model, self._solution.phi
-        return refits(
-            self._fitter, self._scored, model, phi, chosen, self._chi2, self._rendering, self._settings.workers
-        )
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
         """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: chi2 that

@@ -50,11 +50,21 @@ class Hit:
 
     def values(self) -> dict[str, float]:
         """Returns the effect's parameters at the fitted coefficients."""
-        return _values(self.atom, self.coefficients, self.surfaces)
+        return self._at(self.coefficients)
 
     def point(self) -> dict[str, float]:
         """Returns {parameter: value} of the effect at this dictionary entry (atom), before any fit."""
-        return _values(self.atom, np.eye(1, len(self.coefficients))[0], self.surfaces)
+        return self._at(np.eye(1, len(self.coefficients))[0])
+
+    def _at(self, coefficients: NDArray[np.float64]) -> dict[str, float]:
+        values, parameters = dict(self.atom.values), {p.name: p for p in self.atom.effect.parameters}
+        (lead, step), *more = self.atom.steps
+        values[lead] = parameters[lead].neutral + coefficients[0] * step
+        for (name, step), b in zip(more, coefficients[1:], strict=True):
+            values[name] += b * step
+        if self.surfaces is not None:
+            values[SURFACES.name] = float(sum(2**k for k in self.surfaces))
+        return {name: float(np.clip(v, parameters[name].low, parameters[name].high)) for name, v in values.items()}
 
 
 @dataclass(frozen=True)
@@ -130,17 +140,6 @@ def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequen
             return free, float(b @ u[free])
         free = [j for j in free if j not in bad]
     return [], 0.0
-
-
-def _values(atom: Atom, coefficients: NDArray[np.float64], surfaces: tuple[int, ...] | None) -> dict[str, float]:
-    values, parameters = dict(atom.values), {p.name: p for p in atom.effect.parameters}
-    (lead, step), *more = atom.steps
-    values[lead] = parameters[lead].neutral + coefficients[0] * step
-    for (name, step), b in zip(more, coefficients[1:], strict=True):
-        values[name] += b * step
-    if surfaces is not None:
-        values[SURFACES.name] = float(sum(2**k for k in surfaces))
-    return {name: float(np.clip(v, parameters[name].low, parameters[name].high)) for name, v in values.items()}
 
 
 def gain_by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:

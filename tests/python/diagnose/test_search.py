@@ -23,15 +23,7 @@ from activestereo.diagnose.ranking import ranking_of
 from activestereo.diagnose.refit import Refit
 from activestereo.diagnose.search import Name, Round
 from activestereo.diagnose.selection import Hit, _candidate, credible
-from activestereo.diagnose.verdict import (
-    EFFECT,
-    NONE,
-    UNDETERMINED,
-    UNKNOWN,
-    Remainder,
-    probability_right,
-    verdict_of,
-)
+from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED, UNKNOWN, Remainder, probability_right, verdict_of
 from activestereo.effects import Model, Parameter, builtin
 from activestereo.effects.core.descriptor import Lever, StartImage
 from activestereo.effects.core.dots import DotView
