@@ -104,10 +104,8 @@ def _device_disparity(args: argparse.Namespace, shape: tuple[int, ...]) -> np.nd
     depth = read_gray(args.device_depth, key="depth")
     step = shape[0] // depth.shape[0] if depth.shape[0] else 0
     if step < 1 or (depth.shape[0] * step, depth.shape[1] * step) != shape:
-        raise cli.CommandError(
-            f"{args.device_depth} is {depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}: "
-            "not a whole number of times smaller"
-        )
+        sizes = f"{depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}"
+        raise cli.CommandError(f"{args.device_depth} is {sizes}: not a whole number of times smaller")
     metres, out = depth * args.depth_scale, np.zeros(shape)
     out[::step, ::step] = np.where(metres > 0, args.k[0, 0] * args.baseline / np.where(metres > 0, metres, 1.0), 0.0)
     return out

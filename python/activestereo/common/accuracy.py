@@ -39,13 +39,9 @@ def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarra
 
 
 def accuracy_by_material(
-    measured: np.ndarray,
-    true: np.ndarray,
-    ids: np.ndarray,
-    name_of: Callable[[int], str | None],
-    max_depth: float = np.inf,
-    least_pixels: int = 50,
-) -> list[Accuracy]:
+    measured: np.ndarray, true: np.ndarray, ids: np.ndarray, name_of: Callable[[int], str | None],
+    max_depth: float = np.inf, least_pixels: int = 50,
+) -> list[Accuracy]:  # fmt: skip
     """Computes an Accuracy for each material with at least `least_pixels` pixels, largest first. Behind them come one
     for the pixels without a surface, if there are as many, and one for all pixels. measured, true: metres [height,
     width], 0 = none. ids: material number of each pixel. name_of(number): a material's name, None = nameless."""
@@ -68,11 +64,8 @@ def accuracy_table(rows: Sequence[Accuracy]) -> str:
     """Formats the rows as an aligned text table with a header line."""
     lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}{'invented':>11}"]
     for row in rows:
-        errors = (
-            f"{1e3 * error:.1f} mm" if np.isfinite(error) else "-" for error in (row.median_error_m, row.p90_error_m)
-        )
+        both = row.median_error_m, row.p90_error_m
+        median, p90 = (f"{1e3 * error:.1f} mm" if np.isfinite(error) else "-" for error in both)
         measured, invented = (f"{100.0 * share:.1f} %" if row.pixels else "-" for share in (row.fill, row.invented))
-        lines.append(
-            f"{row.name[:15]:16}{row.pixels:>9}{measured:>11}{next(errors):>15}{next(errors):>14}{invented:>11}"
-        )
+        lines.append(f"{row.name[:15]:16}{row.pixels:>9}{measured:>11}{median:>15}{p90:>14}{invented:>11}")
     return "\n".join(lines)

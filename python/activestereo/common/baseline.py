@@ -17,10 +17,8 @@ def unit_question(baseline: float) -> str | None:
     else None."""
     if baseline <= MOST_BASELINE_M:
         return None
-    return (
-        f"is {baseline:g} m, more than any pair of depth cameras is apart: is it in millimetres? Then give --baseline "
-        f"{1e-3 * baseline:g}"
-    )
+    question = f"is {baseline:g} m, more than any pair of depth cameras is apart: is it in millimetres?"
+    return f"{question} Then give --baseline {1e-3 * baseline:g}"
 
 
 def chosen_baseline_m(name: str, told_m: float, given_m: float | None) -> float:

@@ -27,9 +27,7 @@ class PatternDesign:
     height: int
     dot_pitch_px: float  # side of the cell that holds one dot; of lattices, in the image's middle
     dot_sigma_px: float  # of the Gaussian spot
-    weakest_dot: float = (
-        0.5  # dot peaks are uniform in weakest_dot..1, about the spread seen on devices once falloff is taken out
-    )
+    weakest_dot: float = 0.5  # peaks are uniform from here to 1, as on devices once falloff is taken out
     background: float = 0.02  # light between the dots, relative to the brightest peak
     seed: int = 0
     lattice_angles_deg: tuple[float, ...] = ()  # one lattice each, turned from the rows; () = one dot a cell

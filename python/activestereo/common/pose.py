@@ -39,18 +39,10 @@ class Pose:
             p, q = matrix[:3, 3], _quaternion(matrix[:3, :3])
         self.p = np.array(p, dtype=np.float64)
         self.q = np.array(q, dtype=np.float64)
-        norm = np.linalg.norm(self.q)
-        if (
-            self.p.shape != (3,)
-            or self.q.shape != (4,)
-            or not np.isfinite(self.p).all()
-            or not norm > 0.0
-            or not np.isfinite(norm)
-        ):
-            raise ValueError(
-                "a pose needs a position of 3 and a quaternion of 4 finite numbers, or a rigid 4x4 matrix; "
-                f"got {np.asarray(p)} and {np.asarray(q)}"
-            )
+        norm, has_shapes = np.linalg.norm(self.q), (self.p.shape, self.q.shape) == ((3,), (4,))
+        if not (has_shapes and np.isfinite(self.p).all() and 0.0 < norm < np.inf):
+            needed = "a pose needs a position of 3 and a quaternion of 4 finite numbers, or a rigid 4x4 matrix"
+            raise ValueError(f"{needed}; got {np.asarray(p)} and {np.asarray(q)}")
         self.q /= norm
 
     def to_transformation_matrix(self) -> NDArray[Any]:
@@ -178,14 +170,10 @@ def _quaternion(rotation: NDArray[Any]) -> NDArray[Any]:
     """Computes the unit quaternion (w, x, y, z) of a 3x3 rotation: an eigenvector of Bar-Itzhack's symmetric matrix,
     accurate at every angle (J. Guidance 23(6), 2000)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
-    k = np.array(
-        [
-            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
-            [zy - yz, xx - yy - zz, yx + xy, xz + zx],
-            [xz - zx, yx + xy, yy - xx - zz, zy + yz],
-            [yx - xy, xz + zx, zy + yz, zz - xx - yy],
-        ]
-    )
+    k = [
+        [xx + yy + zz, zy - yz, xz - zx, yx - xy], [zy - yz, xx - yy - zz, yx + xy, xz + zx],
+        [xz - zx, yx + xy, yy - xx - zz, zy + yz], [yx - xy, xz + zx, zy + yz, zz - xx - yy],
+    ]  # fmt: skip
     q = np.linalg.eigh(k)[1][:, 3]
     return q if q[0] >= 0 else -q
 

@@ -29,20 +29,15 @@ _CHARTS = 8
 def cards(scores: dict[str, Any]) -> str:
     parts = []
     for split, values in scores["ir"].items():
-        floor = (
-            "noise floor unknown"
-            if values["noise_floor_dn"] is None
-            else f"noise floor {values['noise_floor_dn']:.2f} DN"
-        )
+        known = values["noise_floor_dn"]
+        floor = "noise floor unknown" if known is None else f"noise floor {known:.2f} DN"
         above = "" if values["explainable_rmse_dn"] is None else f", explainable {values['explainable_rmse_dn']:.2f} DN"
         parts.append(card(f"infrared RMSE, {split}", f"{values['rmse_dn']:.2f} DN", floor + above))
     for split, values in scores["depth"].items():
         floor = f"noise floor {values['noise_floor_px']:.3f} px" if values["noise_floor_px"] is not None else ""
-        metres = (
-            ""
-            if values["rmse_m"] is None
-            else f", {1e3 * values['rmse_m']:.1f} mm, bias {1e3 * values['bias_m']:+.1f} mm"
-        )
+        metres = ""
+        if values["rmse_m"] is not None:
+            metres = f", {1e3 * values['rmse_m']:.1f} mm, bias {1e3 * values['bias_m']:+.1f} mm"
         parts.append(card(f"depth RMSE, {split}", _number(values["rmse_px"], "px"), floor + metres))
         fill = f"{100 * values['fill_measured']:.1f} / {100 * values['fill_model']:.1f} %"
         parts.append(card(f"fill, device / model, {split}", fill, f"validity IoU {values['validity_iou']:.3f}"))
@@ -63,10 +58,8 @@ def comparison_sections(comparison: Comparison) -> list[str]:
 def settings_section(scores: dict[str, Any]) -> str:
     nuisances, errors = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
     rows = [[text(name.replace("_", " ")), f"{nuisances[name]:.6g}", f"± {errors[name]:.2g}"] for name in nuisances]
-    made = (
-        f"{scores['renderer']}; {scores['samples_per_pixel']} samples per pixel, {scores['max_bounces']} bounces, seed "
-        f"{scores['seed']}."
-    )
+    quality = f"{scores['samples_per_pixel']} samples per pixel, {scores['max_bounces']} bounces"
+    made = f"{scores['renderer']}; {quality}, seed {scores['seed']}."
     clipped = f"{100 * scores['fit']['clipped_fraction']:.2f} % of the pixels were clipped and left out."
     model = "".join(f'<span class="tag">{text(name)}</span>' for name in scores["effects"]) or "none: the base model"
     return section(
@@ -87,10 +80,8 @@ def _depth_table(depth: dict[str, Any]) -> str:
     rows = []
     for split, values in depth.items():
         pairs = [("device against model", values, values["noise_floor_px"])]
-        pairs += [
-            (f"{'device' if who == 'measured' else 'model'} against geometry", v, None)
-            for who, v in values["truth"].items()
-        ]
+        names = {"measured": "device against geometry", "model": "model against geometry"}
+        pairs += [(names[who], v, None) for who, v in values["truth"].items()]
         for name, error, floor in pairs:
             bias = "—" if error["bias_m"] is None else f"{1e3 * error['bias_m']:+.1f} mm"
             rmse_mm = "—" if error["rmse_m"] is None else f"{1e3 * error['rmse_m']:.1f} mm"
@@ -99,20 +90,17 @@ def _depth_table(depth: dict[str, Any]) -> str:
     source = {v["noise_floor_from"] for v in depth.values()}
     note = "two repeats of the device" if source == {"repeats"} else "two noisy exposures of the model, matched alike"
     head = ["", "", "RMSE", "bias", "RMSE, disparity", "median, disparity", "noise floor"]
-    return (
-        table(head, rows, numbers=range(2, 7))
-        + f'<p class="muted small">Noise floor: {note}. The pictures above show the depth images, too.</p>'
-    )
+    said = f"Noise floor: {note}. The pictures above show the depth images, too."
+    return f'{table(head, rows, numbers=range(2, 7))}<p class="muted small">{said}</p>'
 
 
 def _noise(scores: dict[str, Any]) -> str:
     if not scores["photon_transfer"]:
         return "<p>No frames are repeated: the noise floor and the photon transfer are unknown.</p>"
     noise = scores["noise_model"]
-    words = (
-        f"variance = {noise['offset']:.3g} + {noise['shot']:.3g} · gain · s + {noise['relative']:.3g} · s², s in DN "
-        f"above {noise['black_dn']:.3g}: read noise, shot noise and speckle, from frames repeated at one pose."
-    )
+    terms = f"{noise['offset']:.3g} + {noise['shot']:.3g} · gain · s + {noise['relative']:.3g} · s²"
+    words = f"variance = {terms}, s in DN above {noise['black_dn']:.3g}: read noise, shot noise and speckle, "
+    words += "from frames repeated at one pose."
     picture = chart(photon_transfer_chart(scores["photon_transfer"], noise), "photon transfer")
     return f'<div style="max-width:560px">{picture}</div><p class="muted small">{text(words)}</p>'
 
@@ -140,21 +128,19 @@ def _where(scores: dict[str, Any]) -> str:
 
 
 def _regions(region: dict[str, Any]) -> str:
-    parts = []
-    head = region["headline"]
-    if head:
-        share = (
-            f"{100 * head['share']:.0f} % of the explainable error in {100 * head['pixel_share']:.0f} % of the pixels"
-        )
-        parts.append(f'<p class="headline"><b>{share}:</b> {text(head["words"])}</p>')
+    said = ""
+    if head := region["headline"]:
+        pixels = f"{100 * head['pixel_share']:.0f} % of the pixels"
+        share = f"{100 * head['share']:.0f} % of the explainable error in {pixels}"
+        said = f'<p class="headline"><b>{share}:</b> {text(head["words"])}</p>'
     rows = [
         [text(leaf["words"]), share_bar(leaf["share"], leaf["share_interval"], leaf["pixel_share"]),
          f"{100 * leaf['share']:.0f} %", "{:.0f} … {:.0f} %".format(*(100 * v for v in leaf["share_interval"])),
          f"{100 * leaf['pixel_share']:.0f} %"]
         for leaf in region["leaves"]
     ]  # fmt: skip
-    head = ["region", "explainable error (orange: pixels)", "share", "95 %", "pixels"]
-    return "".join(parts) + table(head, rows, numbers=(2, 3, 4), wide=True)
+    titles = ["region", "explainable error (orange: pixels)", "share", "95 %", "pixels"]
+    return said + table(titles, rows, numbers=(2, 3, 4), wide=True)
 
 
 def _tables(tables: Sequence[dict[str, Any]]) -> str:
@@ -169,16 +155,8 @@ def _tables(tables: Sequence[dict[str, Any]]) -> str:
              f"{b['noise_floor']:.3g}", f"{b['excess']:.3g}", "{:.3g} … {:.3g}".format(*b["excess_interval"])]
             for b in entry["bins"]
         ]  # fmt: skip
-        head = [
-            _WORDS[entry["covariate"]] + unit,
-            "pixels",
-            "mean",
-            "95 %",
-            "RMSE",
-            "noise floor",
-            "squared excess",
-            "95 %",
-        ]
+        figures = "pixels", "mean", "95 %", "RMSE", "noise floor", "squared excess", "95 %"
+        head = [_WORDS[entry["covariate"]] + unit, *figures]
         title = f"{_WORDS[entry['covariate']]}: {mark}, q = {entry['q_value']:.2g}{share}"
         parts.append(f"<details><summary>{text(title)}</summary>{table(head, rows, numbers=range(1, 8))}</details>")
     return f"<details><summary>All {len(tables)} tables</summary>{''.join(parts)}</details>"

@@ -51,10 +51,8 @@ def split_sentences(split: Split | None) -> list[str]:
     said.append(f"Of the square of that error {makes}" + (f", less {takes}." if takes else "."))
     if not split["images_agree"]:
         said.append("The images still lack something, which counts as any matcher's.")
-    places = [
-        f"{1e3 * place['after']['rms_m']:.2f} mm at {place['from_m']:.2f} to {place['to_m']:.2f} m"
-        for place in split["by_distance"]
-    ]
+    rows = split["by_distance"]
+    places = [f"{1e3 * r['after']['rms_m']:.2f} mm at {r['from_m']:.2f} to {r['to_m']:.2f} m" for r in rows]
     return [*said, f"It is {listed(places)}."]
 
 
@@ -179,14 +177,16 @@ def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
     for entry in depth["ranking"]:
         if entry["effect"] in depth["added"] or (entry["nuisance"] and entry["score_nats"] > 0):
             kind = "not a fault of the sensor" if entry["nuisance"] else "added"
-            lines.append(
-                f"  {entry['effect']}, {kind}: {_values(entry)}; {100 * entry['explained_share']:.0f} % of its error"
-            )
+            share = f"{100 * entry['explained_share']:.0f} % of its error"
+            lines.append(f"  {entry['effect']}, {kind}: {_values(entry)}; {share}")
     return lines
 
 
 _NO_IMAGE = '<span class="muted small">no expected image of its own</span>'
 _EMPTY = ("—", _NO_IMAGE)  # a column of these is left out
+_LEAVES = """\
+What it leaves: the residual of the frame and camera chosen above when this effect alone is added; projector, ambient
+and black level are fitted again, focal lengths and albedos are not. A click shows it among the large pictures."""
 _ENGINE_VERDICT = {
     "effect": "It has a fault",
     "none": "It has no fault that another matcher would not show as well",
@@ -199,10 +199,8 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
     shown: effects whose residual images are on the page."""
     parts = []
     if model := diagnosis.get("residual_model"):
-        rows = [
-            [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"]
-            for t in model.get("terms", [])
-        ]
+        found = model.get("terms", [])
+        rows = [[text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in found]
         terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
         stage = f"<p class='muted small'>Stage: {text(model['stage'].lower())}</p>"
         parts.append(section("Model of what is left", f"<p>{text(model['text'])}</p>{stage}{terms}"))
@@ -236,12 +234,12 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
             name += f"<br><span class='small'>yours: {text(own[entry['effect']])}</span>"
         share = entry.get("explained_share")
         explains = "—" if share is None else share_bar(share) + f"{100 * share:.0f} %"
-        rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", explains, values, twins,
-                     _residual(entry["effect"], shown)])  # fmt: skip
-    head = [
-        "", "effect, family", "gain, nats", "explains", "fitted value (90 %)", "cannot be told from",
-        "what it leaves",
-    ]  # fmt: skip
+        canvas = f'<canvas data-model="{text(entry["effect"])}" tabindex="0" title="show it large"></canvas>'
+        leaves = f'<figure class="row">{canvas}<figcaption></figcaption></figure>'
+        leaves = leaves if entry["effect"] in shown else _NO_IMAGE
+        rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", explains, values, twins, leaves])
+    head = ["", "effect, family", "gain, nats", "explains", "fitted value (90 %)"]
+    head += ["cannot be told from", "what it leaves"]
     used = [any(row[column] not in _EMPTY for row in rows) for column in range(len(head))]
     head, *rows = ([cell for cell, is_used in zip(row, used, strict=True) if is_used] for row in [head, *rows])
     placed = {entry["effect"] for entry in ranking}
@@ -252,19 +250,8 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
     rest = left_out + (f'<p class="muted small">{more} more in diagnose.json.</p>' if more else "")
     words = [NATS_WORDS, *([EXPLAINS_WORDS] if "explains" in head else []), FLOOR_WORDS]
     legend = f'<p class="muted small">Gain in {"; ".join(words)}.</p>'
-    note = (
-        '<p class="muted small">What it leaves: the residual of the frame and camera chosen above when this effect '
-        "alone is added; projector, ambient and black level are fitted again, focal lengths and albedos are not. A "
-        "click shows it among the large pictures.</p>"
-    )
-    return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), said, legend, rest)
-
-
-def _residual(effect_id: str, shown: Iterable[str]) -> str:
-    if effect_id not in shown:
-        return _NO_IMAGE
-    canvas = f'<canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas>'
-    return f'<figure class="row">{canvas}<figcaption></figcaption></figure>'
+    note = f'<p class="muted small">{_LEAVES}</p>' if shown else ""
+    return section("Ranking", note, table(head, rows, numbers=(2,), wide=True), said, legend, rest)
 
 
 def _depth_engine(depth: dict) -> str:

@@ -45,12 +45,9 @@ def explorer_section(comparison: Comparison, images: ModelImages, told: ToldErro
     """Returns the explorer's HTML with its data as a JSON script. images: {model: {(frame id, side): expected DN}} from
     model_images(); told: each model's RMSE from told_errors()."""
     data = explorer_data(comparison, images, told)
-    left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
-    note = (
-        f"The page holds {len(comparison.capture.frames) - left_out} of {len(comparison.capture.frames)} frames, those "
-        "furthest from the model first. "
-    )
-    markup = web_file("explorer.html").replace("$note", text(note) if left_out else "")
+    held, every = len({view["frame"] for view in data["views"]}), len(comparison.capture.frames)
+    note = f"The page holds {held} of {every} frames, those furthest from the model first. " if held < every else ""
+    markup = web_file("explorer.html").replace("$note", text(note))
     # A "<" would end the script element early.
     content = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return f'{markup}<script type="application/json" id="explorer-data">{content}</script>'
@@ -109,10 +106,8 @@ def _infrared_view(
     floor = scores["noise_floor_dn"]
     typical = floor or scores["rmse_dn"] or 1.0
     known = comparison.capture.known(frame, side)
-    rest = {
-        name: known_residual(comparison.capture, (frame.id, side), comparison.measured, own)
-        for name, own in images.items()
-    }
+    capture, key, seen = comparison.capture, (frame.id, side), comparison.measured
+    rest = {name: known_residual(capture, key, seen, own) for name, own in images.items()}
     layers = {"measured": encoded_image(measured, 1.0, known)}
     base = images[BASE][frame.id, side].astype(np.float64)
     layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
@@ -132,17 +127,15 @@ def _infrared_view(
 
 def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
     """Returns the explorer's data of one depth frame: disparities of the device and of the compared model, pixels."""
-    disparity = [
-        np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in (depth.measured, depth.model[0])
-    ]
+    both = depth.measured, depth.model[0]
+    disparity = [np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in both]
     name = FOUND if comparison.model.effects else BASE
     error, valid = depth.disparity_error(depth.measured, depth.model[0])
     scores = comparison.scores["depth"][depth.frame.split]
     seen = disparity[0][disparity[0] > 0]
     low, high = (float(q) for q in np.quantile(seen, (0.01, 0.99))) if seen.size else (0.0, 1.0)
-    layers = {
-        key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in zip(("measured", name), disparity, strict=True)
-    }
+    named = zip(("measured", name), disparity, strict=True)
+    layers = {key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in named}
     return {
         "frame": depth.frame.id, "split": depth.frame.split, "camera": _DEPTH, "unit": "px", "digits": 2,
         "map": "viridis", "power": 1.0,

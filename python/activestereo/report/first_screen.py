@@ -42,13 +42,9 @@ _RESIDUALS = {BASE: "measured − model", FOUND: "what is left"}
 
 
 def first_screen(
-    diagnosis: Mapping[str, Any],
-    comparison: Comparison | None = None,
-    images: ModelImages | None = None,
-    steps: Sequence[Step] = (),
-    told: ToldErrors | None = None,
-    unseen: tuple[Unseen, Unseen] | None = None,
-) -> str:
+    diagnosis: Mapping[str, Any], comparison: Comparison | None = None, images: ModelImages | None = None,
+    steps: Sequence[Step] = (), told: ToldErrors | None = None, unseen: tuple[Unseen, Unseen] | None = None,
+) -> str:  # fmt: skip
     """Returns the first screen of a diagnosis as HTML. diagnosis: diagnose.json's contents.
 
     images: expected DN of the models BASE and, if an effect was found, FOUND. steps: commands to paste. told: each
@@ -203,7 +199,5 @@ def _signed(residual: NDArray[np.float64], limit_dn: float) -> NDArray[np.uint8]
 
 def _cell(pixels: NDArray[np.uint8], title: str, note: str) -> str:
     said = f'<span class="muted">{text(note)}</span>' if note else ""
-    return (
-        f'<figure><img alt="{text(title)}" src="{data_address(pixels)}">'
-        f"<figcaption><b>{text(title)}</b>{said}</figcaption></figure>"
-    )
+    image = f'<img alt="{text(title)}" src="{data_address(pixels)}">'
+    return f"<figure>{image}<figcaption><b>{text(title)}</b>{said}</figcaption></figure>"

@@ -83,11 +83,8 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
     if shape is None or not scores["regions"].get("infrared", {}).get("is_explainable", True):
-        return [
-            *said,
-            "The model's infrared images are at the noise floor: nothing is missing there.",
-            *depth_sentences(scores),
-        ]
+        nothing = "The model's infrared images are at the noise floor: nothing is missing there."
+        return [*said, nothing, *depth_sentences(scores)]
     suspects = _FAMILIES[shape["kind"]]
     places = [one for one in error_places(scores["where"]) if one["covariate"] != "material" or "material" in suspects]
     place = places[0] if places else None
@@ -182,10 +179,8 @@ def depth_sentences(scores: Mapping[str, Any]) -> list[str]:
         return [f"{said[0]}."]
     said.append(f"that of disparity from {depth[0]:.3f} to {depth[1]:.3f} px")
     if infrared[1] < (1.0 - _SAME) * infrared[0] and depth[1] > (1.0 - _SAME) * depth[0]:
-        return [
-            f"{', '.join(said)}: infrared improves and depth does not.",
-            "What is left in depth is no matter of these images: look at the matcher, the calibration and the scene.",
-        ]
+        left = "What is left in depth is no matter of these images: look at the matcher, the calibration and the scene."
+        return [f"{', '.join(said)}: infrared improves and depth does not.", left]
     return [f"{', '.join(said)}."]
 
 

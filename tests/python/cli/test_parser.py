@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The promises of the parser of all commands: the same name of one thing everywhere, and the nearest known name of one
-that is not known."""
+"""The parser of all commands: the same name of one thing everywhere, the nearest known name of an unknown one, and
+completion in a shell."""
 
 import re
 from pathlib import Path
@@ -11,6 +11,11 @@ from activestereo.cli import main, make_parser
 from activestereo.cli.arguments import EXIT_CODES, Parser
 from activestereo.diagnose.numbers import NUMBERS
 from command_line import leaves
+
+
+import subprocess
+import sys
+
 
 PAGE = Path(__file__).resolve().parents[3] / "examples/guide/command_line.md"
 
@@ -93,3 +98,22 @@ def test_no_help_has_a_broken_default_and_rare_options_are_found():
         assert len(short.splitlines()) < 130, name
     told = leaves()["diagnose"].format_help()
     assert f"(--alpha {NUMBERS.alpha:g})" in told and f"removes {NUMBERS.least_share:g} of the squared error" in told
+
+
+LINES = {
+    "dia": "diagnose", "calibrate no": "noise", "simulate x.gltf --laser": "--laser-power",
+    "depth --profile pass": "passive", "depth l.png --profile passive --basel": "--baseline",
+    "--allow-outside mod": "model",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("line, answer", LINES.items())
+def test_names_are_completed(monkeypatch, line, answer):
+    pytest.importorskip("argcomplete", reason="argcomplete is not installed (apt-get install python3-argcomplete)")
+    line = f"activestereo {line}"
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "|", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    for name, value in asked.items():
+        monkeypatch.setenv(name, value)
+    words = ["bash", "-c", f"{sys.executable} -m activestereo 8>&1 9>/dev/null"]
+    told = subprocess.run(words, capture_output=True, text=True, timeout=60, check=True).stdout
+    assert [word.strip() for word in told.split("|")] == [answer]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outputs for papers and notebooks: what a CSV and an object tell are the result's own figures, a PDF has a page for
-each figure and the same bytes again."""
+"""Outputs for papers and notebooks: a CSV and an object tell the result's own figures, a PDF has a page for each figure
+and the same bytes again, and odd names are drawn."""
 
 import csv
 import re
@@ -18,6 +18,15 @@ from activestereo.report.paper import (
     write_diagnosis_pdf,
 )
 from report_worlds import DIAGNOSIS, WITH_MODEL
+
+
+import io
+import warnings
+
+import pytest
+from matplotlib.figure import Figure
+
+from activestereo.report.lettering import escape_dollars, save_figure
 
 RESULT = WITH_MODEL | {"ranking": [row | {"explained_share": 0.5} for row in DIAGNOSIS["ranking"]]}
 
@@ -79,3 +88,18 @@ def test_a_diagnosis_in_a_notebook_says_its_verdict():
     shown = diagnosis._repr_html_()
     assert "The model lacks radial_distortion" in shown and "principal_point_offset" in shown
     assert diagnosis.predictions() == {} and diagnosis.residuals() == {} and diagnosis.comparison() is None
+
+
+NAMES = ["\x1b[31mred", "bell\x07", "two\nlines", "\ud800", "$\\nothing$", "a$b", "100 %", "日本", "\u202eright"]
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_is_drawn_without_a_word(name: str, form: str) -> None:
+    figure = Figure(figsize=(1, 1))
+    figure.suptitle(escape_dollars(name))
+    file = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        save_figure(figure, file, format=form)
+    assert file.getvalue()

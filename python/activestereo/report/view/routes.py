@@ -83,11 +83,8 @@ class Routes:
         surface."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
-        found = simulation.surface(
-            source.exposure(_whole(given, "frame")),
-            self._settings(given, simulation),
-            *(_whole(given, name) for name in "uv"),
-        )
+        exposure, (u, v) = source.exposure(_whole(given, "frame")), (_whole(given, name) for name in "uv")
+        found = simulation.surface(exposure, self._settings(given, simulation), u, v)
         name, values = (None, None) if found is None else found
         return packed({"name": name, "sliders": positions.surface_sliders(values) if values else []})
 
@@ -116,9 +113,8 @@ class Routes:
             self._newest.pop(next(iter(self._newest)))
         is_wanted = lambda: self._newest.get(page, serial) <= serial  # noqa: E731
         try:
-            taken = simulation.picture(
-                source.exposure(_whole(given, "frame")), settings, bool(given.get("is_draft")), is_wanted
-            )
+            exposure = source.exposure(_whole(given, "frame"))
+            taken = simulation.picture(exposure, settings, bool(given.get("is_draft")), is_wanted)
         except Superseded:
             return packed({"superseded": True})
         return _answer(taken)

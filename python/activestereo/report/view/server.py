@@ -30,12 +30,10 @@ _FILES = {
     "": ("view/view.html", "text/html"),
     "view.css": ("view/view.css", "text/css"),
     "page.css": ("page.css", "text/css"),
-    **{name: (name, "text/javascript") for name in ("picture.js", "zoom.js")},
-    **{
-        name: (f"view/{name}", "text/javascript")
-        for name in ("server.js", "dots.js", "sliders.js", "cloud.js", "view.js")
-    },
 }
+_FILES |= {name: (name, "text/javascript") for name in ("picture.js", "zoom.js")}
+_SCRIPTS = "server.js", "dots.js", "sliders.js", "cloud.js", "view.js"
+_FILES |= {name: (f"view/{name}", "text/javascript") for name in _SCRIPTS}
 _SAFETY = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",

@@ -104,13 +104,10 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
     for key in given:
         if key not in _KEYS:
             raise ValueError(unknown("setting", str(key), _KEYS))
-    camera = {
-        name: float(limits.check(name, given[name])) for name, limits in _CAMERA.items() if given.get(name) is not None
-    }
-    materials = {
-        name: _surface(name, values, material_names)
-        for name, values in _object(given.get("materials", {}), "materials").items()
-    }
+    moved = {name: limits for name, limits in _CAMERA.items() if given.get(name) is not None}
+    camera = {name: float(limits.check(name, given[name])) for name, limits in moved.items()}
+    touched = _object(given.get("materials", {}), "materials")
+    materials = {name: _surface(name, values, material_names) for name, values in touched.items()}
     effects: dict[str, dict[str, float]] = {}
     surfaces = {}
     for name, values in _object(given.get("effects", {}), "effects").items():
