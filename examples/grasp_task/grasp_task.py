@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures what a gripper's wrist camera gives in each mode of depth, and how often one who knows the state grasps.
 
-    PYTHONPATH=build/python python3 examples/grasp_task/grasp_task.py --out out/grasp_task
+PYTHONPATH=build/python python3 examples/grasp_task/grasp_task.py --out out/grasp_task
 """
 
 import argparse
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from activestereo.sensor.depth_modes import MODES
 from stereo_grasp import GraspWorld, teacher
@@ -29,7 +29,14 @@ def run(out: Path, environments: int, samples: int) -> float:
         print(f"{mode}: {100 * (depth > 0).mean():.0f} % measured")
     out.mkdir(parents=True, exist_ok=True)
     picture = Image.fromarray(np.vstack(rows).astype(np.uint8))
-    picture.resize((2 * picture.width, 2 * picture.height), Image.Resampling.NEAREST).save(out / "grasp_task.png")
+    picture = picture.resize((2 * picture.width, 2 * picture.height), Image.Resampling.NEAREST)
+    draw = ImageDraw.Draw(picture)
+    for row, mode in enumerate(MODES):
+        draw.text((4, row * picture.height // len(MODES) + 4), mode, fill=255, stroke_width=1, stroke_fill=0)
+    draw.text(
+        (4, picture.height - 14), "0.15 m white, 0.55 m and unmeasured black", fill=255, stroke_width=1, stroke_fill=0
+    )
+    picture.save(out / "grasp_task.png")
     world, held = GraspWorld(environments, "clean", seed=1), []
     for _ in range(8):
         world.reset()
