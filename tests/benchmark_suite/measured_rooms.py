@@ -78,10 +78,12 @@ def main():
     hidden = [row for row in rows if row["hidden"] is not None]
     told = [row for row in hidden if row["told"]]
     plain = [row for row in rows if row["hidden"] is None]
-    right, of_told, wrong = (sum(row["verdict"] == verdict for row in some)
-                             for some, verdict in ((hidden, "right"), (told, "right"), (hidden, "wrong")))  # fmt: skip
+    right, of_told, in_set, wrong = (
+        sum(row["verdict"] == verdict for row in some)
+        for some, verdict in ((hidden, "right"), (told, "right"), (hidden, "in a set"), (hidden, "wrong"))
+    )
     named = sum(row["verdict"] == "wrong" for row in plain)
-    print(f"{right} of {len(hidden)} right, {wrong} wrong; {of_told} of {len(told)} that the plan tells; "
+    print(f"{right} of {len(hidden)} right, {in_set} in a set, {wrong} wrong; {of_told} of {len(told)} that the plan tells; "
           f"nothing hidden: {len(plain)} rooms, {named} with a name")  # fmt: skip
 
 
@@ -207,7 +209,9 @@ def answered(args, numbered):
     row["exponent"] = round(entries[OWN]["parameters"]["exponent"]["value"], 2) if OWN in entries else None
     row["seconds"] = round(row["seconds"] + time.monotonic() - started, 1)
     if row["named"]:
-        row["verdict"] = "right" if row["hidden"] and row["named"][0] in ACCEPTED[row["hidden"]] else "wrong"
+        accepted = ACCEPTED.get(row["hidden"], ())
+        alike = {member for each in result["sets"] if row["named"][0] in each["effects"] for member in each["effects"]}
+        row["verdict"] = "right" if row["named"][0] in accepted else "in a set" if alike & {*accepted} else "wrong"
     return number, row
 
 

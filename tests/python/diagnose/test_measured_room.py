@@ -235,6 +235,17 @@ def test_black_levels_that_follow_the_views_light_are_glare(capture_with, lifted
     assert reinterpret_as_glare(Found(builtin()["gain_mismatch"], 7.0, told), seen) is None
 
 
+def test_lifted_views_may_be_glare_or_a_bent_response(capture_with, monkeypatch):
+    """One room cannot tell them apart: two exposures of one place would."""
+    room = Measured(read_capture(capture_with(nothing)))
+    light = np.mean([image.mean() for image in score_room(room, tuple(builtin().values())).light.seen[:2]])
+    told = {"black_level.1": (-0.04 * light, 0.1), "black_level.2": (0.08 * light, 0.1)}
+    monkeypatch.setattr(names, "judged", lambda *a: [Found(builtin()["black_level"], 7.0, told)])
+    found = names.names_of(room, Model(), tuple(builtin().values())).named[0]
+    assert set(found.members) == {"veiling_glare", "black_level", "response_gamma"}
+    assert found.found.effect.id == "veiling_glare" and sum(found.members.values()) == pytest.approx(1.0)
+
+
 def test_what_is_no_reference_is_refused_in_a_line(capture_with):
     capture = capture_with(nothing)
     with pytest.raises(ValueError, match="is no reference: make it with calibrate world from two or more views"):

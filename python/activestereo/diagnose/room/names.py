@@ -120,8 +120,11 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         own = {c.name for c in scores.columns if c.effect is best.effect}
         glare = reinterpret_as_glare(best, seen)
         if glare is not None:
-            half = 0.5 * members.pop(best.effect.id)
-            members = {glare.effect.id: half + members.pop(glare.effect.id, 0.0), best.effect.id: half, **members}
+            alike = [glare.effect.id, best.effect.id]
+            if both is None and not _response(room, asked):  # a bent response lifts views alike; it is not told
+                alike += [e.id for e in asked if e.id == "response_gamma"]
+            each = members.pop(best.effect.id) / len(alike)
+            members = dict.fromkeys(alike, each) | {m: p + each * (m in alike) for m, p in members.items()}
             best = glare
             own |= {c.name for c in scores.columns if c.effect is best.effect}
         named.append(Named(best, members))
