@@ -83,8 +83,8 @@ def main():
         for some, verdict in ((hidden, "right"), (told, "right"), (hidden, "in a set"), (hidden, "wrong"))
     )
     named = sum(row["verdict"] == "wrong" for row in plain)
-    print(f"{right} of {len(hidden)} right, {in_set} in a set, {wrong} wrong; {of_told} of {len(told)} that the plan tells; "
-          f"nothing hidden: {len(plain)} rooms, {named} with a name")  # fmt: skip
+    print(f"{right} of {len(hidden)} right, {in_set} in a set, {wrong} wrong; {of_told} of {len(told)} that the "
+          f"plan tells; nothing hidden: {len(plain)} rooms, {named} with a name")  # fmt: skip
 
 
 def in_parallel(function, items, jobs):

@@ -33,7 +33,7 @@ def test_a_hidden_gain_has_its_row_and_the_plain_room_none(tmp_path, monkeypatch
     assert (plain["hidden"], plain["verdict"]) == (None, "silent")
     assert (hidden["hidden"], hidden["named"][0], hidden["verdict"]) == ("gain", "gain_mismatch", "right")
     assert hidden["truth"] == {"excess": 0.2} and 0.0 < hidden["least"]["gain"] < 0.2
-    said = "1 of 1 right, 0 wrong; 1 of 1 that the plan tells; nothing hidden: 1 rooms, 0 with a name"
+    said = "1 of 1 right, 0 in a set, 0 wrong; 1 of 1 that the plan tells; nothing hidden: 1 rooms, 0 with a name"
     assert said in capsys.readouterr().out
 
 
