@@ -19,7 +19,7 @@ from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, StereoDe
 from activestereo.capture.capture import Frame, read_capture
 from activestereo.cli import arguments as cli
 from activestereo.cli import sensor_options as options
-from activestereo.common.accuracy import Accuracy, accuracy_by_material, accuracy_table
+from activestereo.common.accuracy import NOTHING, Accuracy, accuracy_by_material, accuracy_table
 from activestereo.common.output_files import write_depth_png, write_ply, write_png, write_text, written_together
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.pose import Pose, body_pose, camera_to_camera, camera_to_world
@@ -384,13 +384,14 @@ def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
 def failing(rows: Sequence[Accuracy]) -> list[Figure]:
     """Returns a bar for each of the materials with most wrong pixels; its length is the share that is empty or
     invented. rows: as in depth_sentence()."""
-    known = [row for row in rows[:-1] if row.pixels and np.isfinite(row.median_error_m)]
+    known = [row for row in rows[:-1] if row.pixels and row.name != NOTHING]
     faults = sorted(((1.0 - row.fill + row.invented, row) for row in known), key=lambda own: -own[0] * own[1].pixels)
-    return [
-        Figure(row.name[:18], f"{_percent(1.0 - row.fill)} empty, {_percent(row.invented)} invented, "
-               f"{1e3 * row.median_error_m:.1f} mm", fault)
-        for fault, row in faults[:_MOST_MATERIALS]
-    ]  # fmt: skip
+    found = []
+    for fault, row in faults[:_MOST_MATERIALS]:
+        error = f", {1e3 * row.median_error_m:.1f} mm" if np.isfinite(row.median_error_m) else ""
+        text = f"{_percent(1.0 - row.fill)} empty, {_percent(row.invented)} invented{error}"
+        found.append(Figure(row.name[:18], text, fault))
+    return found
 
 
 def light_lines(share: LightShare | None, added: float | None, chosen: str) -> list[str]:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from activestereo.capture.images import write_gray
+from activestereo.cli.simulate import failing
+from activestereo.common.accuracy import NOTHING, Accuracy
 from activestereo.common.own_files import outside_allowed
 from activestereo.report.screen import Figure, command, screen
 from command_line import led_on, refused, run_here
@@ -24,6 +26,14 @@ def files(tmp_path_factory):
     write_gray(folder / "right.png", dots[:, 8:])
     with_device_depth(make_world(folder / "world", size=(160, 90), grid=1), folder / "table", ids=(0, 2))
     return folder
+
+
+def test_a_material_without_any_depth_leads_and_the_background_is_none():
+    mirror, paper = Accuracy("mirror", 900, 0.0, np.nan, np.nan, 0.0), Accuracy("paper", 5000, 0.99, 1e-3, 2e-3, 0.0)
+    background, whole = Accuracy(NOTHING, 9000, 0.0, np.nan, np.nan, 0.0), Accuracy("all", 5900, 0.8, 1e-3, 2e-3, 0.0)
+    told = failing([paper, mirror, background, whole])
+    assert [figure.name for figure in told] == ["mirror", "paper"]
+    assert told[0].said == "100 % empty, 0 % invented" and told[1].said.endswith("1.0 mm")
 
 
 def test_a_screen_keeps_its_lines_and_its_words():
