@@ -247,16 +247,12 @@ def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list
     whole = room if not test else Room(capture, [*(f.id for f in room.frames), *test])
     black = capture.rig.black_dn[0] if capture.rig.black_dn else 0.0
     models = [[(e, values) for e, values in m.effects if is_alike_in_views(e)] for m in (given, accepted)]
-    out = []
-    for view in (n for n, f in enumerate(whole.frames) if not test or f.id in test):
-        told: list[Unseen] = []
-        for effects in models if models[0] != models[1] else models[:1]:
-            exponent = next((values["exponent"] for e, values in effects if e.id == _FALLOFF), 0.0)
-            others = [(e, values) for e, values in effects if e.id != _FALLOFF]
-            told.append(predict_unseen(whole, view, black, exponent, others))
-        if np.isfinite(told[0].rmse_dn):
-            out.append((told[0], told[-1]))
-    return out
+    views, told = [n for n, f in enumerate(whole.frames) if not test or f.id in test], []
+    for effects in models if models[0] != models[1] else models[:1]:
+        exponent = next((values["exponent"] for e, values in effects if e.id == _FALLOFF), 0.0)
+        others = [(e, values) for e, values in effects if e.id != _FALLOFF]
+        told.append(predict_unseen(whole, views, black, exponent, others))
+    return [pair for pair in zip(told[0], told[-1], strict=True) if np.isfinite(pair[0].rmse_dn)]
 
 
 def _rms(views: Iterable[Unseen]) -> float | None:

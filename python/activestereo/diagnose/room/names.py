@@ -99,7 +99,8 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         scores, spread = score_room(both, asked).scores, SAME_PLACE
     elif reference:
         scores, spread = _beside(scores, [score_room(other, asked).scores for other in reference]), BETWEEN
-    rows += _response(room, asked)
+    response = _response(room, asked)
+    rows += response
     if reference:
         rows += _pitch(room, reference, asked)
     named: list[Named] = []
@@ -121,7 +122,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         glare = reinterpret_as_glare(best, seen)
         if glare is not None:
             alike = [glare.effect.id, best.effect.id]
-            if both is None and not _response(room, asked):  # a bent response lifts views alike; it is not told
+            if both is None and not response:  # a bent response lifts views alike; it is not told
                 alike += [e.id for e in asked if e.id == "response_gamma"]
             each = members.pop(best.effect.id) / len(alike)
             members = dict.fromkeys(alike, each) | {m: p + each * (m in alike) for m, p in members.items()}

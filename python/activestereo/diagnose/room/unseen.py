@@ -8,7 +8,7 @@ The model's effects in the camera are taken out of all images, and put into the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -42,12 +42,28 @@ class Unseen:
 
 
 def predict_unseen(
-    room: Room, view: int, black_dn: float, exponent: float, effects: Sequence[tuple[Effect, Mapping[str, float]]] = ()
-) -> Unseen:
-    """Predicts one view from the others, with one free scale, under a falloff cos^exponent and further effects in the
-    camera, each with its parameters' values."""
+    room: Room,
+    views: Iterable[int],
+    black_dn: float,
+    exponent: float,
+    effects: Sequence[tuple[Effect, Mapping[str, float]]] = (),
+) -> list[Unseen]:
+    """Predicts each of the views from the others, with one free scale, under a falloff cos^exponent and further effects
+    in the camera, each with its parameters' values."""
     free = copy(room)
     free.images = [replace(i, dn=_without(room, k, black_dn, effects)) for k, i in enumerate(room.images)]
+    return [_predicted(room, free, view, black_dn, exponent, effects) for view in views]
+
+
+def _predicted(
+    room: Room,
+    free: Room,
+    view: int,
+    black_dn: float,
+    exponent: float,
+    effects: Sequence[tuple[Effect, Mapping[str, float]]],
+) -> Unseen:
+    """Predicts one view. free: the room as the camera would record it without the effects."""
     left, beside = free.images[2 * view], room.places(2 * view, 2 * view + 1)
     expected, known = _slow_from_others(free, view, black_dn, exponent)
     known &= beside.seen
