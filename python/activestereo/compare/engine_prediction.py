@@ -104,7 +104,7 @@ def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
     layers can be reused, scaled by the surfaces' albedos."""
     near = all(abs(factor - 1.0) <= _NEAR_ALBEDO for factor in scene_measurement.albedo.values())
     moved = any(scene_measurement.focal) or scene_measurement.surfaces
-    return near and not moved and all(effect.engine is None for effect, _ in model.on_light())
+    return near and not moved and model.outside_engines().on_light() == model.on_light()
 
 
 def reflected_lights(

@@ -226,8 +226,9 @@ def refits(
     found = _side_by_side(fitter, settled, spaces, workers)
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
     for name, f in found.items():
-        effect = f.solution.effects[-1]
-        if rendering is not None and effect.engine is not None and Stage.MEDIUM <= effect.stage <= Stage.SURFACE:
+        effect, values = f.solution.model.effects[-1]
+        is_rendered = effect.is_simulated(values) and Stage.MEDIUM <= effect.stage <= Stage.SURFACE
+        if rendering is not None and is_rendered:
             if base_chi2 - f.chi2 > (1.0 - formula_error(effect, _UNMEASURED)) * most:
                 rendered = fitted_to_renders(fitter, f.solution, rendering)
                 found[name] = Refit(rendered, rendered is not f.solution)

@@ -129,7 +129,7 @@ def subsurface(inputs: EngineInputs, fraction: float, length_m: float, core: flo
     source="KHR_materials_transmission: a share of the diffuse light goes through instead",
     parameters=[
         Parameter("fraction", "1", high=1.0, typical=0.2),
-        Parameter("behind", "1", neutral=0.5, high=1.0, typical=0.3, in_engine=False,
+        Parameter("behind", "1", neutral=0.5, high=1.0, typical=0.3, in_engine=None,
                   source="radiance of what lies behind over the ambient radiance"),
         SURFACES,
     ],

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects inside of the engines: what each moves."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import kuafu
 import numpy as np
@@ -140,9 +140,14 @@ def test_a_wrong_engine_function_is_refused():
 
 
 def test_a_field_that_kuafu_lacks_is_an_error():
-    def in_engine(inputs):
+    def in_engine(inputs, fraction):
         inputs.left.optics.sparkle = 1.0
 
-    wrong = SimpleNamespace(engine=in_engine, stage=Stage.OPTICS, neutral_values=None)
+    wrong = replace(EFFECTS["veiling_glare"], engine=in_engine)
     with pytest.raises(AttributeError, match="sparkle"):
-        apply_engine(engine_inputs(), ((wrong, {}),))
+        apply_engine(engine_inputs(), ((wrong, wrong.typical_values),))
+
+
+def test_an_image_function_acts_where_engines_lack_a_value():
+    model = Model().with_effect(EFFECTS["subsurface"], fraction=0.5, core=0.3)
+    assert apply_engine(engine_inputs(), model.effects) == model.outside_engines().effects == model.effects

@@ -179,9 +179,9 @@ class Randomness(Enum):
 class Parameter:
     """One parameter of an effect. neutral: the value at which the effect changes nothing. low, high: the physically
     possible range. typical: the standard deviation of the prior around neutral. choice: a whole number that selects
-    surfaces or a variant, which fits leave as it is. in_engine: whether the engines have the parameter, in an effect
-    that they simulate. slope_step: the largest step of a finite difference, where images follow the parameter more
-    finely than `typical` tells."""
+    surfaces or a variant, which fits leave as it is. in_engine: whether the engines have the parameter (False: they
+    simulate the effect at its neutral value alone; None: they see it in the scene). slope_step: the largest step of a
+    finite difference, where images follow the parameter more finely than `typical` tells."""
 
     name: str
     unit: str
@@ -191,7 +191,7 @@ class Parameter:
     typical: float = 0.0
     source: str = ""
     choice: bool = False
-    in_engine: bool = True
+    in_engine: bool | None = True
     slope_step: float = float("inf")
 
     def __post_init__(self) -> None:
@@ -243,6 +243,12 @@ class Effect:
     def engine_fields(self) -> tuple[str, ...]:
         """Returns the names of the engine fields that the effect changes; empty where it has no engine function."""
         return getattr(self.engine, "fields", ("not declared",) if self.engine else ())
+
+    def is_simulated(self, values: Mapping[str, float]) -> bool:
+        """Returns whether engines simulate the effect at these values; else its image function acts."""
+        return self.engine is not None and all(
+            p.in_engine is not False or values[p.name] == p.neutral for p in self.parameters
+        )
 
     def __post_init__(self) -> None:
         names = {p.name for p in self.parameters}

@@ -225,10 +225,10 @@ def apply_engine(
     inputs: EngineInputs, effects: tuple[tuple[Any, dict[str, float]], ...]
 ) -> tuple[tuple[Any, dict[str, float]], ...]:
     """Applies effects, pairs (Effect, {parameter: value}), to the inputs in the pipeline's order. Returns the pairs
-    whose effect has no engine function."""
+    that the engines do not simulate."""
     left = []
     for effect, parameters in sorted(effects, key=lambda pair: pair[0].stage):
-        if effect.engine is None:
+        if not effect.is_simulated(parameters):
             left.append((effect, parameters))
         elif parameters != effect.neutral_values:
             effect.engine(inputs, **parameters)

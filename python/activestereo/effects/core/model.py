@@ -60,8 +60,8 @@ class Model:
         return self._select(Stage.PROJECTOR, Stage.OPTICS, random)
 
     def outside_engines(self) -> Model:
-        """Returns a model of the effects that have no engine function."""
-        return Model(tuple((e, p) for e, p in self.effects if e.engine is None))
+        """Returns a model of the effects that the engines do not simulate."""
+        return Model(tuple((e, p) for e, p in self.effects if not e.is_simulated(p)))
 
     @property
     def is_linear(self) -> bool:
