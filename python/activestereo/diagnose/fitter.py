@@ -375,7 +375,7 @@ class Fitter:
             trial_phi = phi + step[n:]
             trial_lights = self.lights(space, moved) if space.in_light.any() else lights
             value = self.chi2(space, moved, trial_phi, trial_lights)
-            if value >= chi2:
+            if not value < chi2:  # not a number, too
                 damping = max(damping * _DAMPING_STEP, _LEAST_RAISED)
                 if damping > _MOST_DAMPING:
                     break

@@ -415,9 +415,9 @@ class Search:
             self._accept(best)
 
     def _refit_at_peaks(self, fit: Solution) -> Solution:
-        """Refits earlier effects that have several narrow likelihood peaks (Effect.starts) at their best peak beside
-        the effect named last; returns the fit."""
-        for effect in [e for e in fit.effects[:-1] if e.starts is not None]:
+        """Refits effects that have several narrow likelihood peaks (Effect.starts) at their best peak beside the others
+        and under the weights estimated last; returns the fit."""
+        for effect in [e for e in fit.effects if e.starts is not None]:
             without = fitted_model(self._fitter, fit.model.without_effect(effect.id), fit.phi)
             own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
             fits = [self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)]
