@@ -30,7 +30,6 @@ from activestereo.integrations.realsense.frames import (
     rs2_project_point_to_pixel,
     rs2_transform_point_to_point,
     stream_profile,
-    syncer,
     video_frame,
     video_stream_profile,
 )
@@ -57,10 +56,6 @@ from activestereo.integrations.realsense.pipeline import (
     rs400_advanced_mode,
     sensor,
     simulate,
-    software_device,
-    software_sensor,
-    software_video_frame,
-    video_stream,
 )
 from activestereo.integrations.realsense.ros_topics import write_topics
 

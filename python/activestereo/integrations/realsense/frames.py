@@ -4,7 +4,6 @@ down, z forward). get_data() returns a NumPy array, which scripts' np.asanyarray
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
@@ -265,46 +264,14 @@ for _name in ("frame", "video_frame", "depth_frame", "frameset"):
 
 
 class frame_queue:
-    """Holds the newest frames. source: a pipeline that was started with this queue; wait_for_frame() then takes a
-    picture with it."""
+    """Delivers the framesets of the pipeline that was started with it. source: that pipeline."""
 
     def __init__(self, capacity: int = 1, keep_frames: bool = False) -> None:
-        self._ready: deque[frame] = deque(maxlen=max(1, capacity))
         self.source: Any = None
 
-    def put(self, one: frame) -> None:
-        self._ready.append(one)
-
     def wait_for_frame(self, timeout_ms: int = 5000) -> Any:
-        """Returns the oldest frame, or the pipeline's next frameset. Raises RuntimeError at once if the queue is empty,
-        since no frame arrives later."""
-        if self.source is not None:
-            return self.source.wait_for_frames(timeout_ms)
-        if not self._ready:
-            raise RuntimeError(f"Frame did not arrive in time! (none was sent that is whole; {timeout_ms} ms)")
-        return self._ready.popleft()
-
-
-_MOST_WAITING = 16  # framesets that lack a stream
-
-
-class syncer(frame_queue):
-    """Joins frames with the same number to framesets; a set is complete when each of `streams` has sent a frame."""
-
-    def __init__(self, queue_size: int = 16) -> None:
-        super().__init__(queue_size)
-        self.streams: set[int] = set()
-        self._waiting: dict[int, list[frame]] = {}
-
-    wait_for_frames = frame_queue.wait_for_frame
-
-    def poll_for_frames(self) -> Any:
-        return self._ready.popleft() if self._ready else None
-
-    def put(self, one: frame) -> None:
-        together = self._waiting.setdefault(one.frame_number, [])
-        together.append(one)
-        if {each.profile.unique_id() for each in together} >= self.streams:
-            super().put(composite_frame(self._waiting.pop(one.frame_number)))
-        elif len(self._waiting) > _MOST_WAITING:
-            self._waiting.pop(min(self._waiting))
+        """Returns the pipeline's next frameset. Raises RuntimeError at once without a pipeline, since no frame arrives
+        later."""
+        if self.source is None:
+            raise RuntimeError(f"Frame did not arrive in time! (no pipeline sends into this queue; {timeout_ms} ms)")
+        return self.source.wait_for_frames(timeout_ms)
