@@ -38,7 +38,7 @@ The exit status is 0 where all is well, else 1.
 PACKAGES = {
     "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
     "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "onnxruntime": "onnx",
-    "lerobot": "lerobot", "h5py": "resense", "argcomplete": "completion",
+    "lerobot": "lerobot", "argcomplete": "completion",
 }  # fmt: skip
 
 

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo generate`, which renders a data set of depth pictures of objects on a table, and
-`activestereo resense`, which renders a simulator's stored demonstrations again with a depth sensor."""
+"""Implements `activestereo generate`, which renders a data set of depth pictures of objects on a table."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import arguments as cli
 from activestereo.common.progress_bar import ProgressBar, duration
-from activestereo.common.shown import printable
 from activestereo.report.screen import command, screen
 
 FORMATS = ("lerobot", "mcap")
@@ -38,15 +35,6 @@ examples:
   activestereo generate cup.glb box.obj --count 5000 --part 3/50 --out shared/cups
   activestereo generate cup.glb box.obj --count 5000 --ray auto --out out/cups
   activestereo generate *.glb --count 1000 --layout drop --sensor d415 --out out/dropped
-"""
-
-_RESENSE = """\
-Replays the states of stored demonstrations in MuJoCo (robosuite's, LIBERO's and robomimic's
-.hdf5) and writes what a depth sensor on one of the model's cameras sees: DIR/NAME/depth,
-depth_true, ir_left, ir_right and cause, by number of the state. Needs mujoco and h5py.
-
-examples:
-  activestereo resense demo.hdf5 --camera agentview --every 10 -o out/resensed
 """
 
 
@@ -80,14 +68,6 @@ def add_parser(commands: cli.Commands) -> None:
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     rare.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
-    parser = cli.add_command(commands, "resense", "stored demonstrations seen by a depth sensor", _RESENSE, run_resense)
-    parser.add_argument("demos", type=Path, metavar="DEMOS", help=".hdf5 of demonstrations")
-    parser.add_argument("--camera", metavar="NAME", help="of the model (default: its first)")
-    text = "every N-th state only (default: 1)"
-    parser.add_argument("--every", type=cli.integer_from(1), default=1, metavar="N", help=text)
-    cli.add_shared(parser, sensor="as simulate's")
-    parser.add_argument("--size", type=cli.size, metavar="WxH", help="of all images (default: the sensor's own)")
-    cli.add_shared(parser, out=True, device=True, samples={"default": 16, "help": "rays per pixel (default: 16)"})
 
 
 def _part(text: str) -> tuple[int, int]:
@@ -140,22 +120,3 @@ def run(args: argparse.Namespace) -> None:
         notes += [f"also {', '.join(args.also)}"]
     steps = [command("view", args.out, *cli.carried(args, "device"))]
     print(screen(f"{'; '.join(notes)}, in {args.out}.", (), unseen, steps, verbose=args.verbose))
-
-
-def run_resense(args: argparse.Namespace) -> None:
-    try:
-        from activestereo.integrations.resense import packages, read_demos, resense
-
-        packages()
-    except ImportError as error:
-        raise cli.CommandError(f"the package {error.name} is missing: pip install mujoco h5py") from error
-    config = StereoDepthSensorConfig(args.sensor)
-    if args.size is not None:
-        config = config.resized(*args.size)
-    config.samples_per_pixel = args.spp
-    cli.make_folder(args.out)
-    count = 0
-    for demo in read_demos(args.demos):
-        with ProgressBar(demo.name) as bar:
-            count += resense(demo, config, args.out / demo.name, args.camera, args.every, args.device, bar)
-    print(f"{count} states; written: {printable(args.out)}")
