@@ -319,10 +319,6 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "keep_transparent": (("--keep-transparent",), {
         "action": "store_true", "help": "materials of opacity 0 stay unseen (default: they are drawn opaque, and said)",
     }),
-    "pdf": (("--pdf",), {
-        "type": Path, "metavar": "FILE", "help": "also figures with axes, units and colour bars, for a paper",
-    }),
-    "csv": (("--csv",), {"type": Path, "metavar": "FILE", "help": "also a table: %s"}),
     "json": (("--json",), {"action": "store_true", "help": "print JSON in place of words and tables"}),
     "verbose": (("--verbose",), {"action": "store_true", "help": "print all figures: %s"}),
 }  # fmt: skip
@@ -350,13 +346,6 @@ def carried(args: argparse.Namespace, *names: str) -> list[Any]:
     usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
     given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
     return [word for option, value in given if value != usual.get(option) for word in (option, value)]
-
-
-def check_paper(args: argparse.Namespace) -> None:
-    """Raises CommandError or OSError before the long work if the file of --pdf or --csv cannot be written."""
-    for path in (args.pdf, args.csv):
-        if path is not None:
-            check_out_file(path)
 
 
 def print_section(args: argparse.Namespace, section: str, text: str, *after: Step) -> None:

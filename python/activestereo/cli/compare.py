@@ -44,21 +44,18 @@ def add_parser(commands: cli.Commands) -> None:
     cli.add_shared(parser, out=True)
     cli.add_shared(parser, model="model.json: its effects act inside of the engines (default: none)")
     cli.add_shared(parser, effects=", where the model has some", samples=True, max_bounces=True)
-    cli.add_shared(parser, seed="same seed, same pictures", device=True, pdf=True)
-    cli.add_shared(parser, csv="the errors of each frame and camera", json=True)
+    cli.add_shared(parser, seed="same seed, same pictures", device=True, json=True)
     cli.add_shared(parser, verbose="errors of both splits and the fit")
 
 
 def run(args: argparse.Namespace) -> None:
     cli.make_folder(args.out)
-    cli.check_paper(args)
     capture = read_capture(args.capture)  # a bad capture fails before half a second of imports
 
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import PHASES, compare
     from activestereo.compare.model_file import library
     from activestereo.effects.engines import CaptureRenderer
-    from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
     from activestereo.report.summary import comparison_screen, is_near_noise
     from activestereo.report.write import WRITING, WRITING_S, write_report
 
@@ -77,10 +74,6 @@ def run(args: argparse.Namespace) -> None:
         next_step = command(name, args.capture, *same, "-o", args.out / folder)
         phases.begin(WRITING)
         write_report(comparison, args.out, effects=effects, progress=phases, steps=[next_step])
-        if args.csv:
-            write_comparison_csv(args.csv, comparison.scores)
-        if args.pdf:
-            write_comparison_pdf(args.pdf, comparison)
         phases.end()
     if args.json:
         cli.print_json(comparison.scores)

@@ -77,7 +77,7 @@ def add_parser(commands: cli.Commands) -> None:
     cli.add_shared(parser, max_bounces=True, seed="same seed, same answer")
     text = "processes that fit (default: one per core)"
     parser.add_argument("--workers", type=cli.integer_from(1), metavar="N", help=text)
-    cli.add_shared(parser, device=True, pdf=True, csv="the ranking, a row for each parameter", json=True)
+    cli.add_shared(parser, device=True, json=True)
     cli.add_shared(parser, verbose="the ranking, the depth's error, times")
 
 
@@ -94,7 +94,6 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.report.write import WRITING, WRITING_S, write_diagnosis, write_diagnosis_report
 
     cli.make_folder(args.out)
-    cli.check_paper(args)
     effects = library(*args.effects)
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
@@ -112,13 +111,12 @@ def run(args: argparse.Namespace) -> None:
         steps = _steps(args, diagnosis)
         write_diagnosis_report(diagnosis, args.out, effects, phases, steps)
         write_diagnosis(diagnosis, args.out)
-        written = _paper(args, diagnosis)
         phases.end()
     if args.json:
         cli.print_json(diagnosis.result)
         return
     taken = ", ".join(f"{phase} {seconds:.0f} s" for phase, seconds in phases.taken_s.items())
-    details = "\n".join([*written, taken, LayerCache().usage_text()])
+    details = f"{taken}\n{LayerCache().usage_text()}"
     print(diagnosis_screen(diagnosis.result, steps, args.out / "report.html", details, args.verbose))
 
 
@@ -158,19 +156,3 @@ def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
         write_text(note, said + "\n")
         raise KeyboardInterrupt(said) from None
     note.unlink(missing_ok=True)
-
-
-def _paper(args: argparse.Namespace, diagnosis: Diagnosis) -> list[str]:
-    """Writes the files of --pdf and --csv. Returns a line for each file, whether it was written or not."""
-    from activestereo.report.paper import write_diagnosis_csv, write_diagnosis_pdf
-
-    lines, comparison = [], diagnosis.comparison() if args.pdf else None
-    if args.csv:
-        write_diagnosis_csv(args.csv, diagnosis.result)
-        lines.append(f"written: {args.csv}")
-    if args.pdf and comparison is None:
-        lines.append(f"not written: {args.pdf}, for there are no images that could be judged")
-    elif args.pdf and comparison is not None:
-        write_diagnosis_pdf(args.pdf, comparison, diagnosis.result, diagnosis.predictions())
-        lines.append(f"written: {args.pdf}")
-    return lines
