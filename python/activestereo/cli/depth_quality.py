@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,7 +12,6 @@ import numpy as np
 from activestereo.capture.images import read_gray
 from activestereo.cli import arguments as cli
 from activestereo.common.input_files import checked_file
-from activestereo.common.output_files import write_text
 
 _TEXT = """\
 Measures depth maps of a flat target by the metrics of Intel's Depth Quality Tool, under
@@ -21,9 +19,9 @@ their names: fill rate, Z accuracy, plane fit RMS error, subpixel RMS error and,
 or more frames of the same view, temporal noise (the tool takes 40).
 
 DEPTH is a 16-bit PNG in millimetres (--unit changes that), or a .npy of metres, as
-`depth` writes it; 0 = no measurement. A .npy may hold many frames. With --disparity
-it is a .npy of disparities in pixels. Noise below a PNG's step cannot be seen in it:
-where that may be so it is said, and float depth is what to give.
+`depth` writes it; 0 = no measurement. A .npy may hold many frames. Noise below a
+PNG's step cannot be seen in it: where that may be so it is said, and float depth is
+what to give.
 
 example, the plane that a simulated D435 saw 0.8 m away:
   activestereo depth-quality out/depth.png --k 430.14,430.14,425.16,235.28 --baseline 0.05 --truth 0.8
@@ -47,8 +45,6 @@ def add_parser(commands: cli.Commands) -> None:
     parser.add_argument("--roi", type=cli.positive, default=0.4, metavar="FRACTION", help=text)
     text = "metres per step of a PNG (default %(default)s)"
     parser.add_argument("--unit", type=cli.positive, default=0.001, metavar="M", help=text)
-    parser.add_argument("--disparity", action="store_true", help="the .npy files hold disparities, pixels")
-    parser.add_argument("-o", "--out", type=Path, metavar="FILE", help="write the metrics there too, as JSON")
     cli.add_shared(parser, json=True)
 
 
@@ -57,21 +53,16 @@ def run(args: argparse.Namespace) -> None:
 
     if args.roi > 1:
         raise cli.CommandError(f"--roi is {args.roi:g}: a fraction of the image, 0..1")
-    if args.out is not None:
-        cli.check_out_file(args.out)
     frames = _read_all(args)
     quality = depth_quality(frames, args.k, args.baseline, args.truth, region_of(frames.shape[1:], args.roi))
-    metrics = {"frames": len(frames)} | {n: None if np.isnan(v) else v for n, v in asdict(quality).items()}
     if args.json:
-        cli.print_json(metrics)
-    else:
-        count, (height, width) = f"{len(frames)} frame{'s' * (len(frames) > 1)}", frames.shape[1:]
-        print(f"{count} of {width}x{height}, central {100 * args.roi:.0f} %")
-        print(quality_table(quality))
-        if hint := _steps(args, frames):
-            print(hint)
-    if args.out is not None:
-        write_text(args.out, json.dumps(metrics, indent=2) + "\n")
+        cli.print_json({"frames": len(frames)} | asdict(quality))
+        return
+    count, (height, width) = f"{len(frames)} frame{'s' * (len(frames) > 1)}", frames.shape[1:]
+    print(f"{count} of {width}x{height}, central {100 * args.roi:.0f} %")
+    print(quality_table(quality))
+    if hint := _steps(args, frames):
+        print(hint)
 
 
 def _steps(args: argparse.Namespace, frames: np.ndarray) -> str | None:
@@ -91,12 +82,6 @@ def _steps(args: argparse.Namespace, frames: np.ndarray) -> str | None:
 
 def _read_all(args: argparse.Namespace) -> np.ndarray:
     parts = [_read(path, args.unit) for path in args.depth]
-    if args.disparity:
-        pngs = [path for path in args.depth if path.suffix != ".npy"]
-        if pngs:
-            raise cli.CommandError(f"{pngs[0]}: --disparity is for .npy files of pixels")
-        focal_baseline = args.k[0, 0] * args.baseline
-        parts = [np.where(part > 0, focal_baseline / np.where(part > 0, part, 1.0), 0.0) for part in parts]
     for path, part in zip(args.depth, parts, strict=True):
         if part.shape[1:] != parts[0].shape[1:]:
             first, other = (f"{p.shape[2]}x{p.shape[1]}" for p in (parts[0], part))

@@ -91,8 +91,7 @@ def test_depth_pair_and_depth_quality(said, pair, tmp_path):
     assert found["matching"]["max_disparity"] == 32 and found["stages_ms"]["depth"] and found["hints"] == []
     found = said("pair", *pair, *K, "--out", tmp_path / "pair")
     assert found == json.loads((tmp_path / "pair/pair.json").read_text()) and found["findings"]
-    found = said("depth-quality", tmp_path / "depth/depth.npy", *K, "--out", tmp_path / "q.json")
-    assert found == json.loads((tmp_path / "q.json").read_text())
+    found = said("depth-quality", tmp_path / "depth/depth.npy", *K)
     assert found["frames"] == 1 and found["temporal_noise_percent"] is None
 
 
