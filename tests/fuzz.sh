@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Looks for inputs that break the readers of untrusted bytes and the C interfaces, under the address and undefined-behaviour sanitizers:
-# tests/fuzz.sh [SECONDS [PROGRAM...]], for each program (default 60; an hour finds more). With Debian's clang and libclang-rt-dev the search is
-# libFuzzer's, which is led by the code that runs and by what it compares; else that of tests/fuzz/driver.cpp, with another seed every day. It
-# starts from the kept inputs. One that breaks something is left in build/sanitize/found: keep it in tests/fuzz/corpus with the fix.
+# tests/fuzz.sh [SECONDS [PROGRAM...]], for each program (default 60; an hour finds more). libFuzzer starts from the kept inputs. One that breaks
+# something is left in build/sanitize/found: keep it in tests/fuzz/corpus with the fix.
 set -euo pipefail
 seconds=${1:-60}
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -12,12 +11,7 @@ cd "$root"
 sanitize_tree address
 programs=("${@:2}")
 [ ${#programs[@]} -gt 0 ] || programs=(image gltf wire mesh simsense kuafu)
-prefix=libfuzzer
-if ! ninja -C "$tree" -t query libfuzzer >/dev/null 2>&1; then
-  echo "== libFuzzer is not installed (Debian: clang libclang-rt-dev): tests/fuzz/driver.cpp looks instead"
-  prefix=fuzz
-fi
-cmake --build "$tree" --target "${programs[@]/#/${prefix}_}"
+cmake --build "$tree" --target "${programs[@]/#/fuzz_}"
 export ASAN_OPTIONS=detect_leaks=0
 mkdir -p "$tree/found"
 status=0
@@ -26,13 +20,9 @@ for name in "${programs[@]}"; do
   for folder in "$root/tests/fuzz/corpus/$name" $([ "$name" = image ] && echo "$root/tests/kuafu/io/images"); do
     [ ! -d "$folder" ] || seeds+=("$folder")
   done
-  echo "== $prefix: $name, $seconds s"
-  if [ "$prefix" = libfuzzer ]; then
-    mkdir -p "$tree/reached/$name"  # what was found to reach new code, for the next time
-    "$tree/bin/libfuzzer_$name" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=4096 -max_len=8192 -verbosity=0 -print_final_stats=1 \
-      -artifact_prefix="$tree/found/${name}_" "$tree/reached/$name" "${seeds[@]}" || status=1
-  else
-    (cd "$tree/found" && "$root/$tree/bin/fuzz_$name" -seconds="$seconds" -seed="$(date +%Y%j)" "${seeds[@]}") || status=1
-  fi
+  echo "== $name, $seconds s"
+  mkdir -p "$tree/reached/$name"  # what was found to reach new code, for the next time
+  "$tree/bin/fuzz_$name" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=4096 -max_len=8192 -verbosity=0 -print_final_stats=1 \
+    -artifact_prefix="$tree/found/${name}_" "$tree/reached/$name" "${seeds[@]}" || status=1
 done
 exit $status
