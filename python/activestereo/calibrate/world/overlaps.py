@@ -7,6 +7,7 @@ ICP with projective association refines it (Blais and Levine 1995)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -22,7 +23,7 @@ Features = tuple[NDArray[np.float32], NDArray[np.float32]]
 # gaps where dots are dead: if views seem not to overlap, gaps up to this size are closed.
 _DOTS_PX, _GAP_PX = 4.0, 25
 _MOST_FEATURES = 1500
-_RATIO = 0.85
+_RATIOS = 0.85, 0.95  # a ghost over the picture makes descriptors less distinct
 # So many matches prove a motion. Fewer, as reflections in the lens leave, do where the moved light correlates so much.
 _SURE_MATCHES, _LEAST_MATCHES, _SAME_LIGHT = 12, 6, 0.7
 _SAMPLES = 15000
@@ -76,8 +77,8 @@ def surface_of(view: SceneView, K: NDArray[np.float64], rng: np.random.Generator
 def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64]) -> Overlap | None:
     """Estimates the motion between two views and returns their Overlap; None if they show different places. a, b: the
     views' indices; first, second: their surfaces."""
-    for here, there in zip(first.features, second.features, strict=True):
-        start, matches = _by_features(here, there, K)
+    for ratio, (here, there) in product(_RATIOS, list(zip(first.features, second.features, strict=True))):
+        start, matches = _by_features(here, there, K, ratio)
         overlap = None if start is None else _icp(a, b, first, second, start, K)
         if overlap is not None and overlap.seen > _LEAST_SEEN and overlap.on > _LEAST_ON:
             if matches >= _SURE_MATCHES or _correlation_of_light(first, second, overlap, K) > _SAME_LIGHT:
@@ -109,13 +110,14 @@ def _features(image: Image, points: Image) -> Features:
     return place[place[:, 2] > 0], described[place[:, 2] > 0]
 
 
-def _by_features(first: Features, second: Features, K: NDArray[np.float64]) -> tuple[Pose | None, int]:
-    """Returns (the motion by matched features, the number of matches that agree with it); None without one."""
+def _by_features(first: Features, second: Features, K: NDArray[np.float64], ratio: float) -> tuple[Pose | None, int]:
+    """Returns (the motion by matched features, the number of matches that agree with it); None without one. ratio: of
+    the nearest descriptor's distance to the next one's."""
     (here, a), (there, b) = first, second
     if min(len(a), len(b)) < _LEAST_MATCHES:
         return None, 0
     pairs = cv2.BFMatcher().knnMatch(a, b, k=2)
-    good = [(m.queryIdx, m.trainIdx) for m, n in (p for p in pairs if len(p) == 2) if m.distance < _RATIO * n.distance]
+    good = [(m.queryIdx, m.trainIdx) for m, n in (p for p in pairs if len(p) == 2) if m.distance < ratio * n.distance]
     if len(good) < _LEAST_MATCHES:
         return None, 0
     here, there = here[[i for i, _ in good]].astype(float), there[[j for _, j in good]].astype(float)

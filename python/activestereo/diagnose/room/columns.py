@@ -7,8 +7,9 @@ so that an effect on them is already in them, and shows only between the two cam
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -34,7 +35,11 @@ _TURN_RAD, _MOVE_M, _FOCAL, _BASELINE_M, _NEAREST_M = 5e-4, 5e-4, 0.003, 1e-3, 0
 _SLOW_LAW, _DOTS_LIGHT, _BLACK_DN, _EXPONENT = 0.03, 1.0, 1.5, 0.5
 # Flicker bands over the height of an image: rows are read in 4 to 36 ms, mains light has 100 or 120 periods a second.
 _CYCLES = tuple(0.4 + 0.2 * k for k in range(21))
-_PERIODIC = "flicker_banding"
+_PERIODIC, _GHOST = "flicker_banding", "lens_ghost"
+# A pane that stands off the axis by these angles moves its ghost by twice as much; rooms' slow light tells half of one.
+_PANE_DEG = (-1.5, -0.75, 0.0, 0.75, 1.5)
+# Logarithm of the number of alternatives that are searched for an effect.
+LOOKED = {_PERIODIC: float(np.log(len(_CYCLES))), _GHOST: 2.0 * float(np.log(len(_PANE_DEG)))}
 _TONE = "response_gamma"
 _SATURATION = 2.0  # a quadratic law would miss half of what a soft response does to bright rooms
 # Shares of a parameter's range at which an effect's size is looked up.
@@ -70,12 +75,9 @@ def nuisances(room: Room, light: RoomLight) -> list[Column]:
     even = [np.ones(room.shape, np.float32)] * len(room.images)
     out.append(Column("black", lambda k, image: even[k], _BLACK_DN))
 
-    def between_dots(k: int, image: Image) -> Image | None:
-        """Returns the smooth light, DN, that a wrong dark level of the pattern between dots adds to the room's light;
-        None for other images."""
-        return light.looks[k].even(light.looks[k].amplitude(light.seen[k])) if image is light.room[k] else None
-
-    out.append(Column("light between dots", between_dots, _DOTS_LIGHT))
+    # A wrong dark level of the pattern between dots adds smooth light to the room's.
+    between = [look.even(look.amplitude(seen)) for look, seen in zip(light.looks, light.seen, strict=True)]
+    out.append(Column("light between dots", lambda k, image: between[k], _DOTS_LIGHT))
     return out
 
 
@@ -186,11 +188,11 @@ def gradient_change(image: Image, dx: Image, dy: Image) -> Image:
 
 def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[Column]:
     """Returns columns of effects in the camera, one for each parameter that changes an image. Effects that are
-    nuisances of every room, such as its falloff, are left out."""
+    nuisances of every room, such as its falloff, and those that are searched for are left out."""
     views = [view_of(room, k) for k in range(len(room.images))]
     out: list[Column] = []
     for effect in effects:
-        if effect.id == "vignetting" or not is_alike_in_views(effect):
+        if effect.id in ("vignetting", _GHOST) or not is_alike_in_views(effect):
             continue
         lead = effect.parameters[0]
         for p in (p for p in effect.parameters if lead.neutral == p.neutral == 0.0):
@@ -350,18 +352,35 @@ def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
     return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical, _SCALED) for v in range(first, room.judged)]
 
 
-def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
-    """Returns {period in rows of the whole image: columns of lamp flicker at this period}. Each view has a sine and a
-    cosine column, so that its phase is free."""
-    effect = next((e for e in effects if e.id == _PERIODIC), None)
-    if effect is None:
-        return {}
-    p, out = effect.parameters[0], {}
+def alternatives(
+    room: Room, light: RoomLight, effects: Iterable[Effect]
+) -> dict[str, dict[tuple[float, ...], list[Column]]]:
+    """Returns {effect: {alternative: its columns}} of the effects that are searched for: lamp flicker by its period in
+    rows of the whole image, and a ghost by its pane's angle to the sensor, degrees about y and x."""
+    asked = {effect.id: effect for effect in effects}
+    each = {_PERIODIC: lambda effect: _waves(room, effect), _GHOST: lambda effect: _ghosts(room, light, effect)}
+    return {name: found(asked[name]) for name, found in each.items() if name in asked}
+
+
+def _ghosts(room: Room, light: RoomLight, effect: Effect) -> dict[tuple[float, ...], list[Column]]:
+    p, out = effect.parameters[0], dict[tuple[float, ...], list[Column]]()
+    views = [view_of(room, k) for k in range(len(room.images))]
+    for pane in itertools.product(_PANE_DEG, repeat=2):
+        moved = np.zeros((3, 3))
+        moved[:2, 2] = room.images[0].K[0, 0] * np.tan(np.radians(pane))
+        change = _difference(effect, p, p.typical, [replace(v, K=v.K + moved) for v in views], light.black_dn)
+        out[pane] = [Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, p.typical, _SCALED)]
+    return out
+
+
+def _waves(room: Room, effect: Effect) -> dict[tuple[float, ...], list[Column]]:
+    """Each view has a sine and a cosine column, so that its phase is free."""
+    p, out = effect.parameters[0], dict[tuple[float, ...], list[Column]]()
     rows = np.arange(room.shape[0], dtype=np.float32)[:, None] * 2 + 0.5
     for cycles in _CYCLES:
         period = round(2 * room.shape[0] / cycles)
         angle = 2.0 * np.pi * rows / period
-        out[period] = [
+        out[period,] = [
             Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical, _SCALED,
                    alike=1.0 / (1.0 + cycles**2))
             for view in range(room.judged)

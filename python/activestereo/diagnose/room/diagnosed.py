@@ -166,8 +166,8 @@ def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
 def parameters_of(found: Found, seen: Seen) -> Parameters:
     """Returns {parameter: (value, deviation)} of a found effect, in the parameters' own units. Flicker bands get their
     depth, and the line time if the light flickers at 100 Hz."""
-    period_rows = seen.period_rows
-    if found.effect.id == "flicker_banding" and period_rows is not None:
+    if found.effect.id == "flicker_banding":
+        (period_rows,) = seen.chosen[found.effect.id]
         values = np.array([value for value, _ in found.parameters.values()])
         deviation = float(np.mean([sd for _, sd in found.parameters.values()]))
         depth = float(np.mean(np.hypot(values[::2], values[1::2])))

@@ -14,7 +14,7 @@ from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.light import LINEAR
 from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
-from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, size_of, waves
+from activestereo.diagnose.room.columns import LOOKED, Column, alternatives, effects_of, nuisances, pedestals, size_of
 from activestereo.diagnose.room.drops import BLURRED_LOG, blurred_places
 from activestereo.diagnose.room.evidence import ONE_SIDED, Found, Reduced, gaussian, judged, reduced, student
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
@@ -39,8 +39,6 @@ _BLURRED_SHARE, _DOT_PX = 0.003, 1.4
 _UNLIKE_GLARE = 0.2
 # A response whose form the columns do not have leaves a rest in the dark.
 _LEFT_BY = {"response_gamma": ("black_level",)}
-# The penalty for flicker bands, which are searched at 21 periods.
-LOOKED = {"flicker_banding": float(np.log(21.0))}
 # The response that two exposures of one place tell.
 LEAST_RESPONSE: dict[str, Mapping[str, float]] = {
     "response_gamma": {"log_exponent": LINEAR * (float(np.sqrt(2.0 * gaussian(NEEDED, FEW))) + ONE_SIDED)}
@@ -69,14 +67,14 @@ class Names:
 @dataclass(frozen=True)
 class Seen:
     """Holds one analysis of a room. asked: the effects to judge. scores: of the effects' columns and of the camera's
-    own (black level, falloff, row offset). period_rows: period of the flicker tried, in rows of the whole image; None =
-    none. trust: {band: factor on cell weights}, as in cells_out.Normal."""
+    own (black level, falloff, row offset). chosen: {effect: the likeliest of its alternatives}, of those that are
+    searched for. trust: {band: factor on cell weights}, as in cells_out.Normal."""
 
     room: Room
     light: RoomLight
     asked: tuple[Effect, ...]
     scores: Reduced
-    period_rows: int | None
+    chosen: Mapping[str, tuple[float, ...]]
     trust: Mapping[str, float]
 
     @computed_once
@@ -145,10 +143,10 @@ def score_room(room: Room, asked: Sequence[Effect]) -> Seen:
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
     still = nuisances(room, light)
-    period, wave = _wave(room, light, still, asked)
-    columns = [*still, *_of_effects(room, light, asked, wave)]
+    chosen = _chosen(room, light, still, asked)
+    columns = [*still, *_of_effects(room, light, asked, chosen)]
     sums = normal(room, columns, blocks_of(room, light, columns), range(len(columns)))
-    return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), period, sums.trust)
+    return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), chosen, sums.trust)
 
 
 def with_planned_pair(seen: Seen, take: Take) -> Reduced:
@@ -156,8 +154,7 @@ def with_planned_pair(seen: Seen, take: Take) -> Reduced:
     over independent cells by the same factor as in the recorded room."""
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
-    wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []
-    columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, wave)]
+    columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, seen.chosen)]
     sums = imagined(room, columns, blocks_of(room, light, columns), seen.trust)
     out, now = reduced(sums, columns, _looked_at(columns)), seen.scores
     ratio = np.sqrt(np.maximum(np.diag(now.covariance) / np.diag(now.information), 1.0))
@@ -166,10 +163,13 @@ def with_planned_pair(seen: Seen, take: Take) -> Reduced:
     return replace(out, covariance=out.covariance * np.outer(each, each))
 
 
-def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Sequence[Column]) -> list[Column]:
+def _of_effects(
+    room: Room, light: RoomLight, asked: Sequence[Effect], chosen: Mapping[str, tuple[float, ...]]
+) -> list[Column]:
     """Returns columns of effects with a known spread. Beside a good session, a second set of nuisances is added for the
     unit's own lasting errors in both sessions."""
-    own = [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if _key(c) in OF_A_UNIT]
+    searched = [c for name, each in alternatives(room, light, asked).items() for c in each[chosen[name]]]
+    own = [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *searched) if _key(c) in OF_A_UNIT]
     if room.judged == room.views:
         return own
     lasting = [c for c in own if c.effect is not None and c.effect.id not in ("black_level", "flicker_banding")]
@@ -263,25 +263,23 @@ def _key(column: Column) -> str:
     return f"{column.effect.id}.{column.parameter.name}"
 
 
-def _wave(
+def _chosen(
     room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
-) -> tuple[int | None, list[Column]]:
-    """Finds the likeliest flicker period by the low-pass band; returns (period in rows of the whole image, its
-    columns). Returns (None, []) if flicker is not asked for. still: nuisance columns fitted along."""
-    sets = waves(room, effects)
+) -> dict[str, tuple[float, ...]]:
+    """Returns {effect: its likeliest alternative by the low-pass band}. still: nuisance columns fitted along."""
+    sets = {(name, key): own for name, each in alternatives(room, light, effects).items() for key, own in each.items()}
     if not sets:
-        return None, []
+        return {}
     columns = [*still, *(c for each in sets.values() for c in each)]
     sums = normal(room, columns, blocks_of(room, light, columns, ("slow",)), range(len(still)))
     seen, nats, first = reduced(sums, columns, range(len(still), len(columns))), {}, 0
-    for period, each in sets.items():
+    for alternative, each in sets.items():
         own = slice(first, first := first + len(each))
         of = Reduced(
             tuple(each), seen.score[own], *(m[own, own] for m in (seen.information, seen.covariance, seen.prior))
         )
-        nats[period] = judged(of, session_spread(of, OF_A_UNIT), LOOKED, NEEDED)[0].nats
-    best = max(nats, key=lambda period: nats[period])
-    return best, sets[best]
+        nats[alternative] = judged(of, session_spread(of, OF_A_UNIT), LOOKED, NEEDED)[0].nats
+    return dict(sorted(nats, key=lambda alternative: nats[alternative]))
 
 
 def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found]:
