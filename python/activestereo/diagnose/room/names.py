@@ -27,7 +27,7 @@ from activestereo.effects import Effect, Model
 
 # Nats that an effect needs to be named.
 NEEDED = 4.5
-_MOST_NAMES, _MASS = 3, 0.95
+_MOST_NAMES, _MASS, _PROMISED = 3, 0.95, 5.0 / 6.0
 _ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
 # Columns judged along with the effects: properties of the camera that `calibrate world` measured.
 _CAMERA = ("black", "falloff", "right row")
@@ -68,13 +68,15 @@ class Names:
 class Seen:
     """Holds one analysis of a room. asked: the effects to judge. scores: of the effects' columns and of the camera's
     own (black level, falloff, row offset). chosen: {effect: the likeliest of its alternatives}, of those that are
-    searched for. trust: {band: factor on cell weights}, as in cells_out.Normal."""
+    searched for. promised: {effect: (an alternative that shows less than five of six likely ones, the factor on its
+    least size)}. trust: {band: factor on cell weights}, as in cells_out.Normal."""
 
     room: Room
     light: RoomLight
     asked: tuple[Effect, ...]
     scores: Reduced
     chosen: Mapping[str, tuple[float, ...]]
+    promised: Mapping[str, tuple[tuple[float, ...], float]]
     trust: Mapping[str, float]
 
     @computed_once
@@ -143,10 +145,10 @@ def score_room(room: Room, asked: Sequence[Effect]) -> Seen:
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
     still = nuisances(room, light)
-    chosen = _chosen(room, light, still, asked)
+    chosen, promised = _chosen(room, light, still, asked)
     columns = [*still, *_of_effects(room, light, asked, chosen)]
     sums = normal(room, columns, blocks_of(room, light, columns), range(len(columns)))
-    return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), chosen, sums.trust)
+    return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), chosen, promised, sums.trust)
 
 
 def with_planned_pair(seen: Seen, take: Take) -> Reduced:
@@ -154,7 +156,8 @@ def with_planned_pair(seen: Seen, take: Take) -> Reduced:
     over independent cells by the same factor as in the recorded room."""
     room = ImaginedRoom(seen.room, seen.light, take)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
-    columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, seen.chosen)]
+    promised = {effect: alternative for effect, (alternative, _) in seen.promised.items()}
+    columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, promised)]
     sums = imagined(room, columns, blocks_of(room, light, columns), seen.trust)
     out, now = reduced(sums, columns, _looked_at(columns)), seen.scores
     ratio = np.sqrt(np.maximum(np.diag(now.covariance) / np.diag(now.information), 1.0))
@@ -265,21 +268,31 @@ def _key(column: Column) -> str:
 
 def _chosen(
     room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
-) -> dict[str, tuple[float, ...]]:
-    """Returns {effect: its likeliest alternative by the low-pass band}. still: nuisance columns fitted along."""
-    sets = {(name, key): own for name, each in alternatives(room, light, effects).items() for key, own in each.items()}
-    if not sets:
-        return {}
-    columns = [*still, *(c for each in sets.values() for c in each)]
+) -> tuple[dict[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
+    """Returns ({effect: its likeliest alternative by the low-pass band}, Seen.promised). still: nuisance columns fitted
+    along. Periods of flicker that move views alike differ little in evidence, and much in what they show."""
+    searched = alternatives(room, light, effects)
+    if not searched:
+        return {}, {}
+    columns = [*still, *(c for sets in searched.values() for each in sets.values() for c in each)]
     sums = normal(room, columns, blocks_of(room, light, columns, ("slow",)), range(len(still)))
-    seen, nats, first = reduced(sums, columns, range(len(still), len(columns))), {}, 0
-    for alternative, each in sets.items():
-        own = slice(first, first := first + len(each))
-        of = Reduced(
-            tuple(each), seen.score[own], *(m[own, own] for m in (seen.information, seen.covariance, seen.prior))
-        )
-        nats[alternative] = judged(of, session_spread(of, OF_A_UNIT), LOOKED, NEEDED)[0].nats
-    return dict(sorted(nats, key=lambda alternative: nats[alternative]))
+    seen, first = reduced(sums, columns, range(len(still), len(columns))), 0
+    chosen: dict[str, tuple[float, ...]] = {}
+    promised: dict[str, tuple[tuple[float, ...], float]] = {}
+    for effect, sets in searched.items():
+        nats, least = dict[tuple[float, ...], float](), dict[tuple[float, ...], float]()
+        for alternative, each in sets.items():
+            own = slice(first, first := first + len(each))
+            of = Reduced(
+                tuple(each), seen.score[own], *(m[own, own] for m in (seen.information, seen.covariance, seen.prior))
+            )
+            (found,) = judged(of, session_spread(of, OF_A_UNIT), LOOKED, NEEDED)
+            nats[alternative], (least[alternative],) = found.nats, found.least.values()
+        best, by_least = max(nats, key=lambda each: nats[each]), sorted(nats, key=lambda each: least[each])
+        likely = np.cumsum(np.exp([nats[each] - nats[best] for each in by_least]))
+        sure = by_least[int(np.searchsorted(likely, _PROMISED * likely[-1]))]
+        chosen[effect], promised[effect] = best, (sure, least[sure] / least[best])
+    return chosen, promised
 
 
 def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found]:

@@ -121,13 +121,17 @@ def _gain(chances: Mapping[str, float], known: Mapping[str, float]) -> float:
 
 def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
     """Returns {effect: {parameter: least size that this recording detects}}, effects without a column included."""
-    return _tells(seen, seen.scores, session_spread(seen.scores, OF_A_UNIT)) | dict(
+    unsure = {effect: factor for effect, (_, factor) in seen.promised.items()}
+    return _tells(seen, seen.scores, session_spread(seen.scores, OF_A_UNIT), unsure) | dict(
         beside_columns(seen.room, seen.asked)
     )
 
 
-def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, Sizes]:
-    """Returns {effect: {parameter: least size at which it is named}} for sizes within the parameters' ranges."""
+def _tells(
+    seen: Seen, scores: Reduced, known: Mapping[str, float], unsure: Mapping[str, float] | None = None
+) -> dict[str, Sizes]:
+    """Returns {effect: {parameter: least size at which it is named}} for sizes within the parameters' ranges. unsure:
+    {effect: factor on its least sizes}."""
     out: dict[str, Sizes] = {}
     names = {c.name for c in scores.columns}
     for found in judged(scores, known, LOOKED, NEEDED):
@@ -135,6 +139,7 @@ def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str,
         for p in (p for p in found.effect.parameters if p.name in found.least):
             name, least = f"{found.effect.id}.{p.name}", found.least[p.name]
             least = seen.sizes()(name)(least)[0] if name in names else least
+            least *= (unsure or {}).get(found.effect.id, 1.0)
             if least <= p.high:
                 least_of[p.name] = least
         if least_of:
