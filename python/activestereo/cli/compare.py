@@ -24,7 +24,6 @@ one than the files say, that is the first line: nothing below it means anything 
 
 Writes into DIR:
   compare.json  all figures (documented in report/schema/compare.schema.json)
-  compare.png   measured, simulated and residual images, error of each frame
   report.html   the same on one page, to explore in a browser: every frame and camera,
                 measured and modelled; it needs no other file and no network. A
                 diagnose.json in DIR is shown too, with what each effect leaves

@@ -2,7 +2,7 @@
 """Compares the simulator with a capture: renders its poses, fits the nuisances on the train frames, scores both splits,
 and finds the train frames' pixels at which the model fails.
 
-compare() computes; report/ writes compare.json, compare.png and report.html.
+compare() computes; report/ writes compare.json and report.html.
 """
 
 from __future__ import annotations

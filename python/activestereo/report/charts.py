@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws compare.png and the report's charts: error per frame, photon transfer, residual against covariates, error
-against effects added."""
+"""Draws the report's charts: error per frame, photon transfer, residual against covariates, error against effects
+added."""
 
 from __future__ import annotations
 
@@ -8,22 +8,16 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import SPLITS
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 from activestereo.compare.where import COVARIATES
 from activestereo.diagnose.words import error_text
 from activestereo.report.lettering import escape_dollars
-from activestereo.report.models import known_residual, residual_limit, worst_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import SubFigure
-
-    from activestereo.compare.compare import Comparison
 
 _SPLIT_COLOR = {"train": BLUE, "test": ORANGE}
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
@@ -33,7 +27,7 @@ _RINGS = 12
 
 
 def _axes(
-    figure: Figure | SubFigure, *place: Any, x: str | None = None, y: str | None = None, title: str | None = None,
+    figure: Figure, *place: Any, x: str | None = None, y: str | None = None, title: str | None = None,
     grid: Any = "both",
 ) -> Axes:  # fmt: skip
     axes = figure.add_subplot(*place)
@@ -54,49 +48,13 @@ def _legend(axes: Axes, **place: Any) -> None:
     axes.legend(frameon=False, fontsize=8.5, labelcolor=INK, **place)
 
 
-def comparison_figure(comparison: Comparison) -> Figure:
-    """Draws compare.png: the left images of each split's worst frame, measured, simulated and their residual, above
-    each frame's error with its noise floor."""
-    scores = comparison.scores
-    worst = [worst_frame(scores, split) for split in SPLITS if split in scores["ir"]]
-    heights = 2.7 * len(worst) + 0.8, 2.6
-    figure = Figure(figsize=(13.5, sum(heights)), facecolor="white", layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=heights)
-    told = []
-    for split, values in scores["ir"].items():
-        floor = values["noise_floor_dn"]
-        above = "" if floor is None else f" (noise floor {floor:.2f}, explainable {values['explainable_rmse_dn']:.2f})"
-        told.append(f"{split} RMSE {values['rmse_dn']:.2f} DN{above}")
-    title = f"{escape_dollars(scores['capture'])}: measured against simulated infrared\n{'     '.join(told)}"
-    top.suptitle(title, size=12, color=INK, x=0.01, ha="left")
-    for row, entry in zip(top.subplots(len(worst), 3, squeeze=False), worst, strict=True):
-        key = entry["id"], "left"
-        measured = comparison.measured[key]
-        residual = known_residual(comparison.capture, key, comparison.measured, comparison.predictions)
-        limit = residual_limit(residual, entry["noise_floor_dn"])
-        gray = {"cmap": "gray", "norm": PowerNorm(0.5, 0, float(np.quantile(measured, 0.998)))}
-        panels: Any = (
-            ("measured", measured, gray), ("simulated (square-root scale)", comparison.predictions[key], gray),
-            ("measured - simulated", residual, {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}),
-        )  # fmt: skip
-        for place, (name, image, style) in zip(row, panels, strict=True):
-            shown = place.imshow(image, interpolation="nearest", **style)
-            place.set(facecolor=MUTED, xticks=[], yticks=[])  # the background shows at pixels without known scene
-            place.set_title(name if entry is worst[0] else "", size=11, color=INK, loc="left")
-            if name != "measured":
-                top.colorbar(shown, ax=place, shrink=0.9).set_label("DN", size=8, color=MUTED)
-        row[0].set_ylabel(f"{entry['split']}, frame {entry['id']}, left", size=10, color=INK)
-    frames_chart(scores, bottom)
-    return figure
-
-
-def frames_chart(scores: Mapping[str, Any], figure: Figure | SubFigure | None = None) -> Figure | SubFigure:
+def frames_chart(scores: Mapping[str, Any]) -> Figure:
     """Draws a bar for each frame's RMSE with its noise floor: infrared in DN, and disparity in pixels if the device
-    gave depth. scores: compare.json's contents. figure: where to draw; None for a new one."""
+    gave depth. scores: compare.json's contents."""
     infrared = [(e["id"], e["split"], e["rmse_dn"], e["noise_floor_dn"]) for e in scores["frames"]]
     depth = [(e["id"], s, e["rmse_px"], e["noise_floor_px"]) for s, v in scores["depth"].items() for e in v["frames"]]
     panels = [("Infrared RMSE, DN", infrared)] + ([("Disparity RMSE, px", sorted(depth))] if depth else [])
-    figure = figure or Figure(figsize=(11.2, 2.5), layout="constrained")
+    figure = Figure(figsize=(11.2, 2.5), layout="constrained")
     for index, (title, rows) in enumerate(panels):
         axes = _axes(figure, 1, len(panels), index + 1, x="frame", title=title, grid="y")
         for i, (_, split, value, floor) in enumerate(rows):

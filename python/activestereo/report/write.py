@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a comparison as compare.json, compare.png and report.html, a self-contained page, also with a diagnosis, and
-the files of a diagnosis: its own page, diagnose.json, model.json and effect_stub.py."""
+"""Writes a comparison as compare.json and report.html, a self-contained page, also with a diagnosis, and the files of
+a diagnosis: its own page, diagnose.json, model.json and effect_stub.py."""
 
 from __future__ import annotations
 
@@ -20,12 +20,10 @@ from activestereo.compare.model_file import library
 from activestereo.compare.model_file import write_model as write_effects
 from activestereo.diagnose.kept import content_key
 from activestereo.model import write_model
-from activestereo.report.charts import comparison_figure
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
 from activestereo.report.first_screen import comparison_first_screen, first_screen
-from activestereo.report.lettering import write_figure
 from activestereo.report.models import model_images, told_errors
 from activestereo.report.page import page
 from activestereo.report.screen import Step
@@ -48,8 +46,7 @@ def write_report(
     effects: Mapping[str, Effect] | None = None, progress: Callable[[float], object] | None = None,
     steps: Sequence[Step] = (),
 ) -> tuple[Path, Path]:  # fmt: skip
-    """Writes compare.json, compare.png and report.html into `folder`, made if absent. Returns the paths of compare.json
-    and report.html.
+    """Writes compare.json and report.html into `folder`, made if absent, and returns their paths.
 
     diagnosis: diagnose.json's contents; None for the folder's own diagnose.json, if it belongs to this capture.
     effects: {id: Effect} that the diagnosis may name, None for the built-in ones. progress: called as progress(fraction
@@ -61,7 +58,6 @@ def write_report(
         diagnosis = _stored_diagnosis(folder, comparison.capture.name)
     html_text = report_page(comparison, diagnosis, effects, progress, steps=steps)
     write_text(folder / "compare.json", json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n")
-    write_figure(folder / "compare.png", comparison_figure(comparison))
     write_text(folder / "report.html", html_text)
     return folder / "compare.json", folder / "report.html"
 

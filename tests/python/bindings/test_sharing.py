@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The infrared pair's memory is one memory: both libraries address it, and no frame is copied."""
 
-import os
-
 import numpy as np
 import pytest
 
@@ -68,32 +66,6 @@ def test_a_closed_description_has_no_file_descriptor_any_more(device, engine_dev
     desc.close()
     with pytest.raises(ValueError, match="closed"):
         simsense.Buffer.import_(engine_device, desc)
-
-
-def test_both_address_the_same_memory(device, engine_device):
-    """A shared file has one inode and the same offset in it on both sides; shared host memory has one address."""
-    memory = shared_memory_kind(device, engine_device)
-    source, sink = shared_buffers(device, engine_device, memory)
-    if memory == "host":
-        assert np.asarray(source).ctypes.data == np.asarray(sink).ctypes.data
-        return
-    mappings = [file_mapping(np.asarray(buffer).ctypes.data) for buffer in (source, sink)]
-    if None in mappings:
-        pytest.skip(f"{device.info.name} maps device memory where /proc/self/maps does not tell files apart")
-    assert mappings[0] == mappings[1]
-    with source.export("opaque_fd") as desc:
-        assert mappings[0][1] == os.fstat(desc.handle).st_ino
-
-
-def file_mapping(address):
-    """(device, inode, offset in the file) behind an address, or None."""
-    with open("/proc/self/maps") as maps:
-        for line in maps:
-            span, _, offset, file_device, inode = line.split()[:5]
-            start, end = (int(part, 16) for part in span.split("-"))
-            if start <= address < end:
-                return None if inode == "0" else (file_device, int(inode), int(offset, 16) + address - start)
-    return None
 
 
 def test_link_gives_each_camera_its_half(device, engine_device):

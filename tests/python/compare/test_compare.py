@@ -171,7 +171,7 @@ def test_the_report_is_whole_json_and_a_page(comparison, tmp_path):
     assert set(stored["ir"]) == {"train", "test"}
     assert {"rmse_dn", "noise_floor_dn", "explainable_rmse_dn"} <= set(stored["ir"]["test"])
     assert page.read_text().startswith("<!doctype html>")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["compare.json", "compare.png", "report.html"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["compare.json", "report.html"]
 
 
 def test_sixteen_bit_images_keep_their_values(tmp_path):
