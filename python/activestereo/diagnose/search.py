@@ -374,8 +374,11 @@ class Search:
             if there is not evidence:  # its images still hold the draws taken off before
                 evidence = self._less_draws(there, self._drawn)
                 self._use_evidence(evidence)
-                phi = np.append(fit.phi[:SCALES], np.zeros(len(fit.phi) - SCALES))
-                fit = self._fitter.refine(fit.space, fit.theta, phi, _SETTLING, _SETTLED)
+                phi0 = self._fitter.phi0(evidence.nuisances)  # a material may be seen enough now to have an albedo
+                self._first, fit = (
+                    replace(f, phi=np.append(f.phi[:SCALES], phi0[SCALES:])) for f in (self._first, fit)
+                )
+                fit = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)
         self._use_evidence(evidence)
         rows = self._whole.residuals(fit)
         self._use_evidence(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))

@@ -29,6 +29,8 @@ from activestereo.diagnose.geometry_search import (
 )
 from activestereo.diagnose.linear import fitted_model
 from activestereo.diagnose.pixels import DENSE
+from activestereo.diagnose.search import Search
+from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.words import geometry_words, next_steps
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
@@ -153,6 +155,18 @@ def test_where_it_stands_is_not_searched_again(found, lab_world, lab_cache):
     assert [c.rig.projector.left_to_projector.tolist() for c in captures] == [
         found.capture.rig.projector.left_to_projector.tolist()
     ]
+
+
+def test_a_search_goes_on_where_one_more_material_is_seen(found):
+    def located(model, near):
+        train = (replace(o, geometry_places=o.geometry_places + 1) for o in near.train)
+        return replace(near, train=tuple(train), materials=near.materials + 1), None
+
+    gain = builtin()["gain_mismatch"]
+    brighter = (replace(o, measured=o.measured * (1.2 if o.view.is_right else 1.0)) for o in found.train)
+    outcome = Search(replace(found, train=tuple(brighter)), Model(), [gain], Settings(workers=1, located=located)).run()
+    assert [name.id for name in outcome.names] == [gain.id]
+    assert outcome.evidence.materials == found.materials + 1
 
 
 def test_a_capture_that_stands_as_stated_is_left_as_it_is(lab_world, lab_cache):
