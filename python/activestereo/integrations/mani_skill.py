@@ -229,11 +229,8 @@ class Observations:
     def _rays(self) -> torch.Tensor:
         """Returns ray directions through the pixels, float32 [height, width, 3], in the camera's OpenGL axes, with z =
         -1."""
-        config = self.sensors.get_config()
-        k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
-        v, u = np.indices((height, width))
-        rays = np.stack([(u - k[0, 2]) / k[0, 0], -(v - k[1, 2]) / k[1, 1], -np.ones(u.shape)], axis=-1)
-        return torch.from_numpy(rays.astype(np.float32)).to(self._image("depth").device)
+        rays = np.moveaxis(self.sensors.rgb_rays(), 0, -1) * (1.0, -1.0, -1.0)
+        return torch.from_numpy(np.ascontiguousarray(rays, np.float32)).to(self._image("depth").device)
 
 
 class _CameraMounts:

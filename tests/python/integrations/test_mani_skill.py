@@ -15,6 +15,7 @@ import sapien  # noqa: E402
 import torch  # noqa: E402
 
 import kuafu  # noqa: E402
+from activestereo import StereoDepthSensorConfig  # noqa: E402
 from activestereo.scene_io.bodies import BodyPoseError  # noqa: E402
 from activestereo.sensor.cuda_memory import CudaError, CudaMemory  # noqa: E402
 from activestereo.integrations.mani_skill import ManiSkillWorld, StereoDepthCamera, StereoDepthCameraConfig  # noqa: E402
@@ -277,6 +278,16 @@ def test_observations_that_never_left_the_device_have_the_hosts_bits(
         assert len({int(i) for i in host["segmentation"].unique()}) == 2 and host["depth"].any()
         held = [t.data_ptr() for t in there.values()]
         assert not set(held) & {array.__cuda_array_interface__["data"][0] for array in taken}
+
+
+def test_positions_follow_the_rgb_cameras_lens(parallel: Any) -> None:
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.2)
+    config.samples_per_pixel, config.rgb_distortion = 1, (0.3, 0.0, 0.0, 0.0)
+    (camera,) = cameras = cameras_of(parallel, ["base"], sensor=config)
+    _, (seen,) = observe(cameras, position=True)
+    points = camera.sensors.get_pointcloud() * [1000, -1000, -1000]
+    assert (points[..., 2] < 0).any()
+    np.testing.assert_allclose(seen["position"], points, atol=1.5)
 
 
 def test_a_simulation_on_cuda_does_without_the_host_where_it_can(
