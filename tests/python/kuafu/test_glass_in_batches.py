@@ -11,22 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.scene_io import meshes
+from activestereo.scene_io.bodies import add_mesh
 
 SIDE_PX = 48
-
-
-def quad(half_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    positions = np.array([[-half_m, -half_m, 0], [half_m, -half_m, 0], [half_m, half_m, 0], [-half_m, half_m, 0]])
-    return positions.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
-
-
-def ball(radius_m: float, steps: int = 24) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    polar, around = np.meshgrid(np.linspace(0, np.pi, steps + 1), np.linspace(0, 2 * np.pi, steps + 1), indexing="ij")
-    positions = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1)
-    a = (np.arange(steps)[:, None] * (steps + 1) + np.arange(steps)).ravel()
-    b = a + steps + 1
-    faces = np.concatenate([np.stack([a, b, b + 1], -1), np.stack([a, b + 1, a + 1], -1)])
-    return (radius_m * positions).reshape(-1, 3).astype(np.float32), faces.astype(np.uint32)
 
 
 def placed(z_m: float) -> NDArray[np.float64]:
@@ -44,12 +32,11 @@ def rendered(
     scene.set_environment((0, 0, 0), 0.0)
     grey = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
     glass = scene.add_material(kuafu.Material(transmission=1.0, roughness=0.0, ior=1.5, specular=1.0))
-    scene.add_instance(scene.add_mesh(*quad(0.5)), [grey])
+    scene.add_instance(add_mesh(scene, meshes.sheet((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0))), [grey])
 
     def fill(environment: int, radius_m: float, z_m: float) -> None:
-        scene.add_instance(
-            scene.add_mesh(*ball(radius_m)), [glass], local_to_world=placed(z_m), environment=environment
-        )
+        ball = add_mesh(scene, meshes.sphere(radius_m))
+        scene.add_instance(ball, [glass], local_to_world=placed(z_m), environment=environment)
         pose = np.diag([1.0, -1.0, -1.0, 1.0])
         pose[2, 3] = 1.4
         scene.add_light(kuafu.Light(kind="point", intensity=(1, 1, 1), light_to_world=pose, environment=environment))

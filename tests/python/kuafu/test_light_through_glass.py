@@ -5,122 +5,72 @@ is an optional extra (`pip install mitsuba`); it wants an LLVM library, by DRJIT
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 import kuafu
+from activestereo.scene_io import meshes, solids
+from activestereo.scene_io.bodies import add_mesh
+from activestereo.scene_io.meshes import Mesh
 
 Array = NDArray[np.float64]
 LAMP_Z_M, GLASS_Z_M, CAMERA_Z_M, WALL_HALF_M, ALBEDO = 1.4, 0.7, 0.4, 2.0, 0.02  # light between wall and glass is lost
 SIDE_PX, CAMERA_FOV_DEG, PATTERN_PX, PATTERN_FOV_DEG = 96, 90.0, 64, 24.0
 IOR = 1.5
+SEGMENTS = 160
 # Mitsuba's scene, about the glass: its rays leave surfaces by 2e-4 of 1 + their largest coordinate, which would be a
 # tenth of a wall of 3 mm.
 ENLARGED = 100.0
 
 
-@dataclass
-class Mesh:
-    positions: Array
-    faces: NDArray[np.uint32]
-    normals: Array | None
-
-
-def turned(profile: list[tuple[float, float]], smooth: bool = True, steps: int = 160, between: int = 12) -> Mesh:
-    """The surface that a line of (radius, height) makes around the y axis, in metres, its outside left of the line's
-    way up. Each point of the line stands twice, so that edges stay sharp, or is rounded where `smooth`."""
-    line = np.array(profile, float)
-    if smooth:  # a uniform Catmull-Rom spline through the points
-        ends = np.vstack([2 * line[0] - line[1], line, 2 * line[-1] - line[-2]])
-        t = np.arange(between)[:, None] / between
-        pieces = [
-            0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
-            for a, b, c, d in zip(ends, ends[1:], ends[2:], ends[3:])
-        ]
-        line = np.vstack([*pieces, line[-1:]])
-        line[:, 0] = np.maximum(line[:, 0], 0.0)
-        along = np.gradient(line, axis=0)
-        rows, segments = line, [(i, i + 1) for i in range(len(line) - 1)]
-    else:
-        rows = np.repeat(line, 2, axis=0)[1:-1]
-        along = np.repeat(np.diff(line, axis=0), 2, axis=0)
-        segments = [(2 * i, 2 * i + 1) for i in range(len(line) - 1)]
-    outward = np.stack([along[:, 1], -along[:, 0]], -1) / np.linalg.norm(along, axis=1)[:, None]
-    angle = np.linspace(0, 2 * np.pi, steps + 1)
-
-    def spread(v: Array) -> Array:
-        return np.stack([v[:, :1] * np.cos(angle), np.repeat(v[:, 1:], steps + 1, 1), v[:, :1] * np.sin(angle)], -1)
-
-    faces = []
-    for low, high in segments:
-        a = low * (steps + 1) + np.arange(steps)
-        b = high * (steps + 1) + np.arange(steps)
-        faces += [np.stack([a, b, a + 1], -1), np.stack([a + 1, b, b + 1], -1)]
-    positions, normals = spread(rows).reshape(-1, 3), spread(outward).reshape(-1, 3)
-    corners = np.concatenate(faces)
-    area = np.cross(
-        positions[corners[:, 1]] - positions[corners[:, 0]], positions[corners[:, 2]] - positions[corners[:, 0]]
-    )
-    return Mesh(positions, corners[np.linalg.norm(area, axis=1) > 1e-14].astype(np.uint32), normals)
+def creased(*line: tuple[float, float]) -> Mesh:
+    return meshes.lathe(list(itertools.pairwise(line)), SEGMENTS)
 
 
 def ball() -> Mesh:
-    angle = np.linspace(-np.pi / 2, np.pi / 2, 97)
-    mesh = turned([(0.06 * np.cos(a), 0.06 * np.sin(a)) for a in angle], between=1)
-    mesh.normals = mesh.positions / 0.06
-    return mesh
+    line = meshes.arc((0.0, 0.0), 0.06, -90.0, 90.0, 97)
+    line[[0, -1], 0] = 0.0
+    return meshes.lathe([line], SEGMENTS)
 
 
 def pane() -> Mesh:
-    half = np.array([0.3, 0.3, 0.005])
-    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    positions, normals = [], []
-    faces: list[list[list[int]]] = []
-    for axis in range(3):
-        for side in (-1, 1):
-            corners = np.zeros((4, 3))
-            corners[:, axis] = side
-            corners[:, [(axis + 1) % 3, (axis + 2) % 3]] = signs
-            normal = np.zeros(3)
-            normal[axis] = side
-            first, order = 4 * len(faces), [0, 1, 2, 3] if side > 0 else [0, 3, 2, 1]
-            positions.append(corners * half)
-            normals.append(np.tile(normal, (4, 1)))
-            faces.append([[first + order[k] for k in (0, 1, 2)], [first + order[k] for k in (0, 2, 3)]])
-    tilt = np.radians(25)
-    turn = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
-    return Mesh(
-        np.concatenate(positions) @ turn.T, np.concatenate(faces).astype(np.uint32), np.concatenate(normals) @ turn.T
-    )
+    cube, (c, s) = solids.box(), (np.cos(np.radians(25)), np.sin(np.radians(25)))
+    flat = replace(cube, positions=cube.positions * np.array([0.3, 0.3, 0.005], np.float32))
+    return solids.turned(flat, np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]))
+
+
+def wine_glass() -> Mesh:
+    line = np.array(
+        [(0.0, -0.1), (0.035, -0.1), (0.036, -0.098), (0.02, -0.093), (0.006, -0.085), (0.004, -0.06), (0.004, -0.03),
+         (0.008, -0.012), (0.028, 0.004), (0.040, 0.03), (0.042, 0.06), (0.038, 0.095), (0.0372, 0.0965),
+         (0.0364, 0.095), (0.0404, 0.06), (0.0384, 0.03), (0.0264, 0.006), (0.012, -0.004), (0.0, -0.007)]
+    )  # fmt: skip
+    last = len(line) - 1
+    round_line = CubicHermiteSpline(np.arange(last + 1), line, np.gradient(line, axis=0))
+    smooth = round_line(np.linspace(0, last, 12 * last + 1))
+    smooth[:, 0] = np.maximum(smooth[:, 0], 0.0)
+    return meshes.lathe([smooth], SEGMENTS)
 
 
 SHAPES = {
     "ball": ball,
-    "cylinder": lambda: turned([(0, -0.1), (0.05, -0.1), (0.05, 0.1), (0, 0.1)], smooth=False),
-    "bottle": lambda: turned(  # hollow, open above: up its outside, down its inside
-        [(0, -0.1), (0.05, -0.1), (0.05, 0.1), (0.047, 0.1), (0.047, -0.095), (0, -0.095)], smooth=False
+    "cylinder": lambda: creased((0, -0.1), (0.05, -0.1), (0.05, 0.1), (0, 0.1)),
+    "bottle": lambda: creased(  # hollow, open above: up its outside, down its inside
+        (0, -0.1), (0.05, -0.1), (0.05, 0.1), (0.047, 0.1), (0.047, -0.095), (0, -0.095)
     ),
     "pane": pane,
-    "wine glass": lambda: turned(
-        [(0.0, -0.1), (0.035, -0.1), (0.036, -0.098), (0.02, -0.093), (0.006, -0.085), (0.004, -0.06), (0.004, -0.03),
-         (0.008, -0.012), (0.028, 0.004), (0.040, 0.03), (0.042, 0.06), (0.038, 0.095), (0.0372, 0.0965),
-         (0.0364, 0.095),
-         (0.0404, 0.06), (0.0384, 0.03), (0.0264, 0.006), (0.012, -0.004), (0.0, -0.007)]
-    ),
-}  # fmt: skip
+    "wine glass": wine_glass,
+}
 
 
 def wall() -> Mesh:
-    half = WALL_HALF_M
-    return Mesh(
-        np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]]),
-        np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
-        np.tile([0.0, 0.0, 1.0], (4, 1)),
-    )
+    return meshes.sheet((-WALL_HALF_M, -WALL_HALF_M, 0), (2 * WALL_HALF_M, 0, 0), (0, 2 * WALL_HALF_M, 0))
 
 
 def intrinsics(side_px: int, fov_deg: float) -> Array:
@@ -153,9 +103,7 @@ def ours(device: kuafu.Device, mesh: Mesh | None, pattern: NDArray[np.float32], 
     def add(mesh: Mesh, material: kuafu.Material, z_m: float) -> None:
         place = np.eye(4)
         place[2, 3] = z_m
-        normals = None if mesh.normals is None else mesh.normals.astype(np.float32)
-        mesh_id = scene.add_mesh(mesh.positions.astype(np.float32), mesh.faces, normals=normals)
-        scene.add_instance(mesh_id, [scene.add_material(material)], local_to_world=place)
+        scene.add_instance(add_mesh(scene, mesh), [scene.add_material(material)], local_to_world=place)
 
     add(wall(), kuafu.Material(base_color=(ALBEDO, ALBEDO, ALBEDO, 1.0), specular=0.0), 0.0)
     if mesh is not None:
@@ -175,12 +123,12 @@ def light_traced(mi: Any, mesh: Mesh | None, pattern: NDArray[np.float32], spp: 
     def add(mesh: Mesh, bsdf: dict[str, Any], z_m: float) -> Any:
         props = mi.Properties()
         props["mesh_bsdf"] = mi.load_dict(bsdf)
-        result = mi.Mesh("", len(mesh.positions), len(mesh.faces), has_vertex_normals=True, props=props)
+        result = mi.Mesh("", len(mesh.positions), len(mesh.indices), has_vertex_normals=True, props=props)
         parameters = mi.traverse(result)
         placed = ENLARGED * (mesh.positions + [0, 0, z_m - GLASS_Z_M])
         parameters["vertex_positions"] = placed.astype(np.float32).ravel()
-        parameters["faces"] = mesh.faces.ravel()
-        parameters["vertex_normals"] = np.asarray(mesh.normals, np.float32).ravel()
+        parameters["faces"] = mesh.indices.ravel()
+        parameters["vertex_normals"] = mesh.normals.ravel()
         parameters.update()
         return result
 
