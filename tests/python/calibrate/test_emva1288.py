@@ -4,34 +4,24 @@ the standard's own program, and on its reference sets (CC BY-SA 3.0, github.com/
 EMVA1288_DATASETS names."""
 
 import json
+import logging
+import os
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from activestereo.calibrate.emva1288 import Recording, Step, measure, step_of
+import simsense
+from activestereo import StereoDepthSensorConfig
+from activestereo.calibrate.emva1288 import Emva1288, Recording, Step, calibrate_emva1288, measure, step_of
 from activestereo.capture.images import write_gray
+from activestereo.effects.core.engine import EngineCamera
 from activestereo.model import Quantity, read_model
 from command_line import refused, run_here
-from drawn_camera import BLACK, COLUMN, DSNU, EFFICIENCY, GAIN, PRNU, ROW, SIGMA, SIZE, STEPS, WAVE, Camera
-
-
-from types import SimpleNamespace
-
-import simsense
-
-from activestereo import StereoDepthSensorConfig
-from activestereo.calibrate.emva1288 import Emva1288
-from activestereo.effects.core.engine import EngineCamera
-
-
-import logging
-import os
-
-
-from activestereo.calibrate.emva1288 import calibrate_emva1288
+from drawn_camera import BLACK, COLUMN, DSNU, EFFICIENCY, GAIN, PRNU, ROW, SIGMA, STEPS, WAVE, Camera
 
 
 def inside(value: float, quantity: Quantity) -> bool:
@@ -74,10 +64,9 @@ def test_a_gain_of_few_counts_is_told_by_lit_steps():
     assert inside(0.2, found.dark_noise) and inside(0.05, found.gain)
 
 
-def written(folder: Path, change=lambda lines: lines, size: tuple[int, int] = SIZE, frames: int = 20) -> Path:
+def written(folder: Path, camera: Camera, change=lambda lines: lines, frames: int = 20) -> Path:
     """A descriptor file and its images."""
-    camera = Camera(8, size)
-    lines = ["# drawn", "v 3.1", f"n 12 {size[1]} {size[0]}"]
+    lines = ["# drawn", "v 3.1", "n 12 {1} {0}".format(*camera.offset.shape)]
     levels = [(photons, 2) for photons in (*STEPS, 0.0)] + [(4e4, frames), (0.0, frames)]
     for place, (photons, count) in enumerate(levels):
         lines.append(f"b 1000000.0 {photons:.1f}" if photons else "d 1000000.0")
@@ -91,7 +80,7 @@ def written(folder: Path, change=lambda lines: lines, size: tuple[int, int] = SI
 
 
 def test_the_command_reads_a_descriptor_into_a_model(tmp_path, capsys):
-    path, out = written(tmp_path), tmp_path / "model.json"
+    path, out = written(tmp_path, Camera(8)), tmp_path / "model.json"
     effects = [{"id": "prnu", "parameters": {"sigma": 0.3}}, {"id": "haze", "parameters": {}}]
     out.write_text(json.dumps({"format": "active-stereo-model", "version": 2, "effects": effects}))
     result = run_here(capsys, "calibrate", "noise", path, "-o", out, "--verbose")
@@ -117,16 +106,6 @@ def test_folders_of_pairs_are_steps_of_light(tmp_path, capsys):
     assert result.returncode == 0, result.stderr
     assert inside(GAIN, read_model(out).imager.shot) and "record 3 or more frames" in result.stdout
     assert "cover the lens" in refused(["calibrate", "noise", tmp_path / "lit", "-o", out], capsys)
-
-
-def without(start: str, count: int = 3):
-    """Leaves out the first line that starts so, and those after it."""
-
-    def change(lines):
-        at = next(i for i, line in enumerate(lines) if line.startswith(start))
-        return lines[:at] + lines[at + count :]
-
-    return change
 
 
 def swapped(old: str, new: str):
@@ -182,7 +161,7 @@ def test_frames_without_noise_or_pixels_are_refused(size, says):
     ],
 )
 def test_bad_recordings_are_refused_in_one_line(change, says, tmp_path, capsys):
-    path, out = written(tmp_path, change, frames=3), tmp_path / "model.json"
+    path, out = written(tmp_path, Camera(8), change, frames=3), tmp_path / "model.json"
     assert says in refused(["calibrate", "noise", path, "-o", out], capsys)
     assert not out.exists()
 
@@ -355,15 +334,7 @@ def test_the_standards_own_program_agrees(tmp_path):
     process = pytest.importorskip(
         "emva1288.process", reason="the package emva1288 is not installed (pip install emva1288)"
     )
-    camera = Camera(11, (96, 128), bend=0.0, wave=0.0)
-    lines = ["v 3.1", "n 12 128 96"]
-    for place, (photons, count) in enumerate([(p, 2) for p in (*STEPS, 0.0)] + [(4e4, 30), (0.0, 30)]):
-        lines.append(f"b 1000000 {photons:.1f}" if photons else "d 1000000")
-        for number in range(count):
-            lines.append(f"i {place}_{number}.png")
-            write_gray(tmp_path / f"{place}_{number}.png", camera.frame(photons))
-    path = tmp_path / "EMVA1288_Data.txt"
-    path.write_text("\n".join(lines) + "\n")
+    path = written(tmp_path, Camera(11, (96, 128), bend=0.0, wave=0.0), frames=30)
     quiet = {"loglevel": logging.ERROR}
     parsed = process.ParseEmvaDescriptorFile(str(path), **quiet)
     data = process.Data1288(process.LoadImageData(parsed.images, **quiet).data, **quiet)
