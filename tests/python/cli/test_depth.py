@@ -9,8 +9,6 @@ from PIL import Image
 
 import activestereo.camera.advanced_mode.matcher as matcher_module
 from activestereo.cli import main
-
-
 from command_line import run_here
 
 _F_PX, _BASELINE_M, _SHIFT_PX = 100.0, 0.06, 12

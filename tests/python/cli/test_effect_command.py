@@ -8,17 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from activestereo.cli import main
+from activestereo.compare import effect_trials
 from activestereo.effects import Model, Stage, builtin, load_effects
 from activestereo.effects.core import load as plugin
 from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, SharedBy
 from activestereo.effects.core.laws import example_value, example_view
-
-
-from PIL import Image
-
-from activestereo.compare import effect_trials
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.report.strips import strip_page
 from chromium import Page, is_installed

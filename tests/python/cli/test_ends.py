@@ -11,14 +11,12 @@ import pytest
 from activestereo.capture.images import write_gray
 from activestereo.cli import main
 from activestereo.common.output_files import left_over, write_text, written_together
-from activestereo.effects.core.load import load_effects
-
-
-from activestereo.compare import model_file
 from activestereo.common.phases import Phases
-from activestereo.diagnose.settings import DEPTH, FITTING
+from activestereo.compare import model_file
 from activestereo.diagnose.fitter import Fitter
+from activestereo.diagnose.settings import DEPTH, FITTING
 from activestereo.effects import builtin, engines
+from activestereo.effects.core.load import load_effects
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 

@@ -3,6 +3,8 @@
 completion in a shell."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,10 +13,6 @@ from activestereo.cli import main, make_parser
 from activestereo.cli.arguments import EXIT_CODES, Parser
 from activestereo.diagnose.numbers import NUMBERS
 from command_line import leaves
-
-
-import subprocess
-import sys
 
 
 PAGE = Path(__file__).resolve().parents[3] / "examples/guide/command_line.md"

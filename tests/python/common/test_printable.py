@@ -7,11 +7,9 @@ from pathlib import Path
 import pytest
 
 from activestereo.cli import main
+from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar
 from activestereo.common.shown import PlainStream, printable
-
-
-from activestereo.common.phases import Phases
 
 NAMES = {"\x1b[31mred": "\\x1b[31mred", "bell\x07": "bell\\x07", "two\nlines": "two\\nlines", "\x9bm": "\\x9bm",
          "\ud800": "\\ud800", "\u202eright": "\\u202eright", "\r over": "\\r over", "日本": "日本"}  # fmt: skip

@@ -2,18 +2,16 @@
 """Processes that share work end with the one that started them; threads share one computation."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-
-
-import pickle
-import threading
-from concurrent.futures import ThreadPoolExecutor
 
 from activestereo.common.computed_once import computed_once
 
