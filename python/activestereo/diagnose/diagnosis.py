@@ -25,7 +25,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
-from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, render_frames, render_halves
+from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, mean_of_halves, render_halves
 from activestereo.diagnose.depth_engine import depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence
@@ -50,7 +50,6 @@ from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.descriptor import Channel
 from activestereo.effects.core.surfaces import SURFACES, surface_names, surface_text
 from activestereo.effects.engines.loaded_scene import has_room_light, is_measured_room
-from activestereo.effects.engines.smooth import half_samples
 from activestereo.model import SensorModel
 
 if TYPE_CHECKING:
@@ -154,7 +153,7 @@ def diagnose(
 
     model: the model to start from; the search uses only the effects of a SensorModel. effects: {id: Effect} to choose
     from, None for the built-in ones. samples_per_pixel: of the images for the held-out errors, as compare() has them;
-    the search renders its own with half as many. progress: called with the fraction done; a Phases that begins with
+    the search sees the same. progress: called with the fraction done; a Phases that begins with
     PHASES is told of each. rendering: makes a capture's render engine, to which effects of light transport are fitted
     (diagnose/refit.py). engines: as in compare(), for the same held-out errors. binning: the search averages
     images over so many pixels along rows and columns, None for usual_binning(); held-out errors are of full-size
@@ -184,13 +183,13 @@ def diagnose(
     kept = cache or LayerCache()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.begin(RENDERING)
-    searched = half_samples(samples_per_pixel or usual_samples(capture))
+    searched = samples_per_pixel or usual_samples(capture)
     samples_per_pixel = samples_per_pixel or usual_samples(whole)
     known, made_by = _effects_of(model, capture.scene_path), (renderer.version, searched, max_bounces)
 
     def render(capture: Capture, split: str = "train", progress: Progress | None = phases) -> LayersOfFrames:
         sampled = searched, max_bounces, seed, kept, progress, WARP_SCALE
-        return render_frames(capture, tracer, *sampled, capture.split(split))
+        return mean_of_halves(render_halves(capture, tracer, *sampled, capture.split(split)))
 
     def located(model: Model, near: Evidence | None = None) -> tuple[Evidence, Rendering | None]:
         evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from activestereo.diagnose.evidence import Observation
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
-from activestereo.diagnose.pixels import SCALES, Cluster, Pixels, cluster_of, exposed
+from activestereo.diagnose.pixels import SCALES, Cluster, cluster_of, exposed
 from activestereo.effects import Model
 from activestereo.effects.core.surfaces import MOST_MATERIALS
 
@@ -51,8 +51,7 @@ class Linear:
 
     nuisances: [k][n], derivatives by the parameters of the effects named so far, then scales, focal lengths, albedos
     and geometry, in noise deviations per unit. precision, pull: of their priors. residual: [n], in noise deviations.
-    material: the scene's surface at each pixel. block: the image block of each pixel, shared by repeats, whose errors
-    vary together.
+    material: the scene's surface at each pixel.
     """
 
     fitter: Fitter
@@ -62,7 +61,6 @@ class Linear:
     pull: NDArray[np.float64]
     residual: Columns
     material: NDArray[np.int64]
-    block: NDArray[np.int64]
 
     def images(self, model: Model) -> list[NDArray[np.float64]]:
         """Returns each observation's expected DN [pixels] under a model and the solution's nuisances."""
@@ -96,7 +94,7 @@ def linearised(fitter: Fitter, solution: Solution) -> Linear:
         residual[first:end] = rest * weight
     prior, pull = fitter.prior(own, space), fitter.pull(phi, own, space, theta)
     surface = [p.gather(_surface(p.observation)) for p in pixels]
-    return Linear(fitter, solution, A, prior, pull, residual, np.concatenate(surface), _blocks(pixels))
+    return Linear(fitter, solution, A, prior, pull, residual, np.concatenate(surface))
 
 
 def fitted_model(fitter: Fitter, model: Model, phi: NDArray[np.float64]) -> Solution:
@@ -110,53 +108,31 @@ def _surface(o: Observation) -> NDArray[np.int64]:
     return np.zeros(o.view.shape, np.int64) if material is None else np.asarray(material).astype(np.int64)
 
 
-def _blocks(pixels: Sequence[Pixels]) -> NDArray[np.int64]:
-    """Returns the number of each pixel's image block: blocks of one camera's images of one pose, temperature and
-    motion."""
-    out: list[NDArray[np.int64]] = []
-    known: dict[tuple[object, ...], int] = {}
-    first = 0
-    for p in pixels:
-        key, block = (*cluster_of(p.observation), p.observation.frame.temperature_c), p.block()
-        if key not in known:
-            known[key] = first
-            first += int(p.observation.measured.size)  # more than there are blocks
-        out.append(block + known[key])
-    return np.asarray(np.unique(np.concatenate(out), return_inverse=True)[1], dtype=np.int64)
-
-
 @dataclass(frozen=True)
 class Scores:
     """Holds inner products over pixels for c columns, k nuisances and each group of pixels: one group for each large
     surface, the last for the rest. gram [groups][c][c]: columns with columns; cross [groups][k][c]: nuisances with
-    columns; moment [groups][c]: columns with the residual after the nuisances' fit. by_block [groups][c][blocks],
-    nuisance_by_block [k][blocks]: the latter by image block.
-
-    surfaces: the number of each group's surface. inverse: K of this file's head. total: chi2 of that residual. pixels:
+    columns; moment [groups][c]: columns with the residual after the nuisances' fit. surfaces: the number of each
+    group's surface. inverse: K of this file's head. total: chi2 of that residual. pixels:
     their number.
     """
 
     gram: Matrix
     cross: Matrix
     moment: Matrix
-    by_block: NDArray[np.float32]
-    nuisance_by_block: Matrix
     surfaces: tuple[int, ...]
     inverse: Matrix
     total: float
     pixels: int
 
-    def select(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix, Matrix]:
-        """Returns (information [c][c], score [c], score by image block [c][blocks]) of columns on some surfaces; None =
-        on all."""
+    def select(self, columns: slice, surfaces: Sequence[int] | None = None) -> tuple[Matrix, Matrix]:
+        """Returns (information [c][c], score [c]) of columns on some surfaces; None = on all."""
         groups: slice | list[int] = slice(None)
         if surfaces is not None:
             groups = [g for g, number in enumerate(self.surfaces) if number in surfaces]
         X = self.cross[:, :, columns][groups].sum(0)
-        G = self.inverse @ X
-        information = self.gram[:, columns, columns][groups].sum(0) - X.T @ G
-        blocks = self.by_block[:, columns][groups].sum(0) - G.T @ self.nuisance_by_block
-        return information, self.moment[:, columns][groups].sum(0), blocks
+        information = self.gram[:, columns, columns][groups].sum(0) - X.T @ self.inverse @ X
+        return information, self.moment[:, columns][groups].sum(0)
 
 
 def scores(linear: Linear, columns: Columns) -> Scores:
@@ -168,23 +144,14 @@ def scores(linear: Linear, columns: Columns) -> Scores:
     step = inverse @ ((A @ r).astype(np.float64) - linear.pull)
     left = r - step.astype(np.float32) @ A
     surfaces, group = _groups(linear.material)
-    blocks = int(linear.block.max()) + 1
     sums = []
     for g in range(len(surfaces) + 1):
         here = np.flatnonzero(group == g)
-        here = here[np.argsort(linear.block[here], kind="stable")]
         C, rest = columns[:, here], left[here]
-        by_block = np.zeros((len(columns), blocks), np.float32)
-        if here.size:
-            found, starts = np.unique(linear.block[here], return_index=True)
-            by_block[:, found] = np.add.reduceat(C * rest, starts, axis=1)
-        products = C @ C.T, A[:, here] @ C.T, C @ rest
-        sums.append((*(x.astype(np.float64) for x in products), by_block))
-    gram, cross, moment, by_block = (np.stack(x) for x in zip(*sums, strict=True))
+        sums.append([x.astype(np.float64) for x in (C @ C.T, A[:, here] @ C.T, C @ rest)])
+    gram, cross, moment = (np.stack(x) for x in zip(*sums, strict=True))
     total = float(r @ r - step @ ((A @ r) - linear.pull))
-    by_nuisance = [np.bincount(linear.block, a * left, minlength=blocks).astype(np.float64) for a in A]
-    nuisance_by_block = np.stack(by_nuisance)
-    return Scores(gram, cross, moment, by_block, nuisance_by_block, surfaces, inverse, total, len(r))
+    return Scores(gram, cross, moment, surfaces, inverse, total, len(r))
 
 
 def _groups(material: NDArray[np.int64]) -> tuple[tuple[int, ...], NDArray[np.int64]]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.dictionary import Atom, atoms_of, carried, columns_of, first_shapes, numbered, start_images
@@ -29,7 +30,6 @@ from activestereo.diagnose.selection import (
     credible,
     freed,
     gain_beyond,
-    gain_by_chance,
     stand_ins,
 )
 from activestereo.diagnose.settings import Settings
@@ -38,7 +38,7 @@ from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.descriptor import Channel, CodeSteps, Lever
 
 # The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
-# its score. Beyond so many times the needed gain, chance and random fields need no check.
+# its score. Beyond so many times the needed gain, random fields need no check.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
 # Effects lead the first look if one shape gains this part of the best one's gain.
 _LEADS = 0.1
@@ -229,8 +229,7 @@ class Search:
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
-        seen = scores(linear, columns)
-        found = candidates(atoms, seen, self._pixels)
+        found = candidates(atoms, scores(linear, columns), self._pixels)
         if found and not self._rounds:
             self._say_own_ranks(found)
         floor = self._floor()
@@ -271,11 +270,13 @@ class Search:
         members = self._members(left, fits)
         name = next(iter(members))
         gain = self._chi2 - left[name]
-        chance = gain_by_chance(atoms, seen, numbers.alpha) if gain < _CLEAR * floor else 0.0
+        effect = self._effect(name)
+        # The largest chi2 of all shapes by chance, for pixels that vary together.
+        noise = self._design() * self._chi2 / self._pixels
+        chance = noise * float(chdtri(len(effect.parameters), numbers.alpha / max(len(atoms), 1)))
         now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
             return False
-        effect = self._effect(name)
         missed = numbers.formula_error
         if name in fits and not (fits[name].rendered or is_response(effect)):
             missed = max(2.0 * missed, formula_error(effect, missed))
@@ -330,6 +331,10 @@ class Search:
         beyond = gain_beyond(linear, fit.solution) * self._pixels / len(linear.residual)
         return beyond > max(self._floor(), self._missed(own))
 
+    def _design(self, fit: Solution | None = None) -> float:
+        """Returns the design effect of a fit's residuals (goodness.py); None: of the current one."""
+        return design_effect((fit or self._solution).sums.tile_chi2, self._fitter.tile_pixels())
+
     def _missed(self, shares: Sequence[float]) -> float:
         """Returns the fall of chi2 that the named effects' formulas may have missed. shares: of each effect's gain."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
@@ -346,8 +351,7 @@ class Search:
         each effect leaves. Fast formulas of effects are not exact, so odds count in units of their error: the
         measured one or the usual one, with equal weight."""
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
-        solution = fits[best].solution if best in fits else self._solution
-        design = design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
+        design = self._design(fits[best].solution if best in fits else self._solution)
         nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
 
         def occam(fit: Refit | None, design: float) -> float:

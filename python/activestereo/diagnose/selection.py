@@ -25,7 +25,6 @@ from activestereo.effects.core.surfaces import SURFACES
 _LEAST = 1e-3
 # A surface shows an effect if it gains this part of the best surface's gain.
 _SHOWS = 0.05
-_DRAWS, _SEED = 400, 5
 # Fits start at so many atoms with fitted coefficients, and at so many points of the dictionary with this part of the
 # best gain.
 _LINES, _POINTS, _NEAR = 2, 2, 0.3
@@ -114,7 +113,7 @@ def _candidate(hits: list[Hit]) -> Candidate:
 
 
 def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | None) -> Hit:
-    S, u, _ = scores.select(atom.columns(), surfaces)
+    S, u = scores.select(atom.columns(), surfaces)
     on, gain = _within_signs(S, u, atom.signed)
     coefficients = np.zeros(len(u))
     at_point = float(2.0 * u[0] - S[0, 0])
@@ -140,22 +139,6 @@ def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequen
             return free, float(b @ u[free])
         free = [j for j in free if j not in bad]
     return [], 0.0
-
-
-def gain_by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
-    """Returns the fall of chi2 that chance alone exceeds with probability alpha, for the best of all atoms, if no
-    effect is missing. It is a quantile of a wild bootstrap, which gives the scores of image blocks random signs."""
-    rng = np.random.Generator(np.random.PCG64(_SEED))
-    signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
-    largest = np.zeros(_DRAWS)
-    for atom in atoms:
-        S, _, by_block = scores.select(atom.columns())
-        on = [j for j in range(len(S)) if S[j, j] > _LEAST]
-        if on:
-            drawn = by_block[on] @ signs
-            inner = S[np.ix_(on, on)] + 1e-6 * np.diag(np.diag(S)[on])
-            largest = np.maximum(largest, np.einsum("cd,cd->d", drawn, np.linalg.solve(inner, drawn)))
-    return float(np.quantile(largest, 1.0 - alpha))
 
 
 def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
@@ -204,7 +187,7 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
     left = linear.fitter.residuals(fit)
     pairs = zip(linear.fitter.pixels(), left, strict=True)
     change = linear.residual - np.concatenate([p.gather(row.residual) * p.root_weight for p, row in pairs])
-    information, score, _ = scores(linear, change[None].astype(np.float32)).select(slice(0, 1))
+    information, score = scores(linear, change[None].astype(np.float32)).select(slice(0, 1))
     return float(score[0] ** 2 / max(information[0, 0], 1e-9))
 
 
