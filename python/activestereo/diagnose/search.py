@@ -272,7 +272,7 @@ class Search:
         gain = self._chi2 - left[name]
         effect = self._effect(name)
         # The largest chi2 of all shapes by chance, for pixels that vary together.
-        noise = self._design() * self._chi2 / self._pixels
+        noise = self._design(fits.get(name)) * left[name] / self._pixels
         chance = noise * float(chdtri(len(effect.parameters), numbers.alpha / max(len(atoms), 1)))
         now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
@@ -331,9 +331,10 @@ class Search:
         beyond = gain_beyond(linear, fit.solution) * self._pixels / len(linear.residual)
         return beyond > max(self._floor(), self._missed(own))
 
-    def _design(self, fit: Solution | None = None) -> float:
-        """Returns the design effect of a fit's residuals (goodness.py); None: of the current one."""
-        return design_effect((fit or self._solution).sums.tile_chi2, self._fitter.tile_pixels())
+    def _design(self, fit: Refit | None) -> float:
+        """Returns the design effect of a fit's residuals (goodness.py); None: of the current one's."""
+        solution = self._solution if fit is None else fit.solution
+        return design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
 
     def _missed(self, shares: Sequence[float]) -> float:
         """Returns the fall of chi2 that the named effects' formulas may have missed. shares: of each effect's gain."""
@@ -351,7 +352,7 @@ class Search:
         each effect leaves. Fast formulas of effects are not exact, so odds count in units of their error: the
         measured one or the usual one, with equal weight."""
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
-        design = self._design(fits[best].solution if best in fits else self._solution)
+        design = self._design(fits.get(best))
         nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
 
         def occam(fit: Refit | None, design: float) -> float:
