@@ -221,6 +221,8 @@ def diagnose(
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, says)
     try:
         diagnosis = examine(evidence, model, list(effects.values()), settings)
+    except np.linalg.LinAlgError as error:  # a ValueError, which would blame the input
+        raise RuntimeError(f"{capture_path}: the search failed: {error}; its renders and fits are kept") from error
     finally:
         memory.save()  # keeps finished fits when a run is cancelled
     if key is not None and diagnosis.sensor_model is not None:
