@@ -17,6 +17,12 @@ inline simsense_camera camera(uint32_t width, uint32_t height, double f) {
   return c;
 }
 
+inline simsense_parameters small_parameters() {
+  simsense_parameters p = simsense_parameters_init();
+  p.max_disparity = 32;
+  return p;
+}
+
 /// Row-major 4x4 from rotations about x, then y, then z (radians) and a translation (metres).
 inline void set_pose(double m[16], double rx, double ry, double rz, double tx, double ty, double tz) {
   const double cx = std::cos(rx), sx = std::sin(rx), cy = std::cos(ry), sy = std::sin(ry), cz = std::cos(rz), sz = std::sin(rz);

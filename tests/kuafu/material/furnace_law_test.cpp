@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // White furnaces and closed forms of interreflection: no energy is created, and where the answer is known it comes out.
-#include "kuafu/world.h"
+#include "kuafu/material/measured.h"
 
 namespace laws {
 namespace {
@@ -13,18 +13,9 @@ kuafu_material_desc reflector(float metallic, float roughness, float specular) {
   return m;
 }
 
-// Mean radiance of each pixel of a white object that fills the view, in an environment of radiance 1, seen at `angle` from its normal.
-Pixels plane_in_furnace(const kuafu_material_desc& material, double angle) {
-  World world;
-  world.add(quad({0, 0, 0}, {-50, 0, 0}, {0, 50, 0}), material, placed({0, 0, 1}, angle));
-  world.set_environment(1.0f);
-  world.desc().samples_per_pixel = 64;
-  return world.radiance(view_at({0, 0, 0}, 12, 12, 2000));
-}
-
 TEST(Furnace, a_lambertian_plane_shows_albedo_times_environment) {
   for (const float albedo : {0.0f, 0.18f, 1.0f})
-    for (const float v : plane_in_furnace(lambert(albedo), 0.7).values) ASSERT_NEAR(v, albedo, 1e-4);
+    for (const float v : in_furnace(lambert(albedo), 0.7, 64).values) ASSERT_NEAR(v, albedo, 1e-4);
 }
 
 TEST(Furnace, a_white_lambertian_ball_vanishes) {
@@ -38,14 +29,14 @@ TEST(Furnace, metal_and_coated_base_create_no_energy) {
   for (const float metallic : {0.0f, 1.0f})
     for (const float roughness : {0.0f, 0.1f, 0.4f, 1.0f})
       for (const double angle : {0.0, 1.0, 1.5}) {
-        const double mean = plane_in_furnace(reflector(metallic, roughness, 1.0f), angle).mean();
+        const double mean = in_furnace(reflector(metallic, roughness, 1.0f), angle, 64).mean();
         EXPECT_LT(mean, 1.01) << "metallic " << metallic << " roughness " << roughness << " angle " << angle;
         EXPECT_GT(mean, roughness == 1.0f ? 0.3 : 0.7) << "metallic " << metallic << " roughness " << roughness << " angle " << angle;
       }
 }
 
 TEST(Furnace, a_white_mirror_loses_nothing) {
-  for (const float v : plane_in_furnace(reflector(1.0f, 0.0f, 1.0f), 1.0).values) ASSERT_NEAR(v, 1.0f, 1e-4);
+  for (const float v : in_furnace(reflector(1.0f, 0.0f, 1.0f), 1.0, 64).values) ASSERT_NEAR(v, 1.0f, 1e-4);
 }
 
 TEST(Furnace, clear_glass_vanishes) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Laws of materials beyond Lambert and single scattering: energy, reciprocity, absorption, rough glass, and the paper's mix.
 #include "kuafu/light_sampling.h"
-#include "kuafu/world.h"
+#include "kuafu/material/measured.h"
 
 namespace laws {
 namespace {
@@ -13,19 +13,10 @@ kuafu_material_desc white_metal(float roughness) {
   return m;
 }
 
-/// Mean radiance of a plane in a white furnace seen at `angle` from its normal.
-double plane_in_furnace(const kuafu_material_desc& material, double angle) {
-  World world;
-  world.add(quad({0, 0, 0}, {-50, 0, 0}, {0, 50, 0}), material, placed({0, 0, 1}, angle));
-  world.set_environment(1.0f);
-  world.desc().samples_per_pixel = 256;
-  return world.radiance(view_at({0, 0, 0}, 12, 12, 2000)).mean();
-}
-
 TEST(Materials, a_white_metal_loses_nothing_at_any_roughness) {
   for (const float roughness : {0.1f, 0.3f, 0.6f, 1.0f})
     for (const double angle : {0.0, 0.8, 1.3})
-      EXPECT_NEAR(plane_in_furnace(white_metal(roughness), angle), 1, 0.01) << roughness << " " << angle;
+      EXPECT_NEAR(in_furnace(white_metal(roughness), angle).mean(), 1, 0.01) << roughness << " " << angle;
 }
 
 TEST(Materials, no_material_creates_energy) {
@@ -35,26 +26,15 @@ TEST(Materials, no_material_creates_energy) {
         kuafu_material_desc m = kuafu_material_desc_init();
         m.roughness = roughness;
         m.diffuse_roughness = diffuse_roughness;
-        const double coated = plane_in_furnace(m, angle);
+        const double coated = in_furnace(m, angle).mean();
         m.bsdf = KUAFU_BSDF_PAPER;
         m.metallic = 0.5f;
-        const double mixed = plane_in_furnace(m, angle);
+        const double mixed = in_furnace(m, angle).mean();
         for (const double mean : {coated, mixed}) {
           EXPECT_LT(mean, 1.01) << roughness << " " << diffuse_roughness << " " << angle;
           EXPECT_GT(mean, 0.6) << roughness << " " << diffuse_roughness << " " << angle;
         }
       }
-}
-
-/// Radiance of a plane at the origin towards `view_angle`, lit by a lamp at `light_angle`, both in the xz plane; per irradiance.
-double brdf(const kuafu_material_desc& material, double view_angle, double light_angle) {
-  World world;
-  world.add(quad({0, 0, 0}, {-0.01, 0, 0}, {0, 0.01, 0}), material);  // faces -z
-  world.add_point({10 * std::sin(light_angle), 0, -10 * std::cos(light_angle)}, 100.0f);
-  world.desc().samples_per_pixel = 1;
-  world.desc().max_bounces = 0;
-  const Vec3 eye{std::sin(view_angle), 0, -std::cos(view_angle)};
-  return world.radiance(view_at(eye, 3, 3, 40000, -view_angle)).at(0, 1, 1) / std::cos(light_angle);
 }
 
 TEST(Materials, every_reflection_is_reciprocal) {

@@ -24,12 +24,6 @@ simsense_rig_desc small_rig(uint32_t batch = 1) {
   return rig;
 }
 
-simsense_parameters small_parameters() {
-  simsense_parameters p = simsense_parameters_init();
-  p.max_disparity = 32;
-  return p;
-}
-
 struct Pair {
   std::vector<uint8_t> left, right;
 };

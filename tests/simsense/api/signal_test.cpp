@@ -14,12 +14,6 @@ namespace {
 constexpr uint32_t width = 160, height = 96;
 const std::vector<uint64_t> shape{height, width};
 
-simsense_parameters small_parameters() {
-  simsense_parameters p = simsense_parameters_init();
-  p.max_disparity = 32;
-  return p;
-}
-
 std::vector<uint8_t> ramp(uint32_t images = 1) {
   std::vector<uint8_t> pixels(size_t{images} * width * height);
   for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<uint8_t>(20 + (i * 37) % 200);
