@@ -37,6 +37,31 @@ FIGURES = (
         "{subpixel.1:D435, half size:1} %, {subpixel.1:D435, quarter size:0} and {subpixel.1:D435, quarter size:1} %",
     ),
     (
+        "ten recordings of a D415 with a laser's depth: off by more than 2 px, plane noise, things widened, filled",
+        "D415 {pairs.2:preset:2} %, {pairs.2:preset:6} px, {pairs.2:preset:7} px, {pairs.2:preset:0} %; its ASIC "
+        "{pairs.2:ASIC:2} %, {pairs.2:ASIC:6} px, {pairs.2:ASIC:7} px, {pairs.2:ASIC:0} %",
+    ),
+    (
+        "an empty background given a depth at full, half, a quarter of the size, 128x128",
+        "D415 {invented.0:D415,1280x720:1}, {invented.0:D415,640x360:1}, {invented.0:D415,320x180:1}, "
+        "{invented.0:D415,128x128:1} %; D435 {invented.0:D435,848x480:1}, {invented.0:D435,424x240:1}, "
+        "{invented.0:D435,212x120:1}, {invented.0:D435,128x128:1} %",
+    ),
+    (
+        "a black sheet, albedo 0.01, measured at these sizes",
+        "D415 {invented.0:D415,1280x720:3}, {invented.0:D415,640x360:3}, {invented.0:D415,320x180:3}, "
+        "{invented.0:D415,128x128:3} %; D435 {invented.0:D435,848x480:3}, {invented.0:D435,424x240:3}, "
+        "{invented.0:D435,212x120:3}, {invented.0:D435,128x128:3} %",
+    ),
+    (
+        "depth on others' images beside traced pictures, error over the noise: matt, gloss, metal",
+        "{gbuffer.0:matt:2}, {gbuffer.0:gloss:2}, {gbuffer.0:metal:2}",
+    ),
+    (
+        "time for equal noise on two cores over Mitsuba's: a room, a table",
+        "{mitsuba.0:room:2}, {mitsuba.0:table:2}",
+    ),
+    (
         "matching 960x540, 128 disparities, two cores with AVX-512",
         "{matcher.0:D 128:0} ms (OpenCV HH4 {matcher.0:D 128:2} ms); with 7x7 blocks {matcher.0:D 128, block 7x7:0} ms",
     ),

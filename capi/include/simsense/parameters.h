@@ -153,9 +153,9 @@ typedef struct simsense_parameters {
 
   /* -- check that both images show more than noise -- */
   /* No measurement where the energy of what both images show, in a window about the pixel at the pixels' own matches,
-   * exceeds that of noise by less than this many standard deviations of noise's. What the paths carry into an empty
-   * background or a black surface goes, and what windows widen things by; the reason is SIMSENSE_REASON_LOW_TEXTURE. 0
-   * switches this check off. [0..100] */
+   * exceeds that of noise by less than this many standard deviations of noise's, and matches are few: at most half of a
+   * window of 31 px, 81 % of 21 px, all of 15 px. What the paths carry into an empty background goes, and what windows
+   * widen things by; the reason is SIMSENSE_REASON_LOW_TEXTURE. 0 switches this check off. [0..100] */
   float min_detection_sigma;
   /* Side of that window. Counts are taken less the mean of a square of three tenths of it, at least 5 pixels:
    * brightness that varies slowly says nothing. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29 or 31 px; 0 means 31;

@@ -37,7 +37,7 @@ bool detects(ivec3 sums) {
   precise float noise = float(sums.y), expected = DETECTION_OF_NOISE * noise, four = 4.0f * float(sums.x), excess = four - expected;
   precise float twice = 2.0f * push.least, share = twice * push.least, square = noise * noise;
   precise float excess_square = excess * excess, found = excess_square * float(sums.z), least = share * square;
-  return excess > 0.0f && found > least;
+  return (sums.z > push.most_matched && 32 * sums.x > sums.y) || (excess > 0.0f && found > least);
 }
 
 void main() {

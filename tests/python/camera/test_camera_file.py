@@ -35,7 +35,7 @@ def test_the_asked_cameras_are_there_and_make_configurations():
     sizes = {name: StereoDepthSensorConfig(name).median_size for name in ("sapien-D415", "D415", "D435")}
     assert sizes == {"sapien-D415": 3, "D415": 7, "D435": 7}
     steps = {name: StereoDepthSensorConfig(name).edge_step_px for name in sizes}
-    assert steps == {"sapien-D415": 0, "D415": 2, "D435": 2}
+    assert steps == {"sapien-D415": 0, "D415": 1.75, "D435": 1.75}
 
 
 def test_a_file_of_ones_own_changes_what_it_tells_and_keeps_the_rest(tmp_path):

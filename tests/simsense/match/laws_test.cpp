@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "device/thread_pool.h"
 #include "simsense/match/stereo_pair.h"
@@ -140,6 +141,25 @@ TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity) {
   const auto [thing, beside] = shares(3, 2);
   EXPECT_GT(thing, 0.95);
   EXPECT_LT(beside, 0.07);  // twice as much where windows widen the thing
+}
+
+TEST_P(matcher_law, matches_of_a_wide_window_speak_where_counts_show_no_more_than_noise) {
+  StereoPair pair = random_dots(200, 140, 11, 1, 3);
+  for (auto* image : {&pair.left, &pair.right})
+    for (uint8_t& count : *image) count = static_cast<uint8_t>(100 + count / 64);
+  pair.noise = simsense::detection_noise(8, 0, 0, 0, simsense::detection_mean_side(31));
+  MatchParameters p;
+  p.max_disparity = 32;
+  p.min_detection_sigma = 3;
+  for (const auto& [window, least, most] : {std::tuple{31u, 0.9, 1.0}, {15u, 0.0, 0.0}}) {
+    p.detection_window = window;
+    double kept = 0;  // where windows lie within what both images show
+    const auto found = match_with(GetParam(), pair, p);
+    for (uint32_t y = 40; y < 100; ++y)
+      for (uint32_t x = 70; x < 160; ++x) kept += found[y * pair.width + x] >= 0;
+    EXPECT_GE(kept / (60 * 90), least);
+    EXPECT_LE(kept / (60 * 90), most);
+  }
 }
 
 TEST_P(matcher_law, featureless_pair_gives_disparity_zero) {

@@ -67,7 +67,8 @@ Grid<uint8_t> detects(ConstImage left, ConstImage right, const Grid<float>& disp
       const auto usual = static_cast<float>(expected), excess = 4.0f * static_cast<float>(energy) - 1.14f * usual;
       const float least = 4.0f * p.min_detection_sigma * p.min_detection_sigma * (usual * usual) / 2.0f;
       const bool is_found = disparity.at(x, y) != p.invalid_disparity();
-      const bool fails = !(excess > 0 && excess * excess * static_cast<float>(pixels) > least);
+      const bool is_dense = side > 15 && 32 * energy > expected && pixels > int64_t{side} * side * (47 - side) / 32;
+      const bool fails = !is_dense && !(excess > 0 && excess * excess * static_cast<float>(pixels) > least);
       bare.at(x, y) = fails && (is_found || pixels > 0);
       out.at(x, y) = !is_found || !fails;
     }

@@ -167,7 +167,7 @@ void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t
       const size_t at = y * pair.width + x;
       const bool is_found = pair.found[at] != pair.invalid;
       const DetectionSums sums = window.at(x);
-      const bool fails = !detects(sums, p.min_detection_sigma);
+      const bool fails = !detects(sums, p.min_detection_sigma, detection_most_matched(side));
       bare[at] = fails && (is_found || sums.pixels > 0) ? 1 : 0;
       if (fails && is_found) refuse(maps, at, pair.invalid);
     }

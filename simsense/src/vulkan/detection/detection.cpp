@@ -51,6 +51,7 @@ void VulkanDetection::record(ks::Commands& commands, const MatchBuffers& buffers
   const uint32_t side = parameters_.detection_side();
   push.reach = static_cast<int>(side / 2);
   push.bare_reach = detection_bare_reach(side);
+  push.most_matched = static_cast<int>(detection_most_matched(side));
   push.least = parameters_.min_detection_sigma;
   push.invalid = parameters_.invalid_disparity();
   push.maps = arrays.maps();
