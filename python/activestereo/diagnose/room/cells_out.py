@@ -81,12 +81,12 @@ def _changed(room: Room, light: RoomLight, column: Column, k: int, bands: Sequen
     would differ more by their errors than the two cameras' displacements do."""
     looks, asked = light.looks[k], [band for band in bands if band in column.bands]
     out: dict[str, Image] = {}
-    # A ghost or glare of the dots is smooth light; a warp is in the dots already.
-    lit = light.room[k] if column.flow is not None else light.room[k] + light.dots[k]
-    if (changed := column.change(k, lit)) is not None:
-        unlit, amplitude = looks.split(changed)
-        out = looks.of_room(unlit) | {"dots": looks.even(amplitude)}
-        out = {band: image for band, image in out.items() if band in asked}
+    unlit = column.change(k, light.room[k])
+    if unlit is not None:
+        out |= {band: image for band, image in looks.of_room(unlit).items() if band in asked}
+    if unlit is not None and "dots" in asked:
+        lit = column.change(k, light.room[k] + light.dots[k])
+        out["dots"] = looks.even(looks.amplitude(unlit if lit is None else lit - unlit))
     if "pair" in asked and column.flow is not None:
         flow, left = column.flow(k), k - k % 2
         if k != left:

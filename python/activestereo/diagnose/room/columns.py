@@ -75,9 +75,12 @@ def nuisances(room: Room, light: RoomLight) -> list[Column]:
     even = [np.ones(room.shape, np.float32)] * len(room.images)
     out.append(Column("black", lambda k, image: even[k], _BLACK_DN))
 
-    # A wrong dark level of the pattern between dots adds smooth light to the room's.
-    between = [look.even(look.amplitude(seen)) for look, seen in zip(light.looks, light.seen, strict=True)]
-    out.append(Column("light between dots", lambda k, image: between[k], _DOTS_LIGHT))
+    def between_dots(k: int, image: Image) -> Image | None:
+        """Returns the smooth light, DN, that a wrong dark level of the pattern between dots adds to the room's light;
+        None for other images."""
+        return light.looks[k].even(light.looks[k].amplitude(light.seen[k])) if image is light.room[k] else None
+
+    out.append(Column("light between dots", between_dots, _DOTS_LIGHT))
     return out
 
 
@@ -363,12 +366,15 @@ def alternatives(
 
 
 def _ghosts(room: Room, light: RoomLight, effect: Effect) -> dict[tuple[float, ...], list[Column]]:
+    """A ghost of dots is smooth light at another place, so that ghosts are of all light."""
     p, out = effect.parameters[0], dict[tuple[float, ...], list[Column]]()
     views = [view_of(room, k) for k in range(len(room.images))]
+    lit = [of_room + dots for of_room, dots in zip(light.room, light.dots, strict=True)]
     for pane in itertools.product(_PANE_DEG, repeat=2):
         moved = np.zeros((3, 3))
         moved[:2, 2] = room.images[0].K[0, 0] * np.tan(np.radians(pane))
-        change = _difference(effect, p, p.typical, [replace(v, K=v.K + moved) for v in views], light.black_dn)
+        acts = _difference(effect, p, p.typical, [replace(v, K=v.K + moved) for v in views], light.black_dn)
+        change = lambda k, image, acts=acts: acts(k, lit[k])  # noqa: E731
         out[pane] = [Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, p.typical, _SCALED)]
     return out
 
