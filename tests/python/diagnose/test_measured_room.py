@@ -22,7 +22,7 @@ from activestereo.diagnose import diagnose
 from activestereo.diagnose.room import columns, names
 from activestereo.diagnose.room.columns import acting
 from activestereo.diagnose.room.evidence import Found
-from activestereo.diagnose.room.imagined import ImaginedRoom, Take
+from activestereo.diagnose.room.imagined import ImaginedRoom
 from activestereo.diagnose.room.names import reinterpret_as_glare, score_room, with_planned_pair
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.diagnose.words import errors_of
@@ -52,6 +52,11 @@ def drops(dn, side, rng):
     for centre in ((120, 80), (260, 150), (360, 210)):
         cv2.circle(wet, centre, 30, 1.0, -1)
     return dn + cv2.GaussianBlur(wet, (0, 0), 4) * (cv2.GaussianBlur(dn, (0, 0), 3.0) - dn)
+
+
+def ghost(dn, side, rng):
+    """A pane stands a degree off the axis, so that the picture is mirrored beside its centre."""
+    return dn + 0.06 * (np.roll(dn[::-1, ::-1], 12, axis=1) - BLACK_DN)
 
 
 def nothing(dn, side, rng):
@@ -115,6 +120,7 @@ def diagnosed(capture_with):
         (rows, ["row_noise"], "sigma_dn", 1.0),
         (blur, ["focus_mismatch"], "sigma_px", 1.5),
         (drops, ["focus_mismatch"], None, None),
+        (ghost, ["lens_ghost"], "fraction", 0.06),
     ],
 )
 def test_what_the_camera_has_is_named_beside_its_own_falloff(diagnosed, change, also, parameter, truth):
@@ -240,7 +246,7 @@ def test_lifted_views_may_be_glare_or_a_bent_response(capture_with, monkeypatch)
     room = Measured(read_capture(capture_with(nothing)))
     light = np.mean([image.mean() for image in score_room(room, tuple(builtin().values())).light.seen[:2]])
     told = {"black_level.1": (-0.04 * light, 0.1), "black_level.2": (0.08 * light, 0.1)}
-    monkeypatch.setattr(names, "judged", lambda *a: [Found(builtin()["black_level"], 7.0, told)])
+    monkeypatch.setattr(names, "judged", lambda *a: [Found(builtin()["black_level"], 7.0, told, {"offset_dn": 1.0})])
     found = names.names_of(room, Model(), tuple(builtin().values())).named[0]
     assert set(found.members) == {"veiling_glare", "black_level", "response_gamma"}
     assert found.found.effect.id == "veiling_glare" and sum(found.members.values()) == pytest.approx(1.0)
@@ -301,12 +307,12 @@ def test_a_view_that_was_imagined_lies_where_a_recorded_one_does(capture_with):
     """A take of the first view's own pose sees what that view sees; one that turns sees it turned, and back."""
     room = Measured(read_capture(capture_with(nothing)))
     seen = score_room(room, (builtin()["tangential_distortion"], builtin()["gain_mismatch"]))
-    same = ImaginedRoom(room, seen.light, Take(exposure=2.0))
-    assert (same.views, len(same.images)) == (3, 8)
+    same = ImaginedRoom(room, seen.light, (0.0, 0.0, 0.0))
+    assert (same.views, same.judged, len(same.images)) == (4, 3, 8)
     usable = same.images[6].usable
     ratio = (same.images[6].dn - seen.light.black_dn)[usable] / (room.images[0].dn - seen.light.black_dn)[usable]
-    assert np.median(ratio) == pytest.approx(2.0, rel=0.05)
-    rolled = ImaginedRoom(room, seen.light, Take(turn_deg=(0.0, 0.0, 90.0)))
+    assert np.median(ratio) == pytest.approx(1.0, rel=0.05)
+    rolled = ImaginedRoom(room, seen.light, (0.0, 0.0, 90.0))
     forth, back = rolled.places(2, 6), rolled.places(6, 2)
     column, row = np.meshgrid(np.arange(room.shape[1]), np.arange(room.shape[0]))
     inside = back.seen & (back.read(forth.seen.astype(np.float32)) > 0.99)
@@ -316,7 +322,7 @@ def test_a_view_that_was_imagined_lies_where_a_recorded_one_does(capture_with):
     for effect in ("tangential_distortion", "gain_mismatch"):
         lead = [f"{effect}.{p.name}" for p in builtin()[effect].parameters][0]
         information = [
-            float(r.information[j, j]) for r in (seen.scores, with_planned_pair(seen, Take(turn_deg=(0.0, 15.0, 0.0))))
+            float(r.information[j, j]) for r in (seen.scores, with_planned_pair(seen, (0.0, 15.0, 0.0)))
             for j, c in enumerate(r.columns) if c.name == lead
         ]  # fmt: skip
         assert information[1] > information[0]  # more views tell more

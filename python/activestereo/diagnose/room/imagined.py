@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adds images to a measured room before they are recorded: its first view turned about the left camera, or at another
-exposure. Light and dots are those that were found, without noise."""
+"""Adds a pair of images to a measured room before they are recorded: its first view, turned about the left camera, or
+of the good unit. Light and dots are those that were found, without noise."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -16,37 +16,20 @@ from activestereo.diagnose.room.light import RoomLight
 _BORDER_PX, _LEAST_GEOMETRY, _MOST_GEOMETRY = 3, 0.02, 5.0
 
 
-@dataclass(frozen=True)
-class Take:
-    """Describes one planned pair of images from the first view's place: turned by degrees about the camera's x, y, z,
-    at a factor on the exposure, or recorded when the camera was good (is_good). If it is neither turned nor good, it is
-    one more recording of the first view."""
-
-    turn_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    exposure: float = 1.0
-    is_good: bool = False
-
-    @property
-    def is_further(self) -> bool:
-        """Returns whether the planned pair is a view of its own, beside the first view."""
-        return any(self.turn_deg) or self.is_good
-
-
 class ImaginedRoom(Room):
-    """A Room to which the images of one planned Take are added, simulated without noise from the first view. Columns
-    and cells are computed as for any room."""
+    """A Room with one more view: the first one turned by turn_deg about the camera's x, y, z; not turned, it is of when
+    the camera was good. Columns and cells are computed as for any room."""
 
-    def __init__(self, room: Room, light: RoomLight, take: Take) -> None:
+    def __init__(self, room: Room, light: RoomLight, turn_deg: tuple[float, float, float]) -> None:
         self.capture, self.rig, self._room, self.joint = room.capture, room.rig, room, room.joint
-        self.frames = [*room.frames, room.frames[0]] if take.is_further else list(room.frames)
-        self.judged = room.views if take.is_good else self.views
-        x, y, z = (cv2.Rodrigues(np.radians(take.turn_deg[i]) * np.eye(3)[i])[0] for i in range(3))
+        self.frames = [*room.frames, room.frames[0]]
+        self.judged = self.views if any(turn_deg) else room.views
+        x, y, z = (cv2.Rodrigues(np.radians(turn_deg[i]) * np.eye(3)[i])[0] for i in range(3))
         self._turn = [image.K @ z @ y @ x @ np.linalg.inv(image.K) for image in room.images[:2]]
         self._places = {}
-        view = room.views if take.is_further else 0
-        self.images = [*room.images, *(self._taken(light, side, view, take) for side in (0, 1))]
+        self.images = [*room.images, *(self._taken(light, side) for side in (0, 1))]
 
-    def _taken(self, light: RoomLight, side: int, view: int, take: Take) -> RoomImage:
+    def _taken(self, light: RoomLight, side: int) -> RoomImage:
         """Simulates the planned image of one camera (side 0 = left, 1 = right) from its image of the first view."""
         old = self._room.images[side]
         column, row = self._moved(side, *pixel_grid(old.dn.shape))
@@ -55,12 +38,11 @@ class ImaginedRoom(Room):
         albedo = light.looks[side].even(light.looks[side].amplitude(light.dots[side]))
         albedo /= light.gain[side] * np.clip(old.geometry, _LEAST_GEOMETRY, _MOST_GEOMETRY)
         geometry = read(old.geometry)
-        lens = light.gain[side] * np.float32(take.exposure)
         dots = read(albedo) * np.minimum(geometry, _MOST_GEOMETRY) * old.dots
-        dn = lens * (read(light.room[side] / light.gain[side]) + dots) + np.float32(light.black_dn)
+        dn = light.gain[side] * (read(light.room[side] / light.gain[side]) + dots) + np.float32(light.black_dn)
         return replace(
-            old, view=view, dn=np.asarray(dn, np.float32), usable=usable, geometry=geometry,
-            depth_m=np.where(usable, read(old.depth_m), 0.0).astype(np.float32), exposure=old.exposure * take.exposure,
+            old, view=self._room.views, dn=np.asarray(dn, np.float32), usable=usable, geometry=geometry,
+            depth_m=np.where(usable, read(old.depth_m), 0.0).astype(np.float32),
         )  # fmt: skip
 
     def _moved(self, side: int, column: Image, row: Image, back: bool = False) -> tuple[Image, Image]:

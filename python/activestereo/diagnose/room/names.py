@@ -17,7 +17,7 @@ from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
 from activestereo.diagnose.room.columns import LOOKED, Column, alternatives, effects_of, nuisances, pedestals, size_of
 from activestereo.diagnose.room.drops import BLURRED_LOG, blurred_places
 from activestereo.diagnose.room.evidence import ONE_SIDED, Found, Reduced, gaussian, judged, reduced, student
-from activestereo.diagnose.room.imagined import ImaginedRoom, Take
+from activestereo.diagnose.room.imagined import ImaginedRoom
 from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.diagnose.room.same_place import room_beside
@@ -98,7 +98,8 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     if both is not None:
         scores, spread = score_room(both, asked).scores, SAME_PLACE
     elif reference:
-        scores, spread = _beside(scores, [score_room(other, asked).scores for other in reference]), BETWEEN
+        others = [score_room(other, asked, seen.chosen).scores for other in reference]
+        scores, spread = _beside(scores, others), BETWEEN
     response = _response(room, asked)
     rows += response
     if reference:
@@ -139,22 +140,23 @@ def session_spread(scores: Reduced, spread: Mapping[str, float]) -> dict[str, fl
     return {c.name: c.alike * spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
-def score_room(room: Room, asked: Sequence[Effect]) -> Seen:
-    """Computes the expected light of a room and the scores of the effects' columns. asked: the effects to judge."""
+def score_room(room: Room, asked: Sequence[Effect], chosen: Mapping[str, tuple[float, ...]] | None = None) -> Seen:
+    """Computes the expected light of a room and the scores of the effects' columns. asked: the effects to judge.
+    chosen: as in Seen; None = they are searched for."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
     still = nuisances(room, light)
-    chosen, promised = _chosen(room, light, still, asked)
+    chosen, promised = _chosen(room, light, still, asked) if chosen is None else (chosen, {})
     columns = [*still, *_of_effects(room, light, asked, chosen)]
     sums = normal(room, columns, blocks_of(room, light, columns), range(len(columns)))
     return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), chosen, promised, sums.trust)
 
 
-def with_planned_pair(seen: Seen, take: Take) -> Reduced:
-    """Returns the scores that a room would have with one more, planned pair of images. Their covariance is inflated
+def with_planned_pair(seen: Seen, turn_deg: tuple[float, float, float]) -> Reduced:
+    """Returns the scores that a room would have with an ImaginedRoom's further view. Their covariance is inflated
     over independent cells by the same factor as in the recorded room."""
-    room = ImaginedRoom(seen.room, seen.light, take)
+    room = ImaginedRoom(seen.room, seen.light, turn_deg)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     promised = {effect: alternative for effect, (alternative, _) in seen.promised.items()}
     columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, promised)]
@@ -268,7 +270,7 @@ def _key(column: Column) -> str:
 
 def _chosen(
     room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
-) -> tuple[dict[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
+) -> tuple[Mapping[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
     """Returns ({effect: its likeliest alternative by the low-pass band}, Seen.promised). still: nuisance columns fitted
     along. Periods of flicker that move views alike differ little in evidence, and much in what they show."""
     searched = alternatives(room, light, effects)

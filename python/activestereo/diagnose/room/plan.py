@@ -11,7 +11,6 @@ from math import erfc, sqrt
 import numpy as np
 
 from activestereo.diagnose.room.evidence import Reduced, judged
-from activestereo.diagnose.room.imagined import Take
 from activestereo.diagnose.room.names import (
     LEAST_RESPONSE,
     LOOKED,
@@ -43,8 +42,8 @@ MOST_MINUTES, _LEAST_GAIN = 10.0, 0.05
 
 _THIS = "this recording"
 _VIEWS = (
-    ("one more view, turned by 15 degrees, exposure fixed", Take(turn_deg=(0.0, 15.0, 0.0))),
-    ("one more view, rolled by 90 degrees where the first one was taken", Take(turn_deg=(0.0, 0.0, 90.0))),
+    ("one more view, turned by 15 degrees, exposure fixed", (0.0, 15.0, 0.0)),
+    ("one more view, rolled by 90 degrees where the first one was taken", (0.0, 0.0, 90.0)),
 )
 _EXPOSED = "the first view from a tripod at another exposure, half or twice: state both by import --exposure"
 _MUCH_LESS = 0.75
@@ -72,9 +71,9 @@ def plan_of(seen: Seen) -> list[Recording]:
     are for effects that no view detects at typical size. Every effect asked about appears once or more."""
     this = detectable_sizes(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
-    offers = [(text, 1.0, _tells(seen, r, session_spread(r, OF_A_UNIT))) for text, take in _VIEWS
-              for r in [with_planned_pair(seen, take)]]  # fmt: skip
-    good = with_planned_pair(seen, Take(is_good=True))
+    offers = [(text, 1.0, _tells(seen, r, session_spread(r, OF_A_UNIT))) for text, turn_deg in _VIEWS
+              for r in [with_planned_pair(seen, turn_deg)]]  # fmt: skip
+    good = with_planned_pair(seen, (0.0, 0.0, 0.0))
     offers.append((_REFERENCE, 2.0, _tells(seen, good, session_spread(good, SAME_PLACE))))
     if "response_gamma" in {e.id for e in seen.asked}:
         offers.append((_EXPOSED, 1.0, LEAST_RESPONSE))
