@@ -47,10 +47,10 @@ struct DetectionPush {
   FloatArray confidence;  // if MAPS_CONFIDENCE
   ByteArray reason;       // if MAPS_REASON
   uint width, height;
-  int reach;          // of the window
-  uint bare_reach;    // detection_bare_reach()
-  int most_matched;   // detection_most_matched()
-  float least;  // standard deviations
+  int reach;         // of the window
+  uint bare_reach;   // detection_bare_reach()
+  int most_matched;  // detection_most_matched()
+  float least;       // standard deviations
   float invalid;
   uint maps;  // MAPS_*
 };
