@@ -104,7 +104,7 @@ FIGURES = (
     ("nothing hidden: `none`", "{suite:no effect: said so}"),
     ("a fault of the depth engine named first", "{suite:depth engine's fault first:share}"),
     ("90 % intervals of parameters hold the truth", "{suite:90 % intervals hold the truth}"),
-    ("weak effects, 0.4 of the noise, named", "{suite-68995:weak:named and right}"),
+    ("weak effects, 0.4 of the noise, named", "{suite-68526:weak:named and right}"),
     ("worlds of another renderer: first name right", "{mitsuba:another renderer: first name}"),
     ("twins told apart by the frames that were asked for; by random ones", "{next:asked}; {next:random}"),
     ("effects put into real recordings: named and right", "{rooms:named}"),

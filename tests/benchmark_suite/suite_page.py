@@ -137,7 +137,8 @@ def _confusion_picture(by_strength):
     truths = sorted({t for part in by_strength.values() for t in part["confusion"]})
     answers = [*truths, *sorted({a for part in by_strength.values() for a in part["confusion"].values()} - set(truths))]
     figure = Figure(figsize=(15, 14), facecolor="white", layout="constrained")
-    for axes, (strength, part) in zip(figure.subplots(2, 2).flat, by_strength.items(), strict=False):
+    for place, (strength, part) in enumerate(by_strength.items(), 1):
+        axes = figure.add_subplot(2, 2, place)
         for truth, answer in part["confusion"].items():
             axes.add_patch(_cell(answers.index(answer), truths.index(truth), _color(truth, answer)))
         axes.set_xlim(-0.5, len(answers) - 0.5)
