@@ -53,7 +53,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"activestereo (simulate|model show|pair) out/(desk|model|practice)":
         (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "tests/python/calibrate/test_afternoon.py runs the page"),
     r"activestereo simulate": ("{0} {1:} --spp 1", "as few samples as possible"),
-    r"activestereo (calibrate|import|overlay|compare|diagnose|view)":
+    r"activestereo (calibrate|import|compare|diagnose|view)":
         (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),
     r"activestereo generate":
         (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs files of things; its options are parsed"),

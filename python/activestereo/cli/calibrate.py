@@ -113,7 +113,7 @@ example:
 _MATERIALS = """\
 What an object of the capture's scene is made of: roughness, metallic, specular,
 transmission and infrared albedo of each of its parts, into the section materials of
-model.json under the materials' names. The object's pose must be known (see overlay);
+model.json under the materials' names. The object's pose must be known (look with view);
 what lies around it, such as the table, keeps the scene's materials, which tell how
 bright the lights are. Rig and pattern are those of model.json, where it has them
 already. Put lamps whose place you measured into the capture's "lights".

@@ -4,5 +4,4 @@
 write           compare.json and report.html of a comparison, with a diagnosis beside it, diagnose.json
 pictures        a simulated frame, a matched pair or pictures side by side, on one page
 view            the local page of `activestereo view`
-overlay         a scene's contours over pictures
 """

@@ -43,16 +43,6 @@ def test_a_closed_standard_output_is_said_before_any_work():
     assert result.stderr == "activestereo: standard output is closed: send it to a file or to /dev/null\n"
 
 
-def test_overlay_without_a_display_says_what_to_do(tmp_path):
-    write_gray(tmp_path / "a.png", np.zeros((8, 8), np.uint8))
-    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    result = subprocess.run(
-        [*COMMAND, "overlay", tmp_path / "a.png", "--scene", tmp_path / "none.gltf"],
-        capture_output=True, text=True, timeout=120, env=environment,
-    )  # fmt: skip
-    assert result.returncode == 2 and "--out DIR" in result.stderr
-
-
 def test_files_that_go_together_appear_together_or_not_at_all(tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there/a.txt").write_text("before")

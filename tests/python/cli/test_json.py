@@ -12,7 +12,7 @@ from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from command_line import leaves
 
 TABLES = {
-    "simulate", "presets", "depth", "pair", "depth-quality", "compare", "diagnose", "effect list",
+    "simulate", "presets", "depth", "pair", "compare", "diagnose", "effect list",
     "effect check", "effect show", "benchmark sim-to-real", "benchmark realism",
     "doctor", "model show", "model diff", "model export", "calibrate noise", "calibrate drift",
     "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate world",
@@ -85,14 +85,12 @@ def test_noise_of_a_calibration(said, tmp_path):
     assert imager == json.loads((tmp_path / "model.json").read_text())["imager"]
 
 
-def test_depth_pair_and_depth_quality(said, pair, tmp_path):
+def test_depth_and_pair(said, pair, tmp_path):
     found = said("depth", *pair, *K, "--max-disparity", 32, "--out", tmp_path / "depth")
     assert found["median_depth_m"] == pytest.approx(0.5, abs=0.01) and found["measured_share"] > 0.7
     assert found["matching"]["max_disparity"] == 32 and found["stages_ms"]["depth"] and found["hints"] == []
     found = said("pair", *pair, *K, "--out", tmp_path / "pair")
     assert found == json.loads((tmp_path / "pair/pair.json").read_text()) and found["findings"]
-    found = said("depth-quality", tmp_path / "depth/depth.npy", *K)
-    assert found["frames"] == 1 and found["temporal_noise_percent"] is None
 
 
 def test_simulate(said, table_top, tmp_path):

@@ -108,13 +108,6 @@ def test_from_views_of_a_room_to_its_model_beside_it(capsys, folder, quick, monk
     assert kinds[:4] == ["import", "calibrate world", "diagnose", "compare"] and "compare --model" in kinds
 
 
-def test_from_an_overlay_to_a_comparison(capsys, folder, capture, quick):
-    end = run_here(capsys, "overlay", capture, "-o", folder / "overlay", "--device", "cpu")
-    [lead] = led_on(end.stdout)
-    assert lead[:2] == ["compare", str(capture)]
-    assert led_on(run_here(capsys, *lead, patience_s=_PATIENCE_S).stdout)
-
-
 def test_from_scenes_to_pictures(capsys, folder, scene):
     assert _follow(capsys, "simulate", scene, *_QUICK, "--resolution", "106x60", "-o", folder / "out") == ["simulate"]
     writer = GltfWriter()
