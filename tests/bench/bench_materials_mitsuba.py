@@ -37,7 +37,7 @@ from activestereo.calibrate.material_fit import MaterialFit, light_intensities
 from activestereo.calibrate.material_fit import MaterialScene, Picture
 from activestereo.calibrate.materials import calibrate_materials
 from activestereo.capture.capture import read_capture
-from sim_to_real.mitsuba_scene import grey, mitsuba
+from mitsuba_scene import grey, mitsuba
 
 Image = NDArray[np.float64]
 IR_ALBEDO = 0.5

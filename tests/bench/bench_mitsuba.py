@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.scene_io import meshes
-from sim_to_real import mitsuba_scene
+import mitsuba_scene
 from activestereo.common.pose import look_at
 
 Image = NDArray[np.float64]

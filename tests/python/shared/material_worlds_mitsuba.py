@@ -12,7 +12,7 @@ from material_worlds import (
 from numpy.typing import NDArray
 
 from activestereo.scene_io import meshes
-from sim_to_real.mitsuba_scene import grey, mesh, mitsuba, pose, projector
+from mitsuba_scene import grey, mesh, mitsuba, pose, projector
 
 PROJECTOR = 1.0  # W/sr at the brightest: dots as strong as those of a D435 at this distance
 Image = NDArray[np.float64]

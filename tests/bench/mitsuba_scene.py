@@ -22,13 +22,6 @@ def mitsuba() -> Any:
     return mi
 
 
-def use_one_thread() -> None:
-    """For this process: small pictures are shared out among processes."""
-    import drjit
-
-    drjit.set_thread_count(1)
-
-
 def grey(value: float) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(value)] * 3}
 
