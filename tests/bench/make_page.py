@@ -20,7 +20,7 @@ RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "mitsuba", "denoise", "scenes", "cancel"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel", "invented"),
-    "Sensor": ("sensor", "split", "gbuffer", "gbuffer_gpu", "camera", "realism", "noise_profiles", "generate"),
+    "Sensor": ("sensor", "gbuffer", "gbuffer_gpu", "camera", "realism", "noise_profiles", "generate"),
     "Calibration": ("calibrate", "materials"),
 }
 HEAD = """# Benchmarks

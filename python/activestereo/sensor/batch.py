@@ -25,31 +25,21 @@ from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.limits import POWER
 from activestereo.common.pose import PoseLike, as_matrix, pose_fault
 from activestereo.model import SensorModel
-from activestereo.sensor.cuda_memory import CudaArray
-from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
-from activestereo.sensor.maps import JoinedResults
 from activestereo.sensor.mounts import HasPoses, Places, raise_broken, raise_faults
 from activestereo.sensor.results import SensorResults
 
 
 class StereoDepthSensorBatch(SensorResults):
-    """Simulates S depth sensors in each of E environments, all with one configuration. Runs one SensorEngine on each
-    device.
+    """Simulates S depth sensors in each of E environments, all with one configuration. Several GPUs take a process
+    each, with a scene and a batch of its own.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. mounts: Mounts, or another object with a
     scene and poses (body axes). pose: the RGB camera's pose relative to its mount; None: identity. Sensors of one
     environment see one another's projectors, as real ones do. The sensors' images have independent noise, which a seed
     repeats exactly. Exposure is 'fixed' or 'settled'. Each settled sensor exposes for its own view, and gain counts as
     exposure. Use it in one thread at a time.
-
-    Several devices: mounts are a sequence, one for each, with a scene on that device and the poses of all environments.
-    Make the same calls on all scenes. A scene may lack the objects of other devices' environments; then instances and
-    materials are numbered per scene. Device k of D has the environments from k E / D to (k + 1) E / D and a thread.
-    Results are one array in the host's memory. Several devices of one kind give the same bits as a single one. Only if
-    config.rgb_exposure is None, each device chooses one exposure for its own RGB pictures. A picture that fails on one
-    device still counts there, so all devices stay at the same picture number.
 
     model: a SensorModel or the path of a model.json. All sensors get its effects; the whole scene gets its materials
     and medium until close(). Raises ValueError for effects that act outside the engines (StereoDepthSensor supports
@@ -66,47 +56,22 @@ class StereoDepthSensorBatch(SensorResults):
     """
 
     def __init__(
-        self, config: StereoDepthSensorConfig | str, mounts: HasPoses | Sequence[HasPoses],
-        pose: PoseLike | None = None,
+        self, config: StereoDepthSensorConfig | str, mounts: HasPoses, pose: PoseLike | None = None,
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self._config = own_config(config)
         plan = plan_of(self._config)
-        devices = list(mounts) if isinstance(mounts, Sequence) else [mounts]
-        on_mount = np.eye(4) if pose is None else as_matrix(pose)
-        self._places = [Places(one, on_mount) for one in devices]
-        counts = {places.shape[0] for places in self._places}
-        if len(counts) != 1 or len(devices) > min(counts):
-            raise ValueError(f"{len(devices)} devices take as many environments or more, not {sorted(counts)}")
-        self.shape = self._places[0].shape  # (E,) or (E, S)
+        self._places = Places(mounts, np.eye(4) if pose is None else as_matrix(pose))
+        self.shape = self._places.shape  # (E,) or (E, S)
         count, sensors = self.shape[0], prod(self.shape[1:])
-        bounds = [k * count // len(devices) for k in range(len(devices) + 1)]
-        self.device_environments = [range(first, end) for first, end in zip(bounds[:-1], bounds[1:], strict=True)]
-        self._own = [slice(own.start * sensors, own.stop * sensors) for own in self.device_environments]
-        self._results = JoinedResults([len(own) for own in self.device_environments]) if len(devices) > 1 else None
-        engines: list[SensorEngine] = []
-        try:
-            for k, own in enumerate(self.device_environments):
-                engines.append(
-                    SensorEngine(
-                        plan, devices[k].scene, np.repeat(own, sensors).tolist(),
-                        (len(own), *self.shape[1:]), model=model, on_cuda=on_cuda, pipelined=pipelined,
-                        first_view=self._own[k].start, results=None if self._results is None else (self._results, k),
-                        matcher=matcher,
-                    )
-                )  # fmt: skip
-        except BaseException:
-            for engine in engines:
-                engine.close()
-            raise
-        self._engines = engines
+        self._engine = SensorEngine(
+            plan, mounts.scene, np.repeat(range(count), sensors).tolist(), self.shape, model=model, on_cuda=on_cuda,
+            pipelined=pipelined, matcher=matcher,
+        )  # fmt: skip
         # Factors on each sensor's configured values, and the turn of its right camera.
         self._laser_power, self._light_share = np.ones((2, count * sensors))
         self._right_turn = np.broadcast_to(np.eye(4), (count * sensors, 4, 4)).copy()
-        self._devices = Devices(
-            [f"on the device of environments {own[0]} to {own[-1]}" for own in self.device_environments]
-        )
 
     # ---- taking pictures ----
 
@@ -114,47 +79,37 @@ class StereoDepthSensorBatch(SensorResults):
         """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined batch begins
         new pictures and makes the previous ones current. Raises SensorPoseError if a mount has no pose, after the
         others' pictures are taken or begun. A failed picture, here or in wait(), leaves no result."""
-        self._on_each_device(lambda engine, _: engine.turn())
-        broken, rigs = self._present_places()
-        try:
-            self._on_each_device(
-                lambda engine, k: engine.take_pictures(rigs[k], self._places[k].matrices, infrared_only, None)
-            )
-        finally:
-            last = max(engine.frame for engine in self._engines)
-            for engine in self._engines:
-                engine.frame = last
+        self._engine.turn()
+        broken = self._places.read()
+        self._engine.take_pictures(self._places.rigs(), infrared_only)
         raise_broken(broken, self.shape)
 
     @property
     def has_next(self) -> bool:
         """Returns whether a pipelined batch has begun pictures without a failure; the next take_picture() makes them
         current."""
-        return all(engine.has_next for engine in self._engines)
+        return self._engine.has_next
 
     def render_true_depth(self) -> NDArray[np.float32]:
         """Renders depth float32 [..., height, width], metres, as get_true_depth() gives it, for the present scene and
         mounts. Takes no picture."""
         self.wait()
-        broken, rigs = self._present_places()
-        depth = self._devices.join(self._on_each_device(lambda engine, k: engine.render_true_depth(rigs[k])))
+        broken = self._places.read()
+        depth = self._engine.render_true_depth(self._places.rigs())
         raise_broken(broken, self.shape)
         return depth
 
     def compute_depth(self) -> None:
         """Applies noise, matches all pairs and registers their depth to the RGB cameras. Computes at once those maps
         that were read for earlier pictures, and any other map when it is first read."""
-        if self._results is not None:
-            self._results.begin()
-        self._on_each_device(lambda engine, _: engine.match())
+        self._engine.match()
 
     # ---- results ----
 
     def get_ir_radiance(self) -> NDArray[np.float32]:
         """Returns float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise. On a
         single CPU device it is a view of the next picture's memory, else a copy."""
-        light = self._on_each_device(lambda engine, _: engine.light())
-        return light[0] if len(light) == 1 else np.concatenate(light, axis=1)
+        return self._engine.light()
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
         """Returns float32 [..., height, width, 3], metres in the RGB cameras' axes (x right, y down, z forward), 0 = no
@@ -162,23 +117,12 @@ class StereoDepthSensorBatch(SensorResults):
         points = np.moveaxis(self.rgb_rays(), 0, -1).astype(np.float32) * self.get_depth()[..., None]
         return np.concatenate([points, self.get_rgb()], axis=-1) if with_rgb else points
 
-    def get_cuda(self, name: str, device: int = 0) -> CudaArray:
-        """Returns the array of get_<name>() in CUDA memory without a copy, as float32, uint8, uint16 or uint32. Names
-        are 'depth', 'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8',
-        'true_depth', 'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes.
-        torch.as_tensor(array, device="cuda") takes it. The next take_picture() or compute_depth() writes into the same
-        memory. device: number of the device whose environments the array holds. Raises RuntimeError without on_cuda,
-        ValueError for another name."""
-        if device not in range(len(self._engines)):
-            raise ValueError(f"devices are 0 to {len(self._engines) - 1}, not {device}")
-        return self._cuda(self._engines[device], name)
-
     # ---- the batch itself ----
 
     @property
     def allocated_bytes(self) -> int:
-        """Returns the bytes in all buffers of this batch's devices now: scene, renderer, depth engine and images."""
-        return sum(e.scene.device.allocated_bytes + e.matcher.device.allocated_bytes for e in self._engines)
+        """Returns the bytes in all buffers of this batch now: scene, renderer, depth engine and images."""
+        return self._engine.scene.device.allocated_bytes + self._engine.matcher.device.allocated_bytes
 
     def vary(
         self, environment: int | None = None, laser_power: ArrayLike | None = None, exposure: ArrayLike | None = None,
@@ -220,9 +164,8 @@ class StereoDepthSensorBatch(SensorResults):
             self._laser_power[own] = shares["laser_power"].ravel()
         if "exposure" in shares:
             self._light_share[own] = shares["exposure"].ravel()
-        for engine, mine in zip(self._engines, self._own, strict=True):
-            engine.rig.in_scene.laser_power, engine.light_share = self._laser_power[mine], self._light_share[mine]
-            engine.rig.right_turn = self._right_turn[mine]
+        self._engine.rig.in_scene.laser_power, self._engine.light_share = self._laser_power, self._light_share
+        self._engine.rig.right_turn = self._right_turn
 
     def restart(self, seed: int | Sequence[int]) -> None:
         """Makes the next picture frame 0 under this seed, for render and noise. Pictures repeat exactly after the same
@@ -234,7 +177,7 @@ class StereoDepthSensorBatch(SensorResults):
         if np.ndim(seed) == 0:
             one = int(RENDER_SEED.check("the seed", seed))
             self._config.render_seed = self._config.noise_seed = one
-            self._on_each_device(lambda engine, _: engine.restart(one))
+            self._engine.restart(one)
             return
         if np.shape(seed) != self.shape[:1]:
             raise ValueError(f"seeds are {list(np.shape(seed))}, expected a number or [{self.shape[0]}]")
@@ -242,16 +185,10 @@ class StereoDepthSensorBatch(SensorResults):
         raise_faults("the seed", np.arange(len(seeds)), [RENDER_SEED.fault(one) for one in seeds])
         sensors = range(prod(self.shape[1:]))
         own = [one + (sensor << 32) for one in seeds for sensor in sensors]  # sensors of an environment differ
-        self._on_each_device(lambda engine, k: engine.restart(self._config.render_seed, own[self._own[k]]))
+        self._engine.restart(self._config.render_seed, own)
 
     # ---- inside ----
 
     def _poses(self) -> NDArray[np.float64]:
-        _, rigs = self._present_places()
-        return np.concatenate(rigs).reshape(*self.shape, 4, 4)
-
-    def _present_places(self) -> tuple[NDArray[np.bool_], list[NDArray[np.float64]]]:
-        """Reads the mounts. Returns a mask [sensors], true where a mount has no valid pose, and the RGB cameras' poses
-        [sensors, 4, 4] of each device."""
-        broken = np.concatenate([one.read()[own] for one, own in zip(self._places, self._own, strict=True)])
-        return broken, [one.rigs(own) for one, own in zip(self._places, self._own, strict=True)]
+        self._places.read()
+        return self._places.rigs().reshape(*self.shape, 4, 4)

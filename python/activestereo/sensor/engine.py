@@ -21,7 +21,7 @@ from activestereo.common.progress_bar import Progress, part_of
 from activestereo.model import SensorModel
 from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
-from activestereo.sensor.maps import JoinedResults, Maps
+from activestereo.sensor.maps import Maps
 from activestereo.sensor.pictures import RGB_OUTPUTS, IrLink, Picture, PictureMemory, Taken, UnderWay, expose_each
 from activestereo.sensor.rig import Rig, RigInputs
 
@@ -32,8 +32,7 @@ class SensorEngine:
     environments: number of the environment of each sensor. [None]: one sensor in a scene without environments. Only
     that one may have a velocity, conditions, 'converging' exposure and effects that change its images. shape: leading
     axes of results: () for one sensor, (E,) or (E, S). source: path of the scene's file, or any other object.
-    first_view: number of this engine's first sensor among all devices' sensors. results: (memory for maps, this
-    engine's part of it), as Maps takes them. matcher: computes disparities, see foreign_matcher.py.
+    matcher: computes disparities, see foreign_matcher.py.
 
     Raises ValueError for a model or an exposure mode that does not fit the scene or the sensors. Nothing has changed
     then."""
@@ -41,8 +40,7 @@ class SensorEngine:
     def __init__(
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
         shape: tuple[int, ...] = (), *, model: SensorModel | str | PathLike[str] | None = None, source: object = None,
-        pipelined: bool = False, on_cuda: bool = False, first_view: int = 0,
-        results: tuple[JoinedResults, int] | None = None, matcher: MatcherLike = "simsense",
+        pipelined: bool = False, on_cuda: bool = False, matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self.scene, self.shape, self.pipelined, self._count = scene, shape, pipelined, len(environments)
         if on_cuda and matcher != "simsense":
@@ -55,7 +53,6 @@ class SensorEngine:
         self._renderer = kuafu.Renderer(scene.device, **plan.renderer)
         self.matcher = self.rig.make_matcher(self._count)
         self._foreign = as_matcher(matcher, self.matcher)
-        self._first_view = first_view
         (width, height), (rgb_width, rgb_height) = ((c["width"], c["height"]) for c in (plan.left, plan.rgb))
         pictures = [
             Picture(
@@ -68,7 +65,7 @@ class SensorEngine:
         self.ir_memory = self._present.link.memory  # the infrared pairs' way to the depth engine
         self._under_way = UnderWay()
         # State of the current pictures.
-        self.maps = Maps(weakref.proxy(self), on_cuda, results)
+        self.maps = Maps(weakref.proxy(self), on_cuda)
         self.light_share = np.ones(self._count)  # factors on each sensor's own exposure
         self._told_signals: list[dict[str, float]] = []
         self._noise_seeds: list[int] | None = None
@@ -96,22 +93,19 @@ class SensorEngine:
             self.maps.clear()
         self._next.taken = None
 
-    def take_pictures(
-        self, rigs: NDArray[np.float64], place: NDArray[np.float64], infrared_only: bool, progress: Progress | None
-    ) -> None:
+    def take_pictures(self, rigs: NDArray[np.float64], infrared_only: bool, progress: Progress | None = None) -> None:
         """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined engine only
         begins the renders. Call turn() first.
 
-        rigs: poses of the RGB cameras, [sensors, 4, 4], body axes. place: poses of all devices' sensors; if they differ
-        from the last call's, new static laser speckle is drawn. A failed picture, here or in wait(), leaves no
-        result."""
+        rigs: poses of the RGB cameras, [sensors, 4, 4], body axes; if they differ from the last call's, new static
+        laser speckle is drawn. A failed picture, here or in wait(), leaves no result."""
         picture = self._next
         # Exposure, emitter, and static speckle if a sensor has moved.
         if self._next_setting is not None:
             self.rig.set_exposure(self._next_setting)
             self._next_setting = None
-        if self._place is None or not np.array_equal(place, self._place):
-            self._place, self._speckle_draw = place.copy(), self._speckle_draw + 1
+        if self._place is None or not np.array_equal(rigs, self._place):
+            self._place, self._speckle_draw = rigs.copy(), self._speckle_draw + 1
         frame = self.frame + 1
         taken = Taken(frame, self._speckle_draw, self.rig.begin(frame).speckle_of_laser)
         share = 0.0 if infrared_only else 0.5
@@ -214,9 +208,7 @@ class SensorEngine:
         picture = self._present
         taken = picture.taken or Taken()
         self._set_signals(picture.signals)  # the next picture may have another exposure already
-        self.matcher.set_parameters(
-            frame_index=taken.frame, scene_index=taken.speckle_draw, first_view=self._first_view
-        )
+        self.matcher.set_parameters(frame_index=taken.frame, scene_index=taken.speckle_draw)
         own: dict[str, Any] = dict(picture.link.lasers(taken.is_laser_apart))
         if self._noise_seeds is not None:
             own["noise_seeds"] = self._noise_seeds

@@ -140,10 +140,9 @@ class Places:
         self.matrices[~broken] = poses[~broken]
         return broken
 
-    def rigs(self, own: slice) -> NDArray[np.float64]:
-        """Returns the last valid poses of the RGB cameras, [sensors, 4, 4], body axes (x forward, y left, z up). own:
-        slice of the batch's sensors."""
-        return self.matrices[own] @ self._pose
+    def rigs(self) -> NDArray[np.float64]:
+        """Returns the last valid poses of the RGB cameras, [sensors, 4, 4], body axes (x forward, y left, z up)."""
+        return self.matrices @ self._pose
 
 
 def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:

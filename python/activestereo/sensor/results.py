@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -22,10 +21,8 @@ from activestereo.common.lens import to_tangents
 from activestereo.common.nearest import did_you_mean, unknown
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
 from activestereo.sensor.cuda_memory import MAPS, PICTURES, CudaArray
-from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
 
-_Result = TypeVar("_Result")
 _Sensors = TypeVar("_Sensors", bound="SensorResults")
 CAMERAS = ("rgb", *SIDES)
 
@@ -101,16 +98,11 @@ class SensorResults(ABC):
     _depth_maps: tuple[str, ...] = DEPTH_MAPS
     _config: StereoDepthSensorConfig
 
-    # One engine on each device, and what runs calls on all of them.
-    _engines: list[SensorEngine]
-    _devices: Devices
+    _engine: SensorEngine
 
     def close(self) -> None:
-        """Removes the projectors and the model's additions from the scenes, and ends the devices' threads."""
-        try:
-            self._on_each_device(lambda engine, _: engine.close())
-        finally:
-            self._devices.close()
+        """Removes the projectors and the model's additions from the scene."""
+        self._engine.close()
 
     def __enter__(self: _Sensors) -> _Sensors:
         return self
@@ -121,32 +113,23 @@ class SensorResults(ABC):
     def wait(self) -> None:
         """Waits until the pictures that pipelined sensors have begun are rendered; then the scene may change. Results
         stay those of the previous pictures."""
-        self._on_each_device(lambda engine, _: engine.wait())
+        self._engine.wait()
 
     @property
     def has_picture(self) -> bool:
         """Returns whether results exist: from the second take_picture() on for pipelined sensors, else from the
         first."""
-        return all(engine.has_picture for engine in self._engines)
+        return self._engine.has_picture
 
     @property
     def frame_index(self) -> int:
         """Returns the number of the last picture, counted from 0; -1 before the first."""
-        return self._engines[0].frame
+        return self._engine.frame
 
     @property
     def stage_times(self) -> dict[str, float]:
-        """Returns {stage: milliseconds} of the last take_picture() and compute_depth(), each for the slowest device."""
-        times = [engine.stage_times for engine in self._engines]
-        return {name: max(of[name] for of in times if name in of) for name in times[0]}
-
-    def _on_each_device(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:
-        """Returns [call(engine, device number)] for all devices."""
-        return self._devices.each(lambda k: call(self._engines[k], k))
-
-    def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
-        """Returns all sensors' results in one array; get(engine) reads those of one device."""
-        return self._devices.join(self._on_each_device(lambda engine, _: get(engine)))
+        """Returns {stage: milliseconds} of the last take_picture() and compute_depth()."""
+        return self._engine.stage_times
 
     @abstractmethod
     def _poses(self) -> NDArray[np.float64]:
@@ -179,7 +162,7 @@ class SensorResults(ABC):
 
     def get_depth(self) -> NDArray[np.float32]:
         """Returns float32 metres in the RGB camera, through its lens; 0 = no measurement."""
-        return self._joined(lambda engine: engine.maps.read("depth_rgb"))
+        return self._engine.maps.read("depth_rgb")
 
     def get_depth_mm(self) -> NDArray[np.int16]:
         """Returns int16 [..., height, width, 1] millimetres up to 32767 in the RGB camera; 0 = no measurement."""
@@ -187,51 +170,55 @@ class SensorResults(ABC):
 
     def get_disparity(self) -> NDArray[np.float32]:
         """Returns float32 pixels in the (rectified) left infrared camera; -1 = no measurement."""
-        return self._joined(lambda engine: engine.maps.read("disparity"))
+        return self._engine.maps.read("disparity")
 
     def get_ir_measured(self) -> list[NDArray[Any]]:
         """Returns [left, right], the sensor's noisy images, uint8 (uint16 if ir_signal has more bits)."""
-        left = self._joined(lambda engine: engine.maps.read("ir_left"))
-        return [left, self._joined(lambda engine: engine.maps.read("ir_right"))]
+        return [self._engine.maps.read(f"ir_{side}") for side in SIDES]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
         """Returns a map of the (rectified) left infrared camera: 'confidence' float32 0..1, 'reason' uint8 an index
         into simsense.REASONS, 'points' float32 [..., height, width, 3] metres, or the images 'rectified_left' and
         'rectified_right'."""
         self._check_depth_map(name)
-        return self._joined(lambda engine: engine.maps.read(name))
+        return self._engine.maps.read(name)
 
     def get_rgba8(self) -> NDArray[np.uint8]:
         """Returns uint8 [..., height, width, 4]: red, green, blue, 255, sRGB-encoded on the rendering device. Unless
-        the configuration fixes an exposure, each device chooses one for all its sensors."""
-        return self._joined(lambda engine: engine.rgb_output("srgb"))
+        the configuration fixes an exposure, one is chosen for all sensors."""
+        return self._engine.rgb_output("srgb")
 
     def get_rgb(self) -> NDArray[np.float32]:
         """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and
         copies three times as much."""
-        return self._joined(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.plan.rgb_exposure))
+        return encoded_rgb(self._engine.rgb_output("radiance"), self._engine.plan.rgb_exposure)
 
     def get_true_depth(self) -> NDArray[np.float32]:
         """Returns float32 metres in the RGB camera to the first surface at each pixel's centre; 0 = none."""
-        return self._joined(lambda engine: engine.rgb_output("depth")[..., 0])
+        return self._engine.rgb_output("depth")[..., 0]
 
     def get_material_ids(self) -> NDArray[np.uint32]:
         """Returns uint32 material ids in the RGB camera; scene.material_name() names them, 0xffffffff = nothing
         there."""
-        return self._joined(lambda engine: engine.rgb_output("material_id")[..., 0])
+        return self._engine.rgb_output("material_id")[..., 0]
 
     def get_instance_ids(self) -> NDArray[np.uint32]:
         """Returns uint32 instance ids in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing
         there."""
-        return self._joined(lambda engine: engine.rgb_output("instance_id")[..., 0])
+        return self._engine.rgb_output("instance_id")[..., 0]
 
     def _check_depth_map(self, name: str) -> None:
         if name not in self._depth_maps:
             hint = did_you_mean(name, self._depth_maps)
             raise ValueError(f"'{name}' is none of the config's depth_maps {self._depth_maps}{hint}")
 
-    def _cuda(self, engine: SensorEngine, name: str) -> CudaArray:
-        """Returns get_cuda()'s array for the sensors of one device's engine."""
+    def get_cuda(self, name: str) -> CudaArray:
+        """Returns the array of get_<name>() in CUDA memory without a copy, as float32, uint8, uint16 or uint32. Names
+        are 'depth', 'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8',
+        'true_depth', 'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes.
+        torch.as_tensor(array, device="cuda") takes it. The next take_picture() or compute_depth() writes into the same
+        memory. Raises RuntimeError without on_cuda, ValueError for another name."""
+        engine = self._engine
         if not engine.maps.on_cuda:
             raise RuntimeError("these results are the host's: make the sensor with on_cuda=True")
         if name not in MAPS and name not in PICTURES:

@@ -25,8 +25,6 @@ from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.model import SensorModel
-from activestereo.sensor.cuda_memory import CudaArray
-from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.gbuffer.cause import traced_causes
@@ -59,7 +57,7 @@ class StereoDepthSensor(SensorResults):
     those of the previous picture, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error. A
     model that changes the images raises ValueError, with this or on_cuda.
 
-    matcher: 'simsense', 'opencv', the path of an .onnx file, or a sensor.foreign_matcher.Matcher,
+    matcher: 'simsense', 'opencv', or a sensor.foreign_matcher.Matcher,
     which gets the rectified pairs of simsense's imager. Raises ValueError with on_cuda or a model that changes the
     images.
     """
@@ -79,7 +77,6 @@ class StereoDepthSensor(SensorResults):
             plan, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
             matcher=matcher,
         )  # fmt: skip
-        self._engines, self._devices = [self._engine], Devices([""])
         # The depth engine, and how it gets the infrared pair: 'opaque_fd' or 'host'.
         self.engine: simsense.Engine = self._engine.matcher
         self.ir_memory = self._engine.ir_memory
@@ -101,8 +98,7 @@ class StereoDepthSensor(SensorResults):
         if progress is not None and self._engine.pipelined:
             raise ValueError("a picture that is rendered in the background has no progress")
         self._engine.turn()
-        rigs = self._rigs()
-        self._engine.take_pictures(rigs, rigs, infrared_only, progress)
+        self._engine.take_pictures(self._rigs(), infrared_only, progress)
 
     def compute_depth(self, maps: Sequence[str] = ()) -> None:
         """Applies noise to the last picture, matches it and registers the depth to the RGB camera. The same picture
@@ -146,11 +142,6 @@ class StereoDepthSensor(SensorResults):
         v, u = np.nonzero(depth)
         points = (self.rgb_rays()[:, v, u] * depth[v, u]).T.astype(np.float32)
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
-
-    def get_cuda(self, name: str) -> CudaArray:
-        """Returns the array of get_<name>() in CUDA memory, without a copy. The sensor must be made with on_cuda.
-        Names, types and errors are those of StereoDepthSensorBatch.get_cuda()."""
-        return self._cuda(self._engine, name)
 
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
         """Renders one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) now, [height, width,

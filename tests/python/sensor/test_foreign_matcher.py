@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Other matchers' disparities, and other simulators' noise."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -13,7 +11,6 @@ from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, Ster
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.depth_modes import IsaacSettings, isaac, one_view_depth, redwood, simkinect
-from activestereo.sensor.foreign_matcher import METADATA, OnnxInterface, OnnxMatcher
 
 _DISPARITY_PX = 6.25
 
@@ -100,62 +97,6 @@ def test_what_is_no_matcher_is_told(wall, matcher, told):
             sensor.take_picture(infrared_only=True)
             sensor.compute_depth()
             sensor.get_disparity()
-
-
-# ---- networks ----
-
-
-def network(path, channels=1, metadata=None, inputs=("left", "right"), operator="Add"):
-    """A file whose disparity is the left input's values times 10 plus 0 times the right's."""
-    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed (pip install onnx)")
-    pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed (pip install onnxruntime)")
-    from onnx import TensorProto, helper
-
-    values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, channels, "h", "w"]) for name in inputs]
-    out = helper.make_tensor_value_info("disparity", TensorProto.FLOAT, [1, channels, "h", "w"])
-    numbers = {"ten": 10.0, "nothing": 0.0}
-    constants = [helper.make_tensor(name, TensorProto.FLOAT, [1], [value]) for name, value in numbers.items()]
-    nodes = [
-        helper.make_node("Mul", [inputs[0], "ten"], ["a"]),
-        helper.make_node("Mul", [inputs[1], "nothing"], ["b"]),
-        helper.make_node(operator, ["a", "b"], ["disparity"], domain="" if operator == "Add" else "ours"),
-    ]
-    graph = helper.make_graph(nodes, "stereo", values, [out], constants)
-    imports = [helper.make_opsetid("", 13), helper.make_opsetid("ours", 1)]
-    model = helper.make_model(graph, opset_imports=imports, ir_version=8)
-    if metadata is not None:
-        helper.set_model_props(model, {METADATA: metadata})
-    onnx.save(model, str(path))
-    return path
-
-
-def test_a_network_gets_normalised_padded_pairs_and_its_disparities_come_back_cut(tmp_path):
-    matcher = OnnxMatcher(network(tmp_path / "n.onnx"), OnnxInterface(mean=5.0, std=10.0, multiple=8, scale=2.0))
-    left = np.random.default_rng(1).integers(0, 256, (2, 13, 21), np.uint8)
-    disparity, confidence = matcher(left, left)
-    np.testing.assert_allclose(disparity, 2.0 * 10.0 * (left - 5.0) / 10.0, rtol=1e-5)
-    assert confidence is None and disparity.shape == left.shape
-
-
-def test_a_network_s_file_may_tell_its_interface(tmp_path):
-    told = OnnxMatcher(network(tmp_path / "n.onnx", metadata=json.dumps({"std": 51.0, "multiple": 4})))
-    assert told.interface == OnnxInterface(std=51.0, multiple=4)
-    with pytest.raises(ValueError, match="'stdd' is no field of an OnnxInterface; did you mean 'std'"):
-        OnnxMatcher(network(tmp_path / "m.onnx", metadata='{"stdd": 1}'))
-
-
-@pytest.mark.parametrize(
-    "how, told",
-    [
-        ({"channels": 3}, r"left is \[1, 3, 'h', 'w'\], expected \[1, 1, height, width\]"),
-        ({"inputs": ("image1", "image2")}, r"has no input 'left' \(there are: image1, image2\)"),
-        ({"operator": "Correlate"}, "onnxruntime cannot run it"),
-    ],
-)
-def test_another_network_is_told_in_one_line(tmp_path, how, told):
-    with pytest.raises(ValueError, match=told) as error:
-        OnnxMatcher(network(tmp_path / "n.onnx", **how))
-    assert "\n" not in str(error.value)
 
 
 _WALL_M = np.full((1, 120, 160), 1.0, np.float32)
