@@ -8,7 +8,6 @@ import argparse
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ import numpy as np
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
-from activestereo.capture.images import read_gray, read_image_array
+from activestereo.capture.images import read_image_array
 from activestereo.cli import arguments as cli
 from activestereo.cli import sensor_options as options
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
@@ -51,8 +50,6 @@ PROFILES: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 _RUN = "depth.json"
-_SEARCHED_PAIRS = 4
-_GOALS = ("fill", "noise", "truth")
 
 _TEXT = """\
 Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
@@ -73,7 +70,6 @@ example, a RealSense D435's pair; a D415's recording under other settings:
   activestereo depth left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 \\
       --baseline 0.05 --out out/depth
   activestereo depth 20260101_120000.bag --settings high_accuracy.json --out out/depth
-  activestereo depth 20260101_120000.bag --search noise quiet.json
 """
 
 
@@ -98,11 +94,6 @@ def add_parser(commands: cli.Commands) -> None:
     add = parser.add_argument_group(*recordings).add_argument
     text = "advanced-mode settings of a D400, as Intel's Viewer writes them (default: the camera's own)"
     add("--settings", type=Path, metavar="FILE.json", help=text)
-    text = "look for settings: most fill at the same noise, least noise at the same fill, or least error beside "
-    text += "--truth; writes them for the camera"
-    add("--search", nargs=2, metavar=("fill|noise|truth", "FILE.json"), help=text)
-    text = "16-bit depth of the same pairs in millimetres, by name in order of the pairs: a folder of PNG files"
-    add("--truth", type=Path, metavar="DIR", help=text)
     text = "the camera whose matcher and nominal figures are taken (default: d415)"
     add("--sensor", default="d415", metavar="NAME", help=text)
     cli.add_shared(parser, json=True, verbose="how it was matched, and times of the stages")
@@ -126,8 +117,8 @@ def _run_pair(args: argparse.Namespace) -> None:
     if missing:
         or_file = " (or --calibration FILE)" if "k" in missing or "baseline" in missing else ""
         raise cli.CommandError(f"a pair of images needs {', '.join(f'--{option}' for option in missing)}{or_file}")
-    if args.settings or args.search or args.truth:
-        raise cli.CommandError("--settings, --search and --truth are for recordings, not for a pair")
+    if args.settings:
+        raise cli.CommandError("--settings is for recordings, not for a pair")
     left, right = (read_image_array(path, key="image") for path in (args.left, args.right))
     if left.shape != right.shape:
         sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))
@@ -219,13 +210,10 @@ def depth_hints(
 
 
 def _run_recording(args: argparse.Namespace) -> None:
-    """Matches all pairs of the recording, or under --search looks for better settings, and prints the result."""
+    """Matches all pairs of the recording, and prints the result."""
     from activestereo.camera.advanced_mode.settings import AdvancedSettings, read_settings
 
     settings = AdvancedSettings({}) if args.settings is None else read_settings(args.settings)
-    if args.search is not None:
-        _search(args, settings)
-        return
     if args.out is None:
         raise cli.CommandError("the following arguments are required: -o/--out")
     recording, out = args.left.resolve(), args.out.resolve()
@@ -237,9 +225,14 @@ def _run_recording(args: argparse.Namespace) -> None:
 
 
 def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
+    from activestereo.capture.importers.bag import is_bag
     from activestereo.capture.importers.pairs import recorded_pairs
 
-    first = _chosen_pairs(args.left, [0])[0]
+    if not args.left.is_dir() and not is_bag(args.left):
+        raise cli.CommandError(f"{args.left}: is neither a folder nor a bag; of a pair of images give both")
+    first = next(recorded_pairs(args.left), None)
+    if first is None:
+        raise cli.CommandError(f"{args.left}: no infrared pair: its two streams have no images of one time")
     cameras, assumed = _geometry(args, first)
     cli.make_folder(args.out)
     matcher = _matcher(args, settings, cameras, first)
@@ -272,10 +265,7 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     order = sorted(fills, key=lambda name: fills[name])
     told = (("least", order[0]), ("most", order[-1])) if number > 1 else ()
     figures = [Figure(f"{which}: {name}", f"{100 * fills[name]:.1f} %", fills[name]) for which, name in told]
-    steps = [command("view", args.left)]
-    if args.settings is None:
-        steps.insert(0, command(*args.given, "--search", "noise", args.out / "quiet.json"))
-    print(screen(sentence, figures, notes, steps, args.out / _RUN, verbose=args.verbose))
+    print(screen(sentence, figures, notes, [command("view", args.left)], args.out / _RUN, verbose=args.verbose))
 
 
 def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
@@ -327,76 +317,3 @@ def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
     if has_images:
         raise cli.CommandError(f"{path.parent}: holds PNG files and no {_RUN}: choose another folder")
     write_text(path, text + "\n")
-
-
-def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
-    from activestereo.camera.advanced_mode.matcher import score, search
-    from activestereo.camera.advanced_mode.settings import write_settings
-
-    goal, out = args.search[0], Path(args.search[1])
-    if goal not in _GOALS:
-        raise cli.CommandError(f"--search {goal}: expected one of {', '.join(_GOALS)}")
-    if (goal == "truth") != (args.truth is not None):
-        raise cli.CommandError("--search truth needs --truth DIR, and --truth nothing else")
-    cli.check_out_file(out)
-    last = _count(args.left) - 1  # the chosen pairs spread over the whole recording
-    chosen = sorted({round(share * last) for share in np.linspace(0.0, 1.0, _SEARCHED_PAIRS)})
-    pairs = _chosen_pairs(args.left, chosen)
-    cameras, assumed = _geometry(args, pairs[0])
-    truths = [] if args.truth is None else _truths(args, chosen, cameras, pairs[0].left.shape)
-    matcher = _matcher(args, settings, cameras, pairs[0])
-
-    def evaluate(tried: AdvancedSettings) -> Any:
-        matcher.set_settings(tried)
-        return score([matcher.disparity(pair.left, pair.right) for pair in pairs], truths)
-
-    with ProgressBar(f"searching on {len(pairs)} pairs") as bar:
-        best, before, after = search(goal, settings, evaluate, bar)
-    write_settings(out, best)
-    if args.json:
-        changed = {name: value for name, value in best.values.items() if settings.values.get(name) != value}
-        cli.print_json({"before": asdict(before), "after": asdict(after), "changed": changed, "assumed": assumed})
-        return
-    figures = []
-    for name, found in (("before", before), ("after", after)):
-        wrong = "" if args.truth is None else f", wrong or unmeasured {100 * found.wrong:.2f} %"
-        said = f"measured {100 * found.fill:.2f} %, noise {found.noise_px:.3f} px{wrong}"
-        figures.append(Figure(name, said, {"fill": found.fill, "noise": found.noise_px, "truth": found.wrong}[goal]))
-    words = list(args.given)
-    at = next(place for place, word in enumerate(words) if len(word) > 3 and "--search".startswith(word))
-    del words[at : at + 3]
-    steps = [command(*words, "--settings", out, "-o", out.with_suffix(""))]
-    sentence = f"{out}: the best settings for {goal} that {len(pairs)} pairs tell."
-    print(screen(sentence, figures, [f"assumed: {line}" for line in assumed], steps, verbose=args.verbose))
-
-
-def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
-    from activestereo.capture.importers.bag import is_bag
-    from activestereo.capture.importers.pairs import recorded_pairs
-
-    if not recording.is_dir() and not is_bag(recording):
-        raise cli.CommandError(f"{recording}: is neither a folder nor a bag; of a pair of images give both")
-    places = iter(range(chosen[-1] + 1))
-    pairs = list(islice(recorded_pairs(recording, lambda name: next(places, -1) in chosen), len(chosen)))
-    if not pairs:
-        raise cli.CommandError(f"{recording}: no infrared pair: its two streams have no images of one time")
-    return pairs
-
-
-def _truths(
-    args: argparse.Namespace, chosen: list[int], cameras: RectifiedPair, shape: tuple[int, ...]
-) -> list[np.ndarray]:
-    """Reads the true depth of the chosen pairs as disparities in pixels, float32 [height][width], NaN where unknown.
-    chosen: the pairs' numbers in the recording; shape: (height, width)."""
-    files = sorted(args.truth.glob("*.png"))
-    if len(files) <= chosen[-1]:
-        raise cli.CommandError(
-            f"--truth {args.truth}: has {len(files)} PNG files, the recording {chosen[-1] + 1} pairs"
-        )
-    out = []
-    for place in chosen:
-        depth_m = 0.001 * read_gray(files[place], (shape[1], shape[0]), "truth").astype(np.float64)
-        with np.errstate(divide="ignore"):
-            disparity = cameras.focal_baseline_px_m / depth_m - cameras.offset_px
-        out.append(np.where(depth_m > 0, disparity, np.nan).astype(np.float32))
-    return out

@@ -91,8 +91,6 @@ def test_a_damaged_image_ends_the_run_in_one_line_and_the_pairs_before_stay(reco
     "arguments, told",
     [
         (["--out", "{recording}/depth"], "lies in the recording"),
-        (["--out", "o", "--truth", "x", "--search", "fill", "a.json"], "--search truth needs --truth"),
-        (["--search", "speed", "a.json"], "expected one of fill, noise, truth"),
         ([], "-o/--out"),
     ],
 )
@@ -100,20 +98,6 @@ def test_what_cannot_be_is_told(recording, arguments, told, capsys):
     given = [argument.format(recording=recording) for argument in arguments]
     assert main(["depth", str(recording), *_GEOMETRY, *given]) == 2
     assert told in capsys.readouterr().err
-
-
-def test_a_search_writes_settings_that_reach_its_goal(recording, tmp_path, capsys):
-    truth = tmp_path / "truth"
-    truth.mkdir()
-    for number in range(3):
-        Image.fromarray(np.full((96, 128), round(1e3 * _DEPTH_M), np.uint16)).save(truth / f"{number}.png")
-    file = tmp_path / "found.json"
-    search = ["depth", str(recording), *_GEOMETRY, "--max-disparity", "16", "--json", "--search"]
-    strict = ["--settings", settings(tmp_path / "strict.json", param_secondpeakdelta="1000")]
-    assert main([*search, "truth", str(file), "--truth", str(truth), *strict]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["after"]["wrong"] < found["before"]["wrong"]
-    assert found["changed"] and json.loads(file.read_text()).keys() >= found["changed"].keys()
 
 
 F_PX, BASELINE_M, SHIFT_PX, OFFSET_PX, WIDTH, HEIGHT = 100.0, 0.06, 12, 8.0, 128, 96
@@ -176,15 +160,6 @@ def test_depth_is_f_b_over_the_disparity_and_the_offset_of_cx(pair, kind, is_rec
     assert main(command) == 0
     depth = np.asarray(Image.open(pair / "out" / ("000000.png" if is_recording else "depth.png")))
     assert np.median(depth[depth > 0]) == pytest.approx(1000 * DEPTH_M, abs=2)
-
-
-def test_a_search_beside_truth_knows_the_offset(pair, capsys):
-    truth = pair / "truth"
-    truth.mkdir()
-    Image.fromarray(np.full((HEIGHT, WIDTH), round(1000 * DEPTH_M), np.uint16)).save(truth / "1.png")
-    words = ["--search", "truth", str(pair / "s.json"), "--truth", str(truth), "--max-disparity", "32", "--json"]
-    assert main(["depth", str(pair / "rec"), *OPTIONS, *words]) == 0
-    assert json.loads(capsys.readouterr().out)["after"]["wrong"] < 0.3
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def quick(monkeypatch):
 def _kind(words):
     """A command without its paths: its name, and the options that are given."""
     name = words[:2] if words[0] in ("calibrate", "model") else words[:1]
-    told = ("--model", "--effects", "--search", "--settings")
+    told = ("--model", "--effects")
     return " ".join([*name, *sorted(word for word in words if word in told)])
 
 
@@ -133,7 +133,7 @@ def test_from_a_recording_to_a_simulation_of_what_it_shows(capsys, folder):
     assert kinds == ["import", "calibrate scene", "simulate"]
 
 
-def test_from_a_recording_to_depth_under_the_settings_that_were_found(capsys, folder):
+def test_from_a_recording_to_its_depth(capsys, folder):
     recording, rng = folder / "pairs", np.random.default_rng(0)
     for number in range(2):
         wall = rng.integers(20, 200, (48, 76), np.uint8)
@@ -142,7 +142,7 @@ def test_from_a_recording_to_depth_under_the_settings_that_were_found(capsys, fo
             write_gray(recording / side / f"{number}.png", own)
     stated = ("--k", "100,100,31.5,23.5", "--baseline", "0.06", "--max-disparity", "16")
     kinds = _follow(capsys, "depth", recording, *stated, "-o", folder / "matched")
-    assert kinds == ["depth", "depth --search", "depth --settings"]
+    assert kinds == ["depth"]
 
 
 def test_from_a_calibration_to_what_a_model_says(capsys, folder):

@@ -10,8 +10,7 @@ from activestereo.common.text_table import markdown
 _TEXT = """\
 # Advanced-mode keys
 `activestereo depth RECORDING --settings FILE.json` matches a recording's infrared pairs as its camera would under a
-D400's advanced-mode JSON, and `--search fill|noise|truth FILE.json` writes one for the camera. This page is
-written from `keys.toml`.
+D400's advanced-mode JSON. This page is written from `keys.toml`.
 
 {mapped} of {count} settings set something here, {names} names with those of older files. Nobody outside of Intel knows
 the D400's matcher: a key that has the camera's default leaves the matcher as the camera's preset has it, another moves

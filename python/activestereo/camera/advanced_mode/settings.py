@@ -8,7 +8,6 @@ matcher's parameter unchanged; another value scales the parameter by the same ra
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ from typing import Any
 
 from activestereo.common.input_files import read_json_object, read_toml
 from activestereo.common.nearest import did_you_mean, unknown
-from activestereo.common.output_files import write_text
 
 Value = float | str
 _TABLE = Path(__file__).with_name("keys.toml")
@@ -123,12 +121,6 @@ def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
     if faults:
         raise ValueError(f"{source}: {'; '.join(faults)}")
     return AdvancedSettings(values)
-
-
-def write_settings(path: str | Path, settings: AdvancedSettings) -> None:
-    """Writes a JSON file for the camera with all given keys as text, as librealsense writes them."""
-    values = {name: _text(value) for name, value in sorted(settings.values.items())}
-    write_text(path, json.dumps(values, indent=4) + "\n")
 
 
 def _text(value: Value) -> str:
