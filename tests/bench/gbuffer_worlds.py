@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
-from activestereo.common.pose import Pose, as_matrix, body_pose, look_at
+from activestereo import StereoDepthSensor
+from activestereo.common.pose import Pose, body_pose, look_at
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
-from activestereo.sensor.random_worlds import RandomWorlds, WorldRanges, drawn_bodies
 
 KINDS = ("matt", "gloss", "metal")
 THINGS = 9  # that there are; each world has some
-RANGES = WorldRanges(bodies=(5, 9), lamps=(0, 0), albedo_factor=(0.4, 1.3), roughness_factor=(0.6, 1.4))
+LEAST_THINGS, ALBEDO_FACTOR, ROUGHNESS_FACTOR = 5, (0.4, 1.3), (0.6, 1.4)
 _SIZE_M, _PLACE_M, _ROOM = (0.04, 0.09), 0.3, (0.0, 0.1)  # half lengths; W/(sr m^2) from all sides
 _NOTHING = 0xFFFFFFFF
 _MATT = {"specular": 0.0, "roughness": 1.0}
@@ -49,8 +48,9 @@ class World:
 
         put("table", meshes[0], (1, 1, 0.02), (0, 0, -0.02, 1, 0, 0, 0), _MATT, random.uniform(0.2, 0.6))
         put("wall", meshes[0], (0.02, 1.5, 1), (0.7, 0, 0.5, 1, 0, 0, 0), _MATT, random.uniform(0.3, 0.7))
-        has = drawn_bodies(RANGES, 1, THINGS, seed)[0]
-        for n in np.flatnonzero(has):
+        chosen = np.random.default_rng([seed, 0])
+        order = chosen.permutation(THINGS)
+        for n in np.sort(order[: int(chosen.integers(LEAST_THINGS, THINGS + 1))]).tolist():
             kind, half = KINDS[n % len(KINDS)], random.uniform(*_SIZE_M, 3)
             mesh, turn = int(random.integers(3)), random.uniform(0.0, np.pi)
             place = (*random.uniform(-_PLACE_M, _PLACE_M, 2), half[2], np.cos(turn / 2), 0, 0, np.sin(turn / 2))
@@ -62,11 +62,14 @@ class World:
             put(f"{kind} {n}", meshes[mesh], half, place, looks, random.uniform(0.15, 0.75))
         eye = (-random.uniform(0.5, 0.9), random.uniform(-0.3, 0.3), random.uniform(0.35, 0.8))
         pose = body_pose(look_at(eye, (0.0, 0.0, 0.05), (0, 0, 1)))
-        config = StereoDepthSensorConfig("D435").scaled(0.1)
-        with StereoDepthSensorBatch(config, Mounts(scene, as_matrix(pose)[None])) as batch:
-            RandomWorlds(bodies, batch, RANGES, seed).draw()
+        factors = np.random.default_rng([seed, 1, 0])
         for number in range(scene.summary.material_count):
-            kinds[number] = _kind(scene.get_material(number))
+            material = scene.get_material(number)
+            albedo, roughness = (factors.uniform(*ends) for ends in (ALBEDO_FACTOR, ROUGHNESS_FACTOR))
+            red, green, blue = (min(albedo * channel, 1.0) for channel in material.base_color[:3])
+            material.base_color, material.roughness = (red, green, blue, 1.0), min(roughness * material.roughness, 1.0)
+            scene.set_material(number, material)
+            kinds[number] = _kind(material)
         return cls(scene, bodies, pose, kinds, room)
 
     def materials(self) -> dict[int, kuafu.Material]:

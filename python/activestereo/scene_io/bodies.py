@@ -9,7 +9,7 @@ activestereo.integrations.mujoco and activestereo.integrations.sapien use it to 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -132,14 +132,6 @@ class Bodies:
         self._bodies = self._bodies[stays] - (self._bodies[stays] > body)
         del self.names[body]
         self._last = np.delete(self._last, body, axis=1)
-
-    def set_materials(self, material_of: Callable[[int, int], int]) -> None:
-        """Replaces each material of each body by material_of(environment, the material given to add()). The environment
-        is 0 in a single scene."""
-        for instance, environment, own in zip(self._instances, self._environments, self._materials, strict=True):
-            if own:
-                materials = [material_of(int(environment), number) for number in own]
-                self.scene.set_instance_materials(int(instance), materials)
 
     def vary_albedo(self, name: str, factors: ArrayLike) -> None:
         """Multiplies a body's base colours and infrared albedos, as it was added, by a factor for each environment [E],
