@@ -23,7 +23,7 @@ from activestereo.diagnose.room import columns, names
 from activestereo.diagnose.room.columns import acting
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.imagined import ImaginedRoom
-from activestereo.diagnose.room.names import reinterpret_as_glare, score_room, with_planned_pair
+from activestereo.diagnose.room.names import names_of, reinterpret_as_glare, score_room, with_planned_pair
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.diagnose.words import errors_of
 from activestereo.effects import Model, builtin
@@ -301,6 +301,20 @@ def test_the_plan_is_of_the_recording_at_hand_and_leaves_no_effect_out(capture_w
     assert (said.count(" in all): "), said.count("would take longer: ")) == (1 + len(first), len(plan) - len(first))
     assert main(["calibrate", "world", str(capture.parent / "rec"), "--plan"]) == 2
     assert "is no measured room" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("cycles", [1.4, 2.6])
+def test_a_weak_flicker_is_sought_at_its_own_period(capture_with, cycles):
+    """Good units flicker slowly, too: the period is the one that explains the images, not the one least like them."""
+    room = Measured(read_capture(capture_with(nothing)))
+    angle = 2.0 * np.pi * cycles * np.arange(room.shape[0])[:, None] / room.shape[0]
+    for k, image in enumerate(room.images):
+        lit = 1.0 + 0.06 * np.cos(angle + 0.9 + 2.2 * image.view).astype(np.float32)
+        room.images[k] = replace(image, dn=BLACK_DN + (image.dn - BLACK_DN) * lit)
+    found = names_of(room, Model(()), (builtin()["flicker_banding"], builtin()["black_level"]))
+    (period,) = found.seen.chosen["flicker_banding"]
+    assert 2 * room.shape[0] / period == pytest.approx(cycles, abs=0.25)
+    assert {n.found.effect.id for n in found.named} <= {"flicker_banding"}
 
 
 def test_a_view_that_was_imagined_lies_where_a_recorded_one_does(capture_with):

@@ -177,9 +177,8 @@ def student(nats: float, few: float) -> float:
 
 
 def gaussian(nats: float, few: float) -> float:
-    """Converts a positive log-likelihood gain under Student's distribution with `few` degrees of freedom to that under
-    a normal one."""
-    return 0.5 * few * float(np.expm1(2.0 * nats / (few + 1.0)))
+    """Inverts student()."""
+    return 0.5 * few * float(np.expm1(2.0 * nats / (few + 1.0))) if nats > 0 else nats
 
 
 def _log_normal(x: Matrix, covariance: Matrix) -> float:

@@ -272,7 +272,8 @@ def _chosen(
     room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
 ) -> tuple[Mapping[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
     """Returns ({effect: its likeliest alternative by the low-pass band}, Seen.promised). still: nuisance columns fitted
-    along. Periods of flicker that move views alike differ little in evidence, and much in what they show."""
+    along. Good units flicker, too: likely is what explains the images better than no flicker does, for a weak one at
+    the wrong period would pass for a black level."""
     searched = alternatives(room, light, effects)
     if not searched:
         return {}, {}
@@ -288,8 +289,11 @@ def _chosen(
             of = Reduced(
                 tuple(each), seen.score[own], *(m[own, own] for m in (seen.information, seen.covariance, seen.prior))
             )
-            (found,) = judged(of, session_spread(of, OF_A_UNIT), LOOKED, NEEDED)
-            nats[alternative], (least[alternative],) = found.nats, found.least.values()
+            (shown,), (found,) = (
+                judged(of, spread, LOOKED, NEEDED)
+                for spread in (dict.fromkeys((c.name for c in each), 0.0), session_spread(of, OF_A_UNIT))
+            )
+            nats[alternative], (least[alternative],) = gaussian(shown.nats, FEW), found.least.values()
         best, by_least = max(nats, key=lambda each: nats[each]), sorted(nats, key=lambda each: least[each])
         likely = np.cumsum(np.exp([nats[each] - nats[best] for each in by_least]))
         sure = by_least[int(np.searchsorted(likely, _PROMISED * likely[-1]))]
