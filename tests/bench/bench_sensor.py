@@ -79,21 +79,11 @@ def sapien_times(size: tuple[int, int], rounds: int) -> dict[str, float] | str:
     return lines[-1][:150]
 
 
-def late_times(config: StereoDepthSensorConfig, scene: kuafu.Scene, with_rgb: bool, rounds: int) -> float:
-    """Seconds from one picture to the next where it is rendered while the one before is matched and read."""
-    with StereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD), pipelined=True) as sensor:
-        sensor.take_picture(infrared_only=not with_rgb)
-        take = picture_and_depth(sensor, with_rgb)
-        return least(lambda: (take(), sensor.wait()), rounds)
-
-
 def our_times(
     size: tuple[int, int], rounds: int, device: str, model: str
-) -> tuple[dict[str, float], dict[str, float], dict[str, float], str]:
-    """{row: seconds}, the same with a latency of one picture, {stage: milliseconds} of the first row, and the device's
-    name."""
+) -> tuple[dict[str, float], dict[str, float], str]:
+    """{row: seconds}, {stage: milliseconds} of the first row, and the device's name."""
     out: dict[str, float] = {}
-    late: dict[str, float] = {}
     stages: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "table_top.gltf"
@@ -108,14 +98,13 @@ def our_times(
             with StereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD)) as sensor:
                 take = picture_and_depth(sensor, with_rgb)
                 out[f"{spp},{int(with_rgb)}"] = least(take, rounds)
-                late[f"{spp},{int(with_rgb)}"] = late_times(config, scene, with_rgb, rounds)
                 if (spp, with_rgb) == (2, True):
                     out[FLOATS] = least(picture_and_depth(sensor, with_rgb, as_floats=True), rounds)
                 stages = stages or sensor.stage_times
                 out[DEPTH] = min(
                     out.get(DEPTH, np.inf), least(lambda s=sensor: (s.compute_depth(), s.get_depth()), rounds)
                 )
-    return out, late, stages, name
+    return out, stages, name
 
 
 def picture_and_depth(
@@ -218,16 +207,15 @@ def main() -> None:
     if args.loops:
         print_loops([int(n) for n in args.loops.split(",")], width, args.rounds, args.device, args.model)
         return
-    ours, late, stages, name = our_times((width, height), args.rounds, args.device, args.model)
+    ours, stages, name = our_times((width, height), args.rounds, args.device, args.model)
     theirs = sapien_times((width, height), args.rounds)
     print(f"{name}, {width}x{height}, {args.model}, wall milliseconds, least of {args.rounds}")
-    print("\n| | ours | a picture late | SAPIEN StereoDepthSensor | SAPIEN / ours |\n|--|--|--|--|--|")
+    print("\n| | ours | SAPIEN StereoDepthSensor | SAPIEN / ours |\n|--|--|--|--|")
     rows = {f"{spp},{int(rgb)}": f"{spp} spp, {'RGB + ' if rgb else ''}IR + depth" for spp, rgb in ROWS}
     for key, title in (rows | {FLOATS: FLOATS, DEPTH: DEPTH}).items():
         other = theirs.get(key) if isinstance(theirs, dict) else None
         shown = "not here | " if other is None else f"{1e3 * other:.1f} | {other / ours[key]:.1f}"
-        behind = f"{1e3 * late[key]:.1f}" if key in late else ""
-        print(f"| {title} | {1e3 * ours[key]:.1f} | {behind} | {shown} |")
+        print(f"| {title} | {1e3 * ours[key]:.1f} | {shown} |")
     if isinstance(theirs, str):
         print(f"\nSAPIEN: {theirs}")
     print("\nStages of the first row, ms: " + ", ".join(f"{stage} {t:.2f}" for stage, t in stages.items() if t > 0.005))

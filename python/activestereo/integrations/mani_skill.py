@@ -14,7 +14,7 @@ import warnings
 import weakref
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import mani_skill.envs.sapien_env
 import mani_skill.sensors.depth_camera
@@ -31,7 +31,6 @@ from activestereo.integrations.sapien.scene import Looks, is_visible, light_reco
 from activestereo.scene_io.bodies import Bodies, Shape
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.cuda_memory import CudaError, cuda_tensor, wait_for
-from activestereo.sensor.pictures import PipelinedSensors
 
 _AMBIENT = (0.3, 0.3, 0.3)
 
@@ -54,7 +53,6 @@ class ManiSkillWorld:
         self.count = len(scene.sub_scenes)
         self.bodies = Bodies(self.scene, self.count)
         self._looks = Looks(self.scene)
-        self.pipelined = PipelinedSensors()
         # For each body, in order: ManiSkill's struct, and the environments of its objects.
         self._places: dict[str, tuple[Any, list[int]]] = {}
         self.scene.set_environment(_AMBIENT)
@@ -78,10 +76,8 @@ class ManiSkillWorld:
         return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known
 
     def update(self) -> int:
-        """Waits for the `pipelined` sensors' pictures and moves the scene to ManiSkill's present state. Returns the
-        number of shapes that moved. Raises BodyPoseError, with environment and body, if a state has turned NaN; the
-        other environments have moved."""
-        self.pipelined.wait()
+        """Moves the scene to ManiSkill's present state. Returns the number of shapes that moved. Raises BodyPoseError,
+        with environment and body, if a state has turned NaN; the other environments have moved."""
         structs = list(self.mani_skill_scene.actors.items())  # by unique names
         for name, articulation in self.mani_skill_scene.articulations.items():
             structs += [(f"{name}: {link.name}", link) for link in articulation.links]
@@ -124,13 +120,13 @@ class StereoDepthCameraConfig(ManiSkillConfig):
 
     model: a preset's name. samples_per_pixel: of rendered images. min_depth, max_depth: metres. sensor: a
     StereoDepthSensorConfig in place of these four, with the CameraConfig's size and intrinsics for RGB. device: 'auto',
-    'cpu' or an index. pipelined: observations are a picture late. on_cuda: observations stay on the rendering GPU;
+    'cpu' or an index. on_cuda: observations stay on the rendering GPU;
     None: if the simulation is on CUDA."""
 
     def __init__(
         self, *args: Any, min_depth: float = 0.1, max_depth: float = 10.0, model: str = "sapien-D435",
         samples_per_pixel: int = 4, device: str | int = "auto", sensor: StereoDepthSensorConfig | None = None,
-        pipelined: bool = False, on_cuda: bool | None = None, **kwargs: Any,
+        on_cuda: bool | None = None, **kwargs: Any,
     ) -> None:  # fmt: skip
         super().__init__(*args, min_depth=min_depth, **kwargs)
         self.max_depth = max_depth
@@ -138,7 +134,6 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         self.samples_per_pixel = samples_per_pixel
         self.device = device
         self.sensor = sensor
-        self.pipelined = pipelined
         self.on_cuda = on_cuda
 
     @classmethod
@@ -245,23 +240,10 @@ class _CameraMounts:
         return self._camera.get_global_pose().raw_pose
 
 
-class _Begun(NamedTuple):
-    """A picture that a pipelined camera has begun for its next observation. reset: ManiSkill's reset mask then; each
-    reset() makes a new object. has_rgb: whether it includes RGB. params: the camera's parameters at its pose."""
-
-    reset: torch.Tensor
-    has_rgb: bool
-    params: dict[str, torch.Tensor]
-
-
 class StereoDepthCamera(Camera):
     """An active stereo sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's
     shapes, types and units; depth 0 = no measurement; position follows the depth. ManiSkill's normal and albedo are
     absent.
-
-    With config.pipelined each observation begins a picture and returns the previous one. The picture renders while
-    ManiSkill simulates and the previous one is matched. The first observation after a reset(), even of a few
-    environments, shows the present state, and the next observation shows the same state.
 
     With config.on_cuda observations stay on the sensors' GPU, and no image passes through the host. Raises CudaError
     without CUDA on this GPU. If on_cuda is None and the simulation is on CUDA, a UserWarning replaces the error and
@@ -274,7 +256,6 @@ class StereoDepthCamera(Camera):
         self._scene = scene
         self._world: ManiSkillWorld | None = None
         self._observations: Observations | None = None
-        self._begun: _Begun | None = None
 
     @property
     def sensors(self) -> StereoDepthSensorBatch:
@@ -290,8 +271,6 @@ class StereoDepthCamera(Camera):
         if self._world is None:
             self._world = ManiSkillWorld.for_scene(self._scene, self.config.device)
             self._observations = self._make_observations(self._world)
-            if self.config.pipelined:
-                self._world.pipelined.add(self.sensors)
         self._world.update()
 
     def get_obs(
@@ -304,7 +283,7 @@ class StereoDepthCamera(Camera):
             raise ValueError("a stereo depth camera has rgb, depth, position and segmentation, not normal or albedo")
         sensors, seen, out = self.sensors, self._observations, {}
         assert self._world is not None and seen is not None
-        self._take_picture(rgb or segmentation)
+        sensors.take_picture(infrared_only=not (rgb or segmentation))
         if rgb:
             out["rgb"] = seen.rgb()
         if depth or position:
@@ -318,42 +297,18 @@ class StereoDepthCamera(Camera):
             out["segmentation"] = seen.segmentation(self._world.bodies.semantic_id_table)
         return {name: wait_for(image).to(self._scene.device) for name, image in out.items()}
 
-    def get_params(self) -> dict[str, torch.Tensor]:
-        """Returns ManiSkill's camera parameters. A pipelined camera returns those of the next observation's picture,
-        because ManiSkill asks for parameters before pictures."""
-        begun = self._begun
-        return begun.params if begun is not None and self._serves(begun) else super().get_params()
-
     def _make_observations(self, world: ManiSkillWorld) -> Observations:
         config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
         mounts = _CameraMounts(self.camera, world.scene)
-        pipelined, is_there = self.config.pipelined, self._scene.device.type == "cuda"
+        is_there = self._scene.device.type == "cuda"
         on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
         try:
-            return Observations(StereoDepthSensorBatch(config, mounts, on_cuda=on_cuda, pipelined=pipelined), on_cuda)
+            return Observations(StereoDepthSensorBatch(config, mounts, on_cuda=on_cuda), on_cuda)
         except CudaError as error:
             if self.config.on_cuda:
                 raise
             warnings.warn(f"observations pass through the host: {error}", stacklevel=3)
-            return Observations(StereoDepthSensorBatch(config, mounts, pipelined=pipelined), False)
-
-    def _serves(self, begun: _Begun) -> bool:
-        """Returns whether the begun picture is right for the next observation: it has not failed, and no reset() came
-        after it."""
-        return begun.reset is self._scene._reset_mask and self.sensors.has_next
-
-    def _take_picture(self, with_rgb: bool) -> None:
-        assert self._world is not None
-        self._world.pipelined.wait()  # another camera's picture, too: ours turns our projectors on
-        sensors, begun = self.sensors, self._begun
-        if not self.config.pipelined:
-            sensors.take_picture(infrared_only=not with_rgb)
-            return
-        serves = begun is not None and self._serves(begun) and (begun.has_rgb or not with_rgb)
-        self._begun = None
-        for _ in range(1 if serves else 2):
-            sensors.take_picture(infrared_only=not with_rgb)
-        self._begun = _Begun(self._scene._reset_mask, with_rgb, super().get_params())
+            return Observations(StereoDepthSensorBatch(config, mounts), False)
 
 
 mani_skill.envs.sapien_env.StereoDepthCamera = StereoDepthCamera

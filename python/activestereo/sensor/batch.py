@@ -48,16 +48,12 @@ class StereoDepthSensorBatch(SensorResults):
     on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(), and the host reads them from there. Raises
     CudaError if there is no CUDA, or none on this GPU.
 
-    pipelined: pictures are rendered while those before them are matched and read. take_picture() begins new pictures;
-    results are those of the previous pictures, with the same bits. Call wait() before changing the scene; otherwise
-    kuafu.Error.
-
     matcher: as in StereoDepthSensor; it gets all pairs in one call.
     """
 
     def __init__(
         self, config: StereoDepthSensorConfig | str, mounts: HasPoses, pose: PoseLike | None = None,
-        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
+        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self._config = own_config(config)
@@ -67,7 +63,7 @@ class StereoDepthSensorBatch(SensorResults):
         count, sensors = self.shape[0], prod(self.shape[1:])
         self._engine = SensorEngine(
             plan, mounts.scene, np.repeat(range(count), sensors).tolist(), self.shape, model=model, on_cuda=on_cuda,
-            pipelined=pipelined, matcher=matcher,
+            matcher=matcher,
         )  # fmt: skip
         # Factors on each sensor's configured values, and the turn of its right camera.
         self._laser_power, self._light_share = np.ones((2, count * sensors))
@@ -76,24 +72,16 @@ class StereoDepthSensorBatch(SensorResults):
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only: bool = False) -> None:
-        """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined batch begins
-        new pictures and makes the previous ones current. Raises SensorPoseError if a mount has no pose, after the
-        others' pictures are taken or begun. A failed picture, here or in wait(), leaves no result."""
-        self._engine.turn()
+        """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. Raises SensorPoseError if
+        a mount has no pose, after the others' pictures are taken. A failed picture leaves no result."""
+        self._engine.drop_pictures()
         broken = self._places.read()
         self._engine.take_pictures(self._places.rigs(), infrared_only)
         raise_broken(broken, self.shape)
 
-    @property
-    def has_next(self) -> bool:
-        """Returns whether a pipelined batch has begun pictures without a failure; the next take_picture() makes them
-        current."""
-        return self._engine.has_next
-
     def render_true_depth(self) -> NDArray[np.float32]:
         """Renders depth float32 [..., height, width], metres, as get_true_depth() gives it, for the present scene and
         mounts. Takes no picture."""
-        self.wait()
         broken = self._places.read()
         depth = self._engine.render_true_depth(self._places.rigs())
         raise_broken(broken, self.shape)

@@ -22,8 +22,8 @@ from activestereo.model import SensorModel
 from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
 from activestereo.sensor.maps import Maps
-from activestereo.sensor.pictures import RGB_OUTPUTS, IrLink, Picture, PictureMemory, Taken, UnderWay, expose_each
-from activestereo.sensor.rig import Rig, RigInputs
+from activestereo.sensor.pictures import RGB_OUTPUTS, IrLink, Picture, PictureMemory, Taken, expose_each
+from activestereo.sensor.rig import RigInputs
 
 
 class SensorEngine:
@@ -40,12 +40,12 @@ class SensorEngine:
     def __init__(
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
         shape: tuple[int, ...] = (), *, model: SensorModel | str | PathLike[str] | None = None, source: object = None,
-        pipelined: bool = False, on_cuda: bool = False, matcher: MatcherLike = "simsense",
+        on_cuda: bool = False, matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
-        self.scene, self.shape, self.pipelined, self._count = scene, shape, pipelined, len(environments)
+        self.scene, self.shape, self._count = scene, shape, len(environments)
         if on_cuda and matcher != "simsense":
             raise ValueError("results in CUDA's memory are simsense's own matcher's: leave out on_cuda or matcher")
-        takes_image_effects = not (pipelined or on_cuda) and matcher == "simsense" and list(environments) == [None]
+        takes_image_effects = not on_cuda and matcher == "simsense" and list(environments) == [None]
         self.rig = RigInputs(plan, scene, environments, model, source, takes_image_effects)
         self._next_setting: Setting | None = None
         if plan.exposure.mode == "converging" and not self.rig.is_one:
@@ -54,16 +54,11 @@ class SensorEngine:
         self.matcher = self.rig.make_matcher(self._count)
         self._foreign = as_matcher(matcher, self.matcher)
         (width, height), (rgb_width, rgb_height) = ((c["width"], c["height"]) for c in (plan.left, plan.rgb))
-        pictures = [
-            Picture(
-                IrLink(scene.device, self.matcher.device, width, height, count=self._count),
-                PictureMemory(scene.device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda),
-            )
-            for _ in range(2 if pipelined else 1)
-        ]
-        self._present, self._next = pictures[0], pictures[-1]
-        self.ir_memory = self._present.link.memory  # the infrared pairs' way to the depth engine
-        self._under_way = UnderWay()
+        self._picture = Picture(
+            IrLink(scene.device, self.matcher.device, width, height, count=self._count),
+            PictureMemory(scene.device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda),
+        )
+        self.ir_memory = self._picture.link.memory  # the infrared pairs' way to the depth engine
         # State of the current pictures.
         self.maps = Maps(weakref.proxy(self), on_cuda)
         self.light_share = np.ones(self._count)  # factors on each sensor's own exposure
@@ -74,7 +69,7 @@ class SensorEngine:
         self.frame = -1
         self.stage_times: dict[str, float] = {}
         self.image_effects: ImageEffects | None = None
-        weakref.finalize(self, _end, self._under_way, self.rig.in_scene).atexit = False
+        weakref.finalize(self, self.rig.in_scene.leave).atexit = False
         self.rig.enter()
 
     @property
@@ -83,24 +78,19 @@ class SensorEngine:
 
     # ---- pictures ----
 
-    def turn(self) -> None:
-        """Makes room for new pictures; call it before take_pictures(). A pipelined engine waits for the pictures that
-        it has begun, and results are theirs from now on. Any other engine drops its pictures."""
-        self.wait()
-        if self.pipelined:
-            self._make_current()
-        else:
-            self.maps.clear()
-        self._next.taken = None
+    def drop_pictures(self) -> None:
+        """Forgets the last pictures and their maps; call it before take_pictures()."""
+        self.maps.clear()
+        self._picture.taken = None
 
     def take_pictures(self, rigs: NDArray[np.float64], infrared_only: bool, progress: Progress | None = None) -> None:
-        """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined engine only
-        begins the renders. Call turn() first.
+        """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. Then it applies effects on
+        light, scales each infrared pair to its exposure and hands the pairs to the depth engine.
 
         rigs: poses of the RGB cameras, [sensors, 4, 4], body axes; if they differ from the last call's, new static
-        laser speckle is drawn. A failed picture, here or in wait(), leaves no result."""
-        picture = self._next
-        # Exposure, emitter, and static speckle if a sensor has moved.
+        laser speckle is drawn. A failed picture leaves no result."""
+        picture = self._picture
+        # 1. Exposure, emitter, and static speckle if a sensor has moved.
         if self._next_setting is not None:
             self.rig.set_exposure(self._next_setting)
             self._next_setting = None
@@ -108,12 +98,12 @@ class SensorEngine:
             self._place, self._speckle_draw = rigs.copy(), self._speckle_draw + 1
         frame = self.frame + 1
         taken = Taken(frame, self._speckle_draw, self.rig.begin(frame).speckle_of_laser)
+        # 2. The renders.
         share = 0.0 if infrared_only else 0.5
         try:
             self.rig.shine(rigs)
-            if self.pipelined or not infrared_only:
-                picture.has_rgb = False
             if not infrared_only:
+                picture.has_rgb = False
                 picture.rgb.forget()
                 cameras, seen = self.rig.rgb_cameras(rigs), self.rig.visible()
                 self._render("rgb", cameras, picture.rgb.targets, taken, part_of(progress, 0.0, share), seen)
@@ -122,41 +112,42 @@ class SensorEngine:
             targets = picture.link.targets(taken.is_laser_apart)
             if self.image_effects is None or not self.image_effects.make_light:
                 self._render("ir", cameras, targets, taken, part_of(progress, share, 1.0), seen)
-        except BaseException:
-            self._under_way.let_end()
+        finally:
             self.rig.darken()
-            raise
-        picture.taken, picture.light_share = taken, self.light_share.copy()
-        if not self.pipelined:
-            self._finish()
-            self._make_current()
-
-    def wait(self) -> None:
-        """Waits until the pictures that were begun are rendered; then the scene may change."""
-        if self._under_way:
-            self._finish()
+        # 3. Effects on light, and exposure.
+        picture.light_share = self.light_share.copy()
+        if self.image_effects is not None:
+            self.image_effects.on_light(picture.link, taken.is_laser_apart)
+        if not self.rig.is_one:
+            expose_each(picture, taken.is_laser_apart, self.plan.exposure, self.rig.inputs())
+        auto = self.plan.exposure
+        if self.rig.is_one and auto.mode != "fixed":  # for the same picture, or the next
+            inputs = self.rig.inputs()
+            after = auto.after(self.rig.setting, inputs.left.signal, picture.link.images(1)[0], inputs.max_dn)
+            if auto.mode == "settled":
+                self.rig.set_exposure(after)
+            else:
+                self._next_setting = after
+        picture.setting, picture.signals = self.rig.setting, self.rig.signals()
+        self._set_signals(picture.signals)
+        picture.taken, self.frame = taken, frame
 
     @property
     def has_picture(self) -> bool:
-        return self._present.taken is not None
-
-    @property
-    def has_next(self) -> bool:
-        """Returns whether new pictures have been begun without a failure."""
-        return self.pipelined and self._next.taken is not None
+        return self._picture.taken is not None
 
     def picture(self) -> Picture:
         """Returns the current picture. Raises RuntimeError if there is none."""
-        if self._present.taken is None:
+        if self._picture.taken is None:
             raise RuntimeError("no picture yet: call take_picture() first")
-        return self._present
+        return self._picture
 
     def rgb_picture(self) -> PictureMemory:
         """Returns the memory of the newest RGB images, perhaps of an earlier picture. Raises RuntimeError if there are
         none."""
         if not self.picture().has_rgb:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
-        return self._present.rgb
+        return self._picture.rgb
 
     def rgb_output(self, name: str) -> NDArray[Any]:
         """Returns one of kuafu's outputs of the RGB pictures, [*shape, height, width, channels]."""
@@ -172,7 +163,6 @@ class SensorEngine:
     def render_true_depth(self, rigs: NDArray[np.float64]) -> NDArray[np.float32]:
         """Renders depth float32 [*shape, height, width], metres in the RGB cameras, of the scene as it is now. Takes no
         picture."""
-        self.wait()
         seen: dict[str, Any] = self.rig.visible() | {"optics": None, "spp": 1}
         depth = self._renderer.render(self.scene, self.rig.rgb_cameras(rigs), ["depth"], **seen)["depth"]
         return depth.reshape(*self.shape, *depth.shape[1:3])
@@ -182,7 +172,6 @@ class SensorEngine:
     ) -> dict[str, NDArray[Any]]:
         """Renders {output name: [height, width, channels]} now, with the projectors on, by one sensor's camera. side: 0
         left, 1 right, None RGB. options: arguments of kuafu.Renderer.render that override the sensor's own."""
-        self.wait()
         self.rig.shine(rigs)
         try:
             cameras = self.rig.rgb_cameras(rigs) if side is None else [self.rig.ir_cameras(rigs)[side]]
@@ -205,9 +194,9 @@ class SensorEngine:
     def compute(self, outputs: Any) -> dict[str, NDArray[Any]]:
         """Computes {name: map} of the current pictures by the depth engine. outputs: names such as 'disparity', or
         {name: array to write into}."""
-        picture = self._present
+        picture = self._picture
         taken = picture.taken or Taken()
-        self._set_signals(picture.signals)  # the next picture may have another exposure already
+        self._set_signals(picture.signals)  # those of the picture, not of a setting for the next
         self.matcher.set_parameters(frame_index=taken.frame, scene_index=taken.speckle_draw)
         own: dict[str, Any] = dict(picture.link.lasers(taken.is_laser_apart))
         if self._noise_seeds is not None:
@@ -220,7 +209,6 @@ class SensorEngine:
         """Computes {name: map} by the depth engine from given radiance images (left, right) instead of rendered ones.
         frame_index: number of the picture whose noise is used. lasers: simsense.Engine.compute()'s arguments for the
         projector's part of the light."""
-        self.wait()
         self.maps.complete()
         self._set_signals(self.rig.signals())
         self.matcher.set_parameters(frame_index=frame_index, scene_index=0)
@@ -232,7 +220,6 @@ class SensorEngine:
         """Changes parameters of the matcher and of the imagers (signal), by simsense's names. They hold for pictures
         that exist and for later ones, which keep their own exposure and gain. Maps computed before keep their values.
         Raises simsense.ArgumentError for an invalid value; nothing has changed then."""
-        self.wait()
         self.maps.complete()
         now = self.rig.setting
         told: dict[str, Any] = {**matcher, **now.applied_to(signal)}
@@ -240,41 +227,35 @@ class SensorEngine:
         exposure = replace(self.plan.exposure, start=now)
         self._told_signals = []
         self.rig.set_plan(replace(self.plan, engine=self.plan.engine | matcher, signal=signal, exposure=exposure))
-        for picture in (self._present, self._next):
-            if picture.setting is not None:
-                self.rig.set_exposure(picture.setting)
-                picture.signals = self.rig.signals()
+        if self._picture.setting is not None:
+            self.rig.set_exposure(self._picture.setting)
+            self._picture.signals = self.rig.signals()
         self.rig.set_exposure(now)
         self._set_signals(self.rig.signals())
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
-        """Waits for renders under way, then sets the left infrared camera's velocity in its own axes: [6], 3 in m/s and
+        """Sets the left infrared camera's velocity in its own axes: [6], 3 in m/s and
         3 in rad/s."""
-        self.wait()
         self.rig.set_twist(twist)
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        """Waits for renders under way, then sets the sensor's temperature and the seconds since it was switched on, on
+        """Sets the sensor's temperature and the seconds since it was switched on, on
         which effects may depend. Maps of matched pictures stay."""
-        self.wait()
         self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
         """Drops the current pictures and numbers the next ones 0; this seed then repeats their render and noise.
         noise_seeds: a noise seed for each sensor; None: all use `seed`."""
-        self.wait()
         self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
         self.matcher.set_parameters(noise_seed=seed)
         self.frame, self._place, self._speckle_draw = -1, None, -1
-        for picture in (self._present, self._next):
-            picture.taken, picture.has_rgb = None, False
+        self._picture.taken, self._picture.has_rgb = None, False
         self.maps.clear()
 
     def close(self) -> None:
         """Removes the sensors' objects from the scene."""
-        self._under_way.let_end()
         self.rig.leave()
 
     # ---- inside ----
@@ -295,60 +276,11 @@ class SensorEngine:
     def _render(
         self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, progress: Any, seen: dict[str, Any]
     ) -> None:
-        """Renders the cameras into targets, {output: image}; a pipelined engine only submits the render. group: 'rgb'
-        or 'ir'. seen: render()'s arguments for these cameras alone."""
+        """Renders the cameras into targets, {output: image}. group: 'rgb' or 'ir'. seen: render()'s arguments for these
+        cameras alone."""
         options = self._settings(targets, taken.frame) | seen
-        if self.pipelined:
-            self._under_way.add(group, self._renderer.submit(self.scene, cameras, targets, **options))
-        else:
-            self._renderer.render(self.scene, cameras, targets, progress=progress, **options)
-            self._keep_times(group, self._renderer)
-
-    def _finish(self) -> None:
-        """Waits for the pictures' renders and switches the projectors off. Then it applies effects on light, scales
-        each infrared pair to its exposure and hands the pairs to the depth engine."""
-        picture = self._next
-        try:
-            try:
-                self._under_way.wait(lambda group: self._keep_times(group, self._renderer))
-            finally:
-                if not self._under_way:
-                    self.rig.darken()
-            if self.image_effects is not None:
-                is_laser_apart = picture.taken is not None and picture.taken.is_laser_apart
-                self.image_effects.on_light(picture.link, is_laser_apart)
-            if not self.rig.is_one:
-                expose_each(picture, self.plan.exposure, self.rig.inputs())
-            auto = self.plan.exposure
-            if self.rig.is_one and auto.mode != "fixed":  # for the same picture, or the next
-                inputs = self.rig.inputs()
-                after = auto.after(self.rig.setting, inputs.left.signal, picture.link.images(1)[0], inputs.max_dn)
-                if auto.mode == "settled":
-                    self.rig.set_exposure(after)
-                else:
-                    self._next_setting = after
-            picture.setting, picture.signals = self.rig.setting, self.rig.signals()
-            if not self.pipelined:
-                self._set_signals(picture.signals)
-        except BaseException:
-            if not self._under_way:
-                picture.taken = None
-            raise
-
-    def _make_current(self) -> None:
-        """Lets results be those of the pictures rendered last. A pipelined engine renders its next pictures into the
-        memory of the previous ones."""
-        if self._next.taken is None:
-            return
-        self.maps.clear()
-        self._present, self._next = self._next, self._present
-        if not self._present.has_rgb:  # the RGB images of the picture before stay
-            self._present.rgb, self._next.rgb = self._next.rgb, self._present.rgb
-            self._present.has_rgb = self._next.has_rgb
-        if self._present is not self._next:
-            self._next.taken, self._next.has_rgb = None, False
-        assert self._present.taken is not None
-        self.frame = self._present.taken.frame
+        self._renderer.render(self.scene, cameras, targets, progress=progress, **options)
+        self._keep_times(group, self._renderer)
 
     def _set_signals(self, signals: list[dict[str, float]]) -> None:
         if signals != self._told_signals:
@@ -358,8 +290,3 @@ class SensorEngine:
     def _keep_times(self, group: str, worker: kuafu.Renderer | simsense.Engine) -> None:
         kept = {name: t for name, t in self.stage_times.items() if not name.startswith(f"{group}: ")}
         self.stage_times = kept | {f"{group}: {name}": t for name, t in worker.stage_times.items()}
-
-
-def _end(under_way: UnderWay, rig: Rig) -> None:
-    under_way.let_end()
-    rig.leave()

@@ -7,8 +7,7 @@ host-visible memory would move every pixel over the bus twice."""
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Literal, NamedTuple
@@ -220,58 +219,7 @@ class Picture:
     light_share: NDArray[np.float64] = field(default_factory=lambda: np.ones(1))
 
 
-class UnderWay:
-    """A queue of submitted renders that may still run, oldest first. It is false if it is empty."""
-
-    def __init__(self) -> None:
-        self._submissions: list[tuple[str, kuafu.Submission]] = []
-
-    def __bool__(self) -> bool:
-        return bool(self._submissions)
-
-    def add(self, name: str, submission: kuafu.Submission) -> None:
-        self._submissions.append((name, submission))
-
-    def wait(self, ended: Callable[[str], object]) -> None:
-        """Waits for all renders and calls ended(name) after each. Raises the first error after the others have ended;
-        an interrupt leaves them running."""
-        while self._submissions:
-            name, submission = self._submissions[0]
-            try:
-                submission.wait()
-            except kuafu.Error:
-                self.let_end()
-                raise
-            self._submissions.pop(0)
-            ended(name)
-
-    def let_end(self) -> None:
-        """Waits for all renders and ignores their failures."""
-        while self._submissions:
-            _, submission = self._submissions.pop(0)
-            try:
-                submission.wait()
-            except kuafu.Error:
-                continue
-
-
-class PipelinedSensors(weakref.WeakSet[Any]):
-    """The pipelined sensors of one scene, whose renders must end before the scene changes."""
-
-    def wait(self) -> None:
-        """Waits for all sensors' pictures. Raises the first error after the others have ended; then wait() may be
-        called again."""
-        errors: list[Exception] = []
-        for sensor in self:
-            try:
-                sensor.wait()
-            except Exception as error:
-                errors.append(error)
-        if errors:
-            raise errors[0]
-
-
-def expose_each(picture: Picture, auto: AutoExposure, inputs: EngineInputs) -> None:
+def expose_each(picture: Picture, is_laser_apart: bool, auto: AutoExposure, inputs: EngineInputs) -> None:
     """Multiplies each sensor's infrared pair, in place, by its light_share and, unless exposure is fixed, to the
     exposure that it chooses. inputs: the engines' inputs, equal for all sensors."""
     link, shares = picture.link, picture.light_share
@@ -281,5 +229,5 @@ def expose_each(picture: Picture, auto: AutoExposure, inputs: EngineInputs) -> N
     if auto.mode != "fixed":
         light *= auto.settled_light(inputs.left.signal, link.images(link.count), inputs.max_dn)
     link.brighten(light)
-    if picture.taken is not None and picture.taken.is_laser_apart:
+    if is_laser_apart:
         link.laser().brighten(light)

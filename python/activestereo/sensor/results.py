@@ -110,15 +110,9 @@ class SensorResults(ABC):
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def wait(self) -> None:
-        """Waits until the pictures that pipelined sensors have begun are rendered; then the scene may change. Results
-        stay those of the previous pictures."""
-        self._engine.wait()
-
     @property
     def has_picture(self) -> bool:
-        """Returns whether results exist: from the second take_picture() on for pipelined sensors, else from the
-        first."""
+        """Returns whether results exist."""
         return self._engine.has_picture
 
     @property

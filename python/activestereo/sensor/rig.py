@@ -357,9 +357,7 @@ class RigInputs:
         names = [] if self._takes_image_effects else [effect.id for effect, _ in self.left_over]
         names += ["exposure_desync"] if inputs.right.delay_s and not self.is_one else []
         if names:
-            raise ValueError(
-                f"such sensors have no {', '.join(names)}: a StereoDepthSensor has, without on_cuda and pipelined"
-            )
+            raise ValueError(f"such sensors have no {', '.join(names)}: a StereoDepthSensor has, without on_cuda")
         # 3. The cameras.
         cameras = [(side.camera, side.delay_s) for side in inputs.sides]
         self._cameras_on_rig = [

@@ -53,10 +53,6 @@ class StereoDepthSensor(SensorResults):
     on_cuda: RGB pictures and maps lie in memory that CUDA sees, for get_cuda(). Raises CudaError without CUDA on this
     GPU.
 
-    pipelined: a picture is rendered while the one before it is matched and read. take_picture() begins it; results are
-    those of the previous picture, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error. A
-    model that changes the images raises ValueError, with this or on_cuda.
-
     matcher: 'simsense', 'opencv', or a sensor.foreign_matcher.Matcher,
     which gets the rectified pairs of simsense's imager. Raises ValueError with on_cuda or a model that changes the
     images.
@@ -65,7 +61,7 @@ class StereoDepthSensor(SensorResults):
     def __init__(
         self, config: StereoDepthSensorConfig | str, scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str],
         pose: Pose | None = None, device: str | int | kuafu.Device = "auto",
-        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
+        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self._config = own_config(config)
@@ -74,7 +70,7 @@ class StereoDepthSensor(SensorResults):
         self.scene, self.device = mount.scene, mount.scene.device
         self._place = RigPlace(mount, Pose() if pose is None else pose)
         self._engine = SensorEngine(
-            plan, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
+            plan, mount.scene, model=model, source=scene_or_mount, on_cuda=on_cuda,
             matcher=matcher,
         )  # fmt: skip
         # The depth engine, and how it gets the infrared pair: 'opaque_fd' or 'host'.
@@ -92,12 +88,9 @@ class StereoDepthSensor(SensorResults):
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only: bool = False, progress: Progress | None = None) -> None:
-        """Renders the infrared pair, and before it the RGB picture unless infrared_only. A pipelined sensor begins a
-        new picture and makes the previous one current. progress(fraction) may return True to cancel. A failed or
-        cancelled picture, here or in wait(), leaves no result."""
-        if progress is not None and self._engine.pipelined:
-            raise ValueError("a picture that is rendered in the background has no progress")
-        self._engine.turn()
+        """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return
+        True to cancel. A failed or cancelled picture leaves no result."""
+        self._engine.drop_pictures()
         self._engine.take_pictures(self._rigs(), infrared_only, progress)
 
     def compute_depth(self, maps: Sequence[str] = ()) -> None:

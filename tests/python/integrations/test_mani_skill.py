@@ -14,7 +14,6 @@ import mani_skill.envs  # noqa: E402
 import sapien  # noqa: E402
 import torch  # noqa: E402
 
-import kuafu  # noqa: E402
 from activestereo import StereoDepthSensorConfig  # noqa: E402
 from activestereo.scene_io.bodies import BodyPoseError  # noqa: E402
 from activestereo.sensor.cuda_memory import CudaError, CudaMemory  # noqa: E402
@@ -91,27 +90,6 @@ def test_point_clouds_stand_where_things_are() -> None:
     near = robot_and_things[(measured > 0.05) & (measured < 0.9)]
     assert len(near) > 100 and np.median(np.abs(near[:, 2])) < 0.15
     env.close()
-
-
-@pytest.mark.parametrize("name", ["PickCube-v1", "PushCube-v1"])
-def test_late_observations_are_those_of_the_present_one_picture_later(name: str) -> None:
-    """But for the first, which is of the present, and so is shown again: bit for bit, as the frames' numbers agree."""
-    now, late = (make(name, "rgb+depth+segmentation", pipelined=is_late) for is_late in (False, True))
-    now.unwrapped.get_obs()  # making an environment resets it
-    actions = [now.action_space.sample() for _ in range(3)]
-    for seed in (0, 1):  # the second reset() does not make the cameras again
-        expected = [now.reset(seed=seed)[0], now.unwrapped.get_obs()]
-        found = [late.reset(seed=seed)[0]]
-        for action in actions:
-            expected.append(now.step(action)[0])
-            found.append(late.step(action)[0])
-        for one, other in zip(expected, found, strict=False):
-            for modality, image in one["sensor_data"]["base_camera"].items():
-                assert torch.equal(other["sensor_data"]["base_camera"][modality], image), modality
-        images = [obs["sensor_data"]["base_camera"]["segmentation"] for obs in found]
-        assert torch.equal(images[0], images[1]) and not torch.equal(images[1], images[3])
-    for env in (now, late):
-        env.close()
 
 
 class FakeStruct:
@@ -196,10 +174,6 @@ class FakeCamera:
     get_extrinsic_matrix = get_model_matrix
 
 
-def late_cameras(parallel: Any, names: list[str]) -> list[StereoDepthCamera]:
-    return cameras_of(parallel, names, pipelined=True)
-
-
 def cameras_of(parallel: Any, names: list[str], **options: Any) -> list[StereoDepthCamera]:
     parallel.add_camera = lambda **_: FakeCamera(len(parallel.sub_scenes))
     parallel._reset_mask = torch.ones(3)
@@ -217,56 +191,13 @@ def observe(cameras: list[StereoDepthCamera], **modalities: bool) -> tuple[list[
     return params, [camera.get_obs(**({"rgb": False, "position": False} | modalities)) for camera in cameras]
 
 
-def test_late_cameras_share_a_scene_and_say_where_their_pictures_were_taken(parallel: Any) -> None:
-    cameras, box = late_cameras(parallel, ["base", "hand"]), parallel.actors["box"].pose.raw_pose
-    seen, xs = [], []
-    for step in range(4):
-        box[:, 1] = 0.1 * step
-        for camera in cameras:
-            camera.camera.raw_pose[:, 0] = -0.8 - 0.01 * step
-        if step == 3:
-            parallel._reset_mask = torch.ones(3)  # what reset() does
-        params, images = observe(cameras)
-        xs.append(float(params[1]["cam2world_gl"][0, 0]))
-        seen.append([image["segmentation"] for image in images])
-        assert (images[0]["segmentation"][1] == 0).all() and images[0]["depth"].dtype == torch.int16
-    for pictures in zip(*seen, strict=True):
-        assert torch.equal(pictures[0], pictures[1]) and not torch.equal(pictures[1], pictures[2])
-        left = [int(np.argwhere(picture[0, ..., 0].numpy())[:, 1].min()) for picture in pictures]
-        assert left[0] == left[1] > left[2] > left[3] + 4  # the last is two steps further: of the present
-    np.testing.assert_allclose(xs, [-0.8, -0.8, -0.81, -0.83], atol=1e-6)
-
-
-def test_a_late_camera_takes_another_picture_where_the_one_begun_does_not_serve(
-    parallel: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (camera,) = cameras = late_cameras(parallel, ["base"])
-    observe(cameras, segmentation=False)
-    assert camera.sensors.frame_index == 0
-    _, (images,) = observe(cameras, rgb=True)
-    assert images["rgb"].shape == (3, 48, 48, 3) and camera.sensors.frame_index == 2
-
-    def fails(*_: Any) -> None:
-        raise kuafu.Error("lost")  # as where a device is lost
-
-    with monkeypatch.context() as patch, pytest.raises(kuafu.Error, match="lost"):
-        patch.setattr("activestereo.sensor.engine.expose_each", fails)
-        observe(cameras, rgb=True)
-    parallel.actors["box"].pose.raw_pose[:, 1] = 0.3
-    _, (found,) = observe(cameras)
-    _, (again,) = observe(cameras)
-    assert torch.equal(found["segmentation"], again["segmentation"])
-    assert not torch.equal(found["segmentation"], images["segmentation"])
-
-
-@pytest.mark.parametrize("late", [False, True], ids=["now", "late"])
 def test_observations_that_never_left_the_device_have_the_hosts_bits(
-    parallel: Any, monkeypatch: pytest.MonkeyPatch, stub_cuda: Any, late: bool
+    parallel: Any, monkeypatch: pytest.MonkeyPatch, stub_cuda: Any
 ) -> None:
     """Against a stub of CUDA's driver; torch computes on the processor what it else computes on a GPU."""
     modalities = {"rgb": True, "position": True}
-    cameras = cameras_of(parallel, ["base"], pipelined=late)
-    cameras += cameras_of(parallel, ["other"], pipelined=late, on_cuda=True)
+    cameras = cameras_of(parallel, ["base"])
+    cameras += cameras_of(parallel, ["other"], on_cuda=True)
     world = ManiSkillWorld(parallel, "cpu")
     monkeypatch.setattr(ManiSkillWorld, "for_scene", lambda *_: world)
     taken = stub_for_torch(world.scene.device, stub_cuda, monkeypatch)

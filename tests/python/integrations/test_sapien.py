@@ -225,8 +225,8 @@ def test_on_a_device_or_a_clear_no(scene):
                 method()
 
 
-@pytest.mark.parametrize(("late", "rgb_exposure"), [(False, None), (True, 0.7)], ids=["now", "late"])
-def test_results_that_never_left_the_device_have_the_hosts_bits(scene, monkeypatch, stub_cuda, late, rgb_exposure):
+@pytest.mark.parametrize("rgb_exposure", [None, 0.7])
+def test_results_that_never_left_the_device_have_the_hosts_bits(scene, monkeypatch, stub_cuda, rgb_exposure):
     """Against a stub of CUDA's driver; torch computes on the processor what it else computes on a GPU."""
     world = SapienScene(scene, "cpu")
     taken = stub_for_torch(world.scene.device, stub_cuda, monkeypatch)
@@ -235,13 +235,11 @@ def test_results_that_never_left_the_device_have_the_hosts_bits(scene, monkeypat
     add(scene, "ball", "sphere", sapien.Pose([0.0, 0.0, 0.07]), radius=0.07)
     config = small(config_class=StereoDepthSensorConfig)
     config.rgb_exposure, config.rgb_distortion = rgb_exposure, [0.1, -0.05, 0.001, 0.002, 0.0]
-    sensor = StereoDepthSensor(config, mount, pipelined=late, on_cuda=True)
+    sensor = StereoDepthSensor(config, mount, on_cuda=True)
     with pytest.raises(RuntimeError, match="call take_picture"):
         sensor.get_depth_cuda()
     for _ in range(3):
         sensor.take_picture()
-        if not sensor.has_picture:
-            continue
         sensor.compute_depth()
         rgba = sensor.get_rgba_cuda().torch().numpy()
         np.testing.assert_array_equal(rgba[..., :3], sensor.get_rgb(), strict=True)
@@ -320,47 +318,6 @@ def test_configurations_have_the_same_fields_and_defaults(model):
             )
         else:
             np.testing.assert_allclose(own, value, rtol=1e-9, err_msg=name)
-
-
-def test_a_late_sensor_gives_what_the_other_gives_one_picture_later(scene):
-    ball = add(scene, "ball", "sphere", sapien.Pose([0.0, 0.0, 0.07]), radius=0.07)
-    entity, config = camera_entity(scene), small(config_class=StereoDepthSensorConfig)
-    now, late = StereoDepthSensor(config, entity), StereoDepthSensor(config, entity, pipelined=True)
-    assert not late.has_picture
-    depths = []
-    for step in range(3):
-        ball.set_pose(sapien.Pose([0.0, 0.1 * step, 0.07]))
-        late.take_picture()
-        assert late.has_picture == (step > 0)
-        if step == 0:
-            with pytest.raises(RuntimeError):
-                late.compute_depth()
-        else:
-            late.compute_depth()
-            assert np.array_equal(late.get_depth(), depths[-1])
-        # In the same scene, which waits for what is under way.
-        now.take_picture()
-        now.compute_depth()
-        depths.append(now.get_depth())
-    assert not np.array_equal(depths[0], depths[1])
-
-
-def test_all_late_sensors_are_waited_for_where_one_fails(scene):
-    class Broken:
-        waits = 0
-
-        def wait(self):
-            self.waits += 1
-            if self.waits == 1:
-                raise kuafu.Error("lost")
-
-    world, sensors = SapienScene(scene), [Broken(), Broken()]
-    for sensor in sensors:
-        world.pipelined.add(sensor)
-    with pytest.raises(kuafu.Error, match="lost"):
-        world.update()
-    assert [sensor.waits for sensor in sensors] == [1, 1]
-    assert world.update() == 0
 
 
 def table():

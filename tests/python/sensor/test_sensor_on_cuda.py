@@ -56,24 +56,20 @@ def host_results(sensor: StereoDepthSensor) -> dict[str, np.ndarray]:
     return {name: image.copy() for name, image in found.items()}
 
 
-def pictures(sensor: StereoDepthSensor, set_wall: Any, is_late: bool) -> Iterator[dict[str, np.ndarray]]:
+def pictures(sensor: StereoDepthSensor, set_wall: Any) -> Iterator[dict[str, np.ndarray]]:
     """The results of two pictures, and of the second under another matcher."""
-    for step in range(3 if is_late else 2):
-        sensor.wait()
+    for step in range(2):
         set_wall(0.1 * step)
         sensor.take_picture()
-        if not is_late or step > 0:
-            sensor.compute_depth()
-            yield host_results(sensor)
+        sensor.compute_depth()
+        yield host_results(sensor)
     sensor.change(census_width=3, census_height=3)  # what is read now is of before
     yield host_results(sensor)
     sensor.compute_depth()
     yield host_results(sensor)
 
 
-@pytest.mark.parametrize("is_late", [False, True])
 def test_results_are_cudas_with_the_bits_of_the_hosts(
-    is_late: bool,
     device: kuafu.Device,
     config: StereoDepthSensorConfig,
     monkeypatch: pytest.MonkeyPatch,
@@ -81,15 +77,15 @@ def test_results_are_cudas_with_the_bits_of_the_hosts(
 ) -> None:
     stub_for(device, stub_cuda, monkeypatch)
     scene, set_wall = world(device)
-    with StereoDepthSensor(config, scene, pipelined=is_late) as sensor:
-        expected = list(pictures(sensor, set_wall, is_late))
+    with StereoDepthSensor(config, scene) as sensor:
+        expected = list(pictures(sensor, set_wall))
     assert not np.array_equal(expected[0]["depth"], expected[1]["depth"])
     assert not np.array_equal(expected[2]["depth"], expected[3]["depth"])
     scene, set_wall = world(device)
-    with StereoDepthSensor(config, scene, on_cuda=True, pipelined=is_late) as sensor:
+    with StereoDepthSensor(config, scene, on_cuda=True) as sensor:
         with pytest.raises(RuntimeError, match="no picture yet|no depth of this picture yet"):
             sensor.get_cuda("depth")
-        for number, found in enumerate(pictures(sensor, set_wall, is_late)):
+        for number, found in enumerate(pictures(sensor, set_wall)):
             for name, image in found.items():
                 np.testing.assert_array_equal(image, expected[number][name], err_msg=name)
                 there = seen_by_host(sensor.get_cuda(name))

@@ -24,7 +24,6 @@ from activestereo.common.pose import as_matrix, camera_to_world
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape
 from activestereo.scene_io.meshes import Mesh
-from activestereo.sensor.pictures import PipelinedSensors
 
 
 class VisualRecords(sapien.Component):
@@ -326,7 +325,6 @@ class SapienScene:
         self._lights: list[tuple[Any, int]] = []
         self._ambient: tuple[float, ...] = _AMBIENT
         self.scene.set_environment(_AMBIENT)
-        self.pipelined = PipelinedSensors()
         self.update()
         SapienScene._known[id(scene)] = self
 
@@ -337,9 +335,7 @@ class SapienScene:
         return cls(scene) if known is None or known.sapien_scene is not scene else known
 
     def update(self) -> int:
-        """Waits for the `pipelined` sensors' pictures and brings the scene up to date. Returns the number of shapes
-        that moved."""
-        self.pipelined.wait()
+        """Brings the scene up to date. Returns the number of shapes that moved."""
         seen = {entity.per_scene_id: entity for entity in self.sapien_scene.entities if is_visible(entity)}
         for number in [n for n in self._names if n not in seen]:
             self.bodies.remove(self._names.pop(number))

@@ -242,20 +242,17 @@ class StereoDepthSensor(Parameters):
     the first picture. pose: sapien.Pose relative to it; None: identity. Intrinsics are in SAPIEN's convention: the
     middle of the first pixel is at (0.5, 0.5). The scene is mirrored at the first picture and followed from then on.
 
-    pipelined: a picture is rendered while SAPIEN simulates and the previous one is matched. Results are those of the
-    previous picture; from the second take_picture() on has_picture is True.
-
     on_cuda: get_..._cuda() return arrays on the GPU, with the host's bits; without it they copy the host's arrays. With
     it the first picture raises CudaError without CUDA on the rendering GPU.
     """
 
     def __init__(
         self, config: Any, mount_entity: sapien.Entity, pose: sapien.Pose | None = None, *,
-        pipelined: bool = False, on_cuda: bool = False,
+        on_cuda: bool = False,
     ) -> None:  # fmt: skip
         check_config(config)
         self._config, self._mount, self._pose = config, mount_entity, sapien.Pose() if pose is None else pose
-        self._is_pipelined, self._on_cuda = pipelined, on_cuda
+        self._on_cuda = on_cuda
         self._world: SapienScene | None = None
         self._sensor: activestereo.StereoDepthSensor | None = None
         self._cuda: CudaResults | None = None
@@ -269,21 +266,11 @@ class StereoDepthSensor(Parameters):
         if self._world is None or self._world.sapien_scene is not scene:
             self._world, self._sensor, self._cuda = SapienScene.for_scene(scene), None, None
         self._world.update()
-        if self._sensor is None:  # after update(), which waits: its projector changes the scene
+        if self._sensor is None:
             config, place = native_config(self._config), self._world.scene
-            self._sensor = activestereo.StereoDepthSensor(
-                config, place, on_cuda=self._on_cuda, pipelined=self._is_pipelined
-            )
-            if self._is_pipelined:
-                self._world.pipelined.add(self._sensor)
+            self._sensor = activestereo.StereoDepthSensor(config, place, on_cuda=self._on_cuda)
         self._sensor.set_local_pose(as_matrix(self.get_pose()))
         self._sensor.take_picture(infrared_only)
-
-    @property
-    def has_picture(self) -> bool:
-        """Returns whether results exist: from the second take_picture() on for a pipelined sensor, else from the
-        first."""
-        return self._sensor is not None and self._sensor.has_picture
 
     def compute_depth(
         self, bbox_start: tuple[int, int] | None = None, bbox_size: tuple[int, int] | None = None
