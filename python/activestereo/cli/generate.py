@@ -82,7 +82,6 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.generate.formats import require_formats, write_formats
     from activestereo.benchmarks.generate.run import generate
     from activestereo.benchmarks.generate.studio import Ranges, Settings
-    from activestereo.common.declared_ranges import read_ranges
 
     if args.ray is None and args.ray_cpus is not None:
         raise cli.CommandError("--ray-cpus goes with --ray, which is not given")
@@ -97,7 +96,7 @@ def run(args: argparse.Namespace) -> None:
             raise cli.CommandError(f"{path}: there is no such file")
     settings = Settings(
         things=tuple(args.things), sensor=args.sensor, rgb_size=args.rgb_size, ir_size=args.ir_size, samples=args.spp,
-        seed=args.seed, layout=args.layout, ranges=read_ranges(args.ranges, Ranges), unit_m=args.unit,
+        seed=args.seed, layout=args.layout, ranges=Ranges.read(args.ranges), unit_m=args.unit,
         keep_transparent=args.keep_transparent, device=args.device,
     )  # fmt: skip
     cli.make_folder(args.out)

@@ -32,7 +32,6 @@ from activestereo.benchmarks.generate.studio import (
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import generate as command
 from activestereo.cli import main
-from activestereo.common.declared_ranges import read_ranges
 from activestereo.effects.core.surfaces import instance_transforms
 from activestereo.scene_io import meshes, usd
 from activestereo.scene_io.gltf_writer import GltfWriter
@@ -286,7 +285,7 @@ def test_what_is_wrong_is_said(things: tuple[Path, ...], tmp_path: Path, capsys:
     assert "other settings" in fails(ball)
     with pytest.raises(ValueError, match="two finite numbers"):
         Ranges(spread_m=(0.1, float("nan")))
-    assert read_ranges(None, Ranges) == Ranges()
+    assert Ranges.read(None) == Ranges()
 
 
 _K = np.array([[50.0, 0.0, 31.5], [0.0, 50.0, 23.5], [0.0, 0.0, 1.0]])

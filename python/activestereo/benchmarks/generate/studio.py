@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from math import inf
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.declared_ranges import DeclaredRanges
+from activestereo.common.input_files import read_toml
 from activestereo.common.pose import CAMERA_TO_BODY, look_at, pose_matrices
 from activestereo.effects.core.surfaces import instance_transforms
 from activestereo.scene_io import solids
@@ -26,8 +27,9 @@ from activestereo.sensor.pictures import PictureMemory
 
 
 @dataclass(frozen=True)
-class Ranges(DeclaredRanges):
-    """Ranges (low, high), from which each frame's values are drawn uniformly."""
+class Ranges:
+    """Ranges (low, high), from which each frame's values are drawn uniformly. LIMITS: {field: lowest and highest
+    allowed ends}, by default 0 and infinity. Raises ValueError with the range and its fault."""
 
     things: tuple[float, float] = (3, 6)  # count, at most the number of files
     spread_m: tuple[float, float] = (0.15, 0.25)  # radius of the area of things
@@ -46,6 +48,40 @@ class Ranges(DeclaredRanges):
         "elevation_deg": (1.0, 89.9),
         "table_albedo": (0.0, 1.0),
     }
+
+    def __post_init__(self) -> None:
+        for name in (field.name for field in fields(self)):
+            value = getattr(self, name)
+            is_pair = isinstance(value, (tuple, list)) and len(value) == 2
+            if not is_pair or not all(isinstance(v, (int, float)) and np.isfinite(v) for v in value):
+                raise ValueError(f"the range {name} is two finite numbers, low and high, not {value}")
+            low, high = value
+            least, most = self.LIMITS.get(name, (0.0, inf))
+            if low > high:
+                raise ValueError(f"the range {name} goes from {low} to {high}; it must rise from at least {least:g}")
+            if not least <= low <= high <= most:
+                raise ValueError(f"the range {name} must lie within {least:g} to {most:g}, not {(low, high)}")
+            object.__setattr__(self, name, (low, high))
+
+    @classmethod
+    def read(cls, path: Path | None) -> Ranges:
+        """Reads a .toml file; ranges that it lacks, or all if `path` is None, keep their defaults. Raises ValueError
+        with the file and its fault."""
+        given = {} if path is None else read_toml(path)
+        try:
+            known = sorted(field.name for field in fields(cls))
+            if unknown := sorted(set(given) - set(known)):
+                raise ValueError(f"there is no range '{unknown[0]}' (known: {', '.join(known)})")
+            return cls(**given)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+
+    def draw(self, name: str, random: np.random.Generator) -> float:
+        return float(random.uniform(*getattr(self, name)))
+
+    def count(self, name: str, random: np.random.Generator) -> int:
+        low, high = getattr(self, name)
+        return int(random.integers(int(low), int(high) + 1))
 
 
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
