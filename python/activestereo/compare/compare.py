@@ -24,7 +24,6 @@ from activestereo.compare.image_errors import ImageErrors, error_shape, image_er
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
 from activestereo.compare.render import WARP_SCALE, render_halves
-from activestereo.compare.tree import HonestTree
 from activestereo.compare.where import (
     LARGEST_DISPARITY_ERROR_PX,
     ResidualImage,
@@ -151,7 +150,7 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
 
 
 def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int) -> dict[str, Any]:
-    """Returns compare.json's {where: tables, regions: {channel: ...}} of the train frames."""
+    """Returns compare.json's {where: tables, channels: {channel: ...}} of the train frames."""
     capture, noise_model, maps = errors.capture, errors.noise_model, {}
     images: dict[str, list[ResidualImage]] = {"infrared": [], "disparity": [], "validity": []}
     for frame in capture.split("train"):
@@ -181,14 +180,11 @@ def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int
     units = {"infrared": "DN", "disparity": "px", "validity": "1"}
     found = {name: gather_samples(of_channel, units[name], seed) for name, of_channel in images.items()}
     channels = {name: samples for name, samples in found.items() if samples is not None}
-    name_of, regions = surface_text(capture.scene_path), {}
+    sizes = {}
     for name, samples in channels.items():
-        tree: dict[str, Any] = {"leaves": [], "headline": None}
-        if samples.is_explainable:
-            tree = HonestTree(samples, seed).regions(name_of)
         rmse, noise = (float(np.sqrt(x.mean())) for x in (samples.residual**2, samples.floor))
-        regions[name] = {"is_explainable": samples.is_explainable, "rmse": rmse, "noise_floor": noise} | tree
-    return {"where": where_tables(channels, seed, name_of), "regions": regions}
+        sizes[name] = {"is_explainable": samples.is_explainable, "rmse": rmse, "noise_floor": noise}
+    return {"where": where_tables(channels, seed, surface_text(capture.scene_path)), "channels": sizes}
 
 
 def _pose(frame: Frame, side: str) -> bytes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from activestereo.common.html_table import table, text
 from activestereo.compare.where import COVARIATES, LARGEST_DISPARITY_ERROR_PX
 from activestereo.report.charts import covariates_chart, frames_chart, photon_transfer_chart
-from activestereo.report.page import card, chart, section, share_bar
+from activestereo.report.page import card, chart, section
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
@@ -108,39 +108,22 @@ def _noise(scores: dict[str, Any]) -> str:
 def _where(scores: dict[str, Any]) -> str:
     parts = [
         '<p class="muted small">Train frames. Intervals are 95 %, by bootstrap of 16-pixel blocks; findings hold at a '
-        "false discovery rate of 5 % (Benjamini-Yekutieli) and move at least 5 % of the explainable error. Regions "
-        "were chosen on one half of the blocks and measured on the other.</p>"
+        "false discovery rate of 5 % (Benjamini-Yekutieli) and move at least 5 % of the explainable error.</p>"
     ]
-    for channel, region in scores["regions"].items():
+    for channel, found in scores["channels"].items():
         tables = [t for t in scores["where"] if t["channel"] == channel]
         unit = tables[0]["unit"] if tables and tables[0]["unit"] != "1" else ""
         parts.append(f"<h3>{_CHANNEL[channel]}</h3><p class='muted small'>{text(_MEANING[channel])}</p>")
         unit_text = f" {unit}" if unit else ""
-        size = f"RMSE {region['rmse']:.3g}{unit_text}, noise floor {region['noise_floor']:.3g}{unit_text}"
-        if not region["is_explainable"]:
+        size = f"RMSE {found['rmse']:.3g}{unit_text}, noise floor {found['noise_floor']:.3g}{unit_text}"
+        if not found["is_explainable"]:
             parts.append(f"<p>{size}: at the floor, there is nothing to explain.</p>")
         else:
-            parts += [f"<p>{size}.</p>", _regions(region)]
+            parts.append(f"<p>{size}.</p>")
             shown = ([t for t in tables if t["is_finding"]] or tables)[:_CHARTS]
             parts.append(chart(covariates_chart(shown, unit), f"{channel} residual against covariates"))
         parts.append(_tables(tables))
     return section("Where it fails", *parts)
-
-
-def _regions(region: dict[str, Any]) -> str:
-    said = ""
-    if head := region["headline"]:
-        pixels = f"{100 * head['pixel_share']:.0f} % of the pixels"
-        share = f"{100 * head['share']:.0f} % of the explainable error in {pixels}"
-        said = f'<p class="headline"><b>{share}:</b> {text(head["words"])}</p>'
-    rows = [
-        [text(leaf["words"]), share_bar(leaf["share"], leaf["share_interval"], leaf["pixel_share"]),
-         f"{100 * leaf['share']:.0f} %", "{:.0f} … {:.0f} %".format(*(100 * v for v in leaf["share_interval"])),
-         f"{100 * leaf['pixel_share']:.0f} %"]
-        for leaf in region["leaves"]
-    ]  # fmt: skip
-    titles = ["region", "explainable error (orange: pixels)", "share", "95 %", "pixels"]
-    return said + table(titles, rows, numbers=(2, 3, 4), wide=True)
 
 
 def _tables(tables: Sequence[dict[str, Any]]) -> str:

@@ -46,15 +46,9 @@ def card(title: str, value: str, note: str) -> str:
     return f'<div class="card"><span>{text(title)}</span><b>{text(value)}</b><span>{text(note)}</span></div>'
 
 
-def share_bar(share: float, interval: Sequence[float] | None = None, mark: float | None = None) -> str:
-    """Returns the HTML of a bar for a share 0..1. interval: drawn as a line; mark: drawn as a tick to compare with."""
-    at = lambda value: 100.0 * min(max(value, 0.0), 1.0)  # noqa: E731
-    parts = [f'<i style="width:{at(share):.1f}%"></i>']
-    if interval:
-        parts.append(f'<u style="left:{at(interval[0]):.1f}%;width:{at(interval[1]) - at(interval[0]):.1f}%"></u>')
-    if mark is not None:
-        parts.append(f'<s style="left:{at(mark):.1f}%"></s>')
-    return f'<div class="bar">{"".join(parts)}</div>'
+def share_bar(share: float) -> str:
+    """Returns the HTML of a bar for a share 0..1."""
+    return f'<div class="bar"><i style="width:{100.0 * min(max(share, 0.0), 1.0):.1f}%"></i></div>'
 
 
 def chart(figure: Figure, alt: str) -> str:

@@ -82,7 +82,7 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     and families of effects that cause such an error."""
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
-    if shape is None or not scores["regions"].get("infrared", {}).get("is_explainable", True):
+    if shape is None or not scores["channels"].get("infrared", {}).get("is_explainable", True):
         nothing = "The model's infrared images are at the noise floor: nothing is missing there."
         return [*said, nothing, *depth_sentences(scores)]
     suspects = _FAMILIES[shape["kind"]]
@@ -231,9 +231,6 @@ def summary_table(scores: dict[str, Any]) -> str:
         error, floor = ("-" if x is None else f"{x:.3f} px" for x in (v["rmse_px"], v["noise_floor_px"]))
         fill = f"{100 * v['fill_measured']:>11.1f} %{100 * v['fill_model']:>7.1f} %"
         lines.append(f"{split:8}{error:>13}{floor:>11}{fill}{v['validity_iou']:>8.3f}")
-    for channel, region in scores["regions"].items():
-        if head := region["headline"]:
-            lines.append(f"{channel}: {100 * head['share']:.0f} % of the explainable error: {head['words']}")
     value, spread = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
     names = (("projector scale", "projector_scale"), ("ambient scale", "ambient_scale"), ("black level", "black_dn"))
     lines.append("fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {spread[k]:.2g}" for words, k in names))

@@ -71,7 +71,7 @@ def _scores(**changed):
     table = _table("radius", [(0.0, 0.5, 600, 0.0), (0.5, 0.75, 300, 1.0), (0.75, 1.0, 100, 27.0)])
     return {
         "warnings": [], "shape": {"kind": "brightness", "share": 0.9, "amount": -2.0}, "where": [table],
-        "regions": {"infrared": {"is_explainable": True}}, "without_effects": None,
+        "channels": {"infrared": {"is_explainable": True}}, "without_effects": None,
         "ir": {"test": {"rmse_dn": 2.08, "noise_floor_dn": 1.5}}, "depth": {"test": {"rmse_px": 3.047}},
     } | changed  # fmt: skip
 
@@ -92,7 +92,7 @@ def test_the_sentence_says_what_where_and_which_families():
     assert second.startswith("Effects that do this: lens shading, projector shading.")
     assert what_is_missed(_scores(warnings=["swapped"]))[0] == "Warning: swapped."
     at_the_floor = {"infrared": {"is_explainable": False}}
-    assert "noise floor" in what_is_missed(_scores(regions=at_the_floor))[0]
+    assert "noise floor" in what_is_missed(_scores(channels=at_the_floor))[0]
 
 
 def test_an_error_that_changes_its_sign_is_told_on_both_sides():

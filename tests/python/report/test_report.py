@@ -82,7 +82,7 @@ def test_diagnose_schema_takes_the_contract_and_not_less():
 def test_the_page_is_whole_and_loads_nothing(comparison, files):
     page = _Page(files[1].read_text())
     assert page.open == []
-    explained = {name for name, region in comparison.scores["regions"].items() if region["is_explainable"]}
+    explained = {name for name, found in comparison.scores["channels"].items() if found["is_explainable"]}
     assert explained >= {"infrared", "disparity"}  # the missing ball moves both; one at its noise floor has no chart
     charts = [address for address in page.addresses if re.match(r"data:image/svg\+xml;base64,", address)]
     pictures = [address for address in page.addresses if re.match(r"data:image/webp;base64,", address)]
@@ -176,16 +176,14 @@ def test_the_page_says_what_the_scores_say(comparison, files):
     scores = comparison.scores
     assert f"{scores['ir']['test']['rmse_dn']:.2f} DN" in words
     assert f"{100 * scores['depth']['test']['fill_measured']:.1f} /" in words
-    head = scores["regions"]["infrared"]["headline"]
-    assert f"{100 * head['share']:.0f} % of the explainable error" in words and head["words"] in words
+    assert f"RMSE {scores['channels']['infrared']['rmse']:.3g} DN" in words
     assert "What to measure next" not in words
 
 
 def test_a_missing_ball_is_found_at_what_stands_behind_it(comparison):
     """The model sees table and wall where the ball was: nearly all error is in a part of the picture."""
-    region = comparison.scores["regions"]["infrared"]
-    assert region["is_explainable"]
-    assert region["headline"]["share"] > 3 * region["headline"]["pixel_share"]
+    assert comparison.scores["channels"]["infrared"]["is_explainable"]
+    assert comparison.scores["where"][0]["concentration"] > 0.6
 
 
 def test_a_diagnosis_in_the_folder_is_shown(comparison, tmp_path):
@@ -223,9 +221,8 @@ def test_an_unknown_effect_shows_the_model_of_its_residual(comparison):
     assert "no known effect explains" in page and "-0.35 … -0.27" in page
 
 
-def test_summary_names_depth_and_where(comparison):
-    summary = summary_table(comparison.scores)
-    assert "fill device" in summary and "% of the explainable error:" in summary
+def test_summary_names_depth(comparison):
+    assert "fill device" in summary_table(comparison.scores)
 
 
 def test_the_terminal_leads_on_to_a_diagnosis(comparison):
