@@ -2,10 +2,8 @@
 """Computes the model's depth, and compares the device's depth with it and with the true geometry: error in metres and
 in pixels of disparity, fill, and noise floor.
 
-simsense matches the predicted pair, with the capture's noise, as the device would. Both the device's and the model's
-depth are single noisy measurements. Two repeats of one of them differ as much as a perfect model would from the device.
-The floor comes from repeated device frames with depth, else from the model's own repeats.
-"""
+simsense matches the predicted pair, with the capture's noise. Two repeats of one depth differ as much as a perfect
+model would from the device: the floor comes from repeated device frames with depth, else from the model's repeats."""
 
 from __future__ import annotations
 
@@ -16,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import DEPTH_ENGINE, SIDES, SPLITS, Capture, CaptureWarning, Frame, Rig
+from activestereo.capture.capture import DEPTH_ENGINE, SIDES, SPLITS, Capture, CaptureWarning, Frame
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.lens import lens_fields
 from activestereo.common.parameter import MATCHER
@@ -61,7 +59,10 @@ class DepthModel:
         left, right = (
             simsense.Camera(c.width, c.height, c.K, **lens_fields(c.distortion)) for c in (rig.left, rig.right)
         )
-        is_ideal = _is_rectified(rig)
+        shift, same_size = rig.left_to_right.copy(), (left.width, left.height) == (right.width, right.height)
+        shift[0, 3] = 0.0
+        is_ideal = same_size and np.allclose(rig.left.K, rig.right.K) and np.allclose(shift, np.eye(4))
+        is_ideal = is_ideal and rig.left.is_pinhole and rig.right.is_pinhole
         registered: dict[str, Any] = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
 
         def engine(parameters: Mapping[str, Any]) -> simsense.Engine:
@@ -98,16 +99,6 @@ def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
         least, most = _MAX_DISPARITY.range
         parameters["max_disparity"] = min(max(parameters["max_disparity"], least), most)
     return parameters
-
-
-def _is_rectified(rig: Rig) -> bool:
-    same_k = np.allclose(rig.left.K, rig.right.K) and (rig.left.width, rig.left.height) == (
-        rig.right.width,
-        rig.right.height,
-    )
-    shift = rig.left_to_right.copy()
-    shift[0, 3] = 0.0
-    return same_k and rig.left.is_pinhole and rig.right.is_pinhole and np.allclose(shift, np.eye(4))
 
 
 # Frames of a view until a filter over time has settled: librealsense's takes 0.4 of each new frame, so that after 12

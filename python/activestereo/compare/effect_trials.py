@@ -9,10 +9,10 @@ Formula and engine use the same samples, so that the same pixels clip."""
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,6 @@ from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 
 if TYPE_CHECKING:
-    from activestereo.capture.capture import Capture, Frame
-    from activestereo.compare.cache import LayerCache
     from activestereo.compare.render import Renderer
     from activestereo.effects.core.view import Layers
 
@@ -46,18 +44,17 @@ _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=
 _POSES = (((-0.02, 0.46, 0.72), (0.0, 0.035, -0.02)), ((0.22, 0.38, 0.62), (-0.03, 0.05, -0.05)))
 
 
-@dataclass(frozen=True)
+# The images under a model minus those without effects, DN [image][height][width]; by_engine: rendered by the engines,
+# else by the effects' formulas.
+_Change: TypeAlias = Callable[[Model, bool], NDArray[np.float64]]
+
+
 class Trial:
-    """The small test world, rendered with each of two seeds, for all effects."""
+    """The small test world, rendered with each of two seeds, for all effects. Writes it into a folder."""
 
-    runs: tuple[_Run, _Run]
-
-    @classmethod
-    def make(cls, folder: Path, device: str | int = "auto") -> Trial:
-        """Writes the test world into a folder and renders it."""
+    def __init__(self, folder: Path, device: str | int = "auto") -> None:
         capture = trial_capture(folder)
-        first, second = (_Run(capture, folder, device, seed) for seed in _SEEDS)
-        return cls((first, second))
+        self._changes = [_change_of(capture, folder, device, seed) for seed in _SEEDS]
 
     def difference(self, effect: Effect) -> float:
         """Returns the relative difference between formula and engine for an effect at typical values, on all surfaces.
@@ -65,13 +62,13 @@ class Trial:
         if all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
             return 0.0  # simsense's signal counts in both
         # Effects with a random pattern draw it from the seed, so they compare images of one seed.
-        runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
+        changes = self._changes if effect.randomness is Randomness.NONE else 2 * self._changes[:1]
         chosen = {p.name: p.neutral for p in effect.parameters if p == SURFACES or not p.in_engine}
         values = effect.typical_values | chosen
-        engine, engine_2 = (run.change(_drawn(effect, values), by_engine=True) for run in runs)
+        engine, engine_2 = (change(_drawn(effect, values), True) for change in changes)
 
         def off(values: dict[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            formula, formula_2 = (run.change(_drawn(effect, values), by_engine=False) for run in runs)
+            formula, formula_2 = (change(_drawn(effect, values), False) for change in changes)
             return engine - formula, engine_2 - formula_2
 
         left, left_2 = off(values)
@@ -85,31 +82,25 @@ class Trial:
         return float(np.sqrt(max(float(np.mean(left * left_2)), 0.0) / np.mean(engine * engine_2)))
 
 
-class _Run:
-    """The small test world's images under one seed, by the engines and by formulas."""
+def _change_of(capture: Capture, folder: Path, device: str | int, seed: int) -> _Change:
+    """Renders the small test world with one seed."""
+    engine, cache = CaptureRenderer(device, _SAMPLES, _BOUNCES, seed, traced=True), LayerCache(folder / "cache")
+    layers = render_frames(capture, engine, _SAMPLES, _BOUNCES, seed=seed, cache=cache, scale=WARP_SCALE)
+    views = {(f.id, side): View.of(capture, f, side, layers[f.id][side]) for f in capture.frames for side in SIDES}
 
-    def __init__(self, capture: Capture, folder: Path, device: str | int, seed: int) -> None:
-        self._engine = CaptureRenderer(device, _SAMPLES, _BOUNCES, seed, traced=True)
-        self._capture, cache = capture, LayerCache(folder / "cache")
-        self._layers = render_frames(
-            capture, self._engine, _SAMPLES, _BOUNCES, seed=seed, cache=cache, scale=WARP_SCALE
-        )
-        self._views = {
-            (f.id, side): View.of(capture, f, side, self._layers[f.id][side]) for f in capture.frames for side in SIDES
-        }
-        self._without = {way: self._images(Model(), way) for way in (True, False)}
-
-    def change(self, model: Model, by_engine: bool) -> NDArray[np.float64]:
-        """Returns the images under a model minus those without effects, DN [image][height][width]. by_engine: rendered
-        by the engines, else by the effects' formulas."""
-        images = self._images(model, by_engine)
-        return np.stack([images[key].astype(np.float64) - base for key, base in self._without[by_engine].items()])
-
-    def _images(self, model: Model, by_engine: bool) -> dict[ImageKey, NDArray]:
+    def images(model: Model, by_engine: bool) -> Mapping[ImageKey, NDArray]:
         if by_engine:
-            return self._engine.expected(self._capture, model, _NUISANCES)
-        lights = {key: model.light(self._layers[key[0]][key[1]], view) for key, view in self._views.items()}
-        return {key: model.signal(lights[key], view, _NUISANCES) for key, view in self._views.items()}
+            return engine.expected(capture, model, _NUISANCES)
+        lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
+        return {key: model.signal(lights[key], view, _NUISANCES) for key, view in views.items()}
+
+    without = {way: images(Model(), way) for way in (True, False)}
+
+    def change(model: Model, by_engine: bool) -> NDArray[np.float64]:
+        seen = images(model, by_engine)
+        return np.stack([seen[key].astype(np.float64) - base for key, base in without[by_engine].items()])
+
+    return change
 
 
 def _drawn(effect: Effect, values: dict[str, float]) -> Model:
@@ -121,7 +112,7 @@ def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterat
     """Yields (id, relative difference between formula and engine) of each effect that has engine fields."""
     in_engines = [e for e in effects if e.engine is not None]
     with tempfile.TemporaryDirectory() as folder:
-        trial = Trial.make(Path(folder), device) if in_engines else None
+        trial = Trial(Path(folder), device) if in_engines else None
         for e in in_engines:
             assert trial is not None
             yield e.id, trial.difference(e)

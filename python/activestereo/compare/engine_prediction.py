@@ -38,23 +38,15 @@ def engines_of(
     return engines
 
 
-class EngineImages:
-    """Renders the light of a capture's train frames under a model (a Rendering of diagnose/refit.py), and
-    stores it in the user's cache of renders.
-
-    Arguments are those of engines_of(). A search compares images with the same random numbers, so an eighth of the
-    samples is enough.
-    """
-
-    def __init__(
-        self, capture: Capture, device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
-    ) -> None:
-        samples = max(1, (samples_per_pixel or usual_samples(capture)) // 8)
-        self._renderer = CaptureRenderer(device, samples, max_bounces, seed)
-        self._capture, self._cache = capture, LayerCache()
-
-    def __call__(self, model: Model) -> Mapping[ImageKey, NDArray[np.float32]]:
-        return kept_lights(self._capture, self._renderer, self._cache, model, self._capture.split("train"))
+def engine_images(
+    capture: Capture, device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
+) -> Callable[[Model], Mapping[ImageKey, NDArray[np.float32]]]:
+    """Returns a function that renders the light of a capture's train frames under a model (a Rendering of
+    diagnose/refit.py), and stores it in the user's cache of renders. A search compares images with the same random
+    numbers, so it takes an eighth of the samples. Arguments are those of engines_of()."""
+    samples = max(1, (samples_per_pixel or usual_samples(capture)) // 8)
+    renderer, cache = CaptureRenderer(device, samples, max_bounces, seed), LayerCache()
+    return lambda model: kept_lights(capture, renderer, cache, model, capture.split("train"))
 
 
 def kept_lights(
@@ -105,22 +97,3 @@ def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
     near = all(abs(factor - 1.0) <= _NEAR_ALBEDO for factor in scene_measurement.albedo.values())
     moved = any(scene_measurement.focal) or scene_measurement.surfaces
     return near and not moved and model.outside_engines().on_light() == model.on_light()
-
-
-def reflected_lights(
-    model: Model,
-    scene_measurement: SceneMeasurement,
-    layers: Mapping[int, Mapping[str, Layers]],
-    views: Mapping[ImageKey, View],
-) -> dict[ImageKey, Light]:
-    """Computes a model's light on the imager from the base model's layers, scaled by the measured albedos; returns
-    {(frame id, side): Light}. Only for a model that changes no ray (changes_no_ray())."""
-
-    def light(number: int, side: str, view: View) -> Light:
-        own = layers[number][side]
-        gain = np.ones(view.shape)
-        for material, factor in scene_measurement.albedo.items():
-            gain[own.material == material] = factor
-        return model.light(Light.of_images(gain * np.stack([own.direct, own.indirect, own.ambient, own.flat])), view)
-
-    return {(number, side): light(number, side, view) for (number, side), view in views.items()}

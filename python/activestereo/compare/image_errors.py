@@ -14,17 +14,18 @@ from scipy.ndimage import gaussian_filter, laplace
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, ImageKey
 from activestereo.common.progress_bar import Progress
-from activestereo.compare.engine_prediction import changes_no_ray, engine_lights, reflected_lights
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.engine_prediction import changes_no_ray, engine_lights
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel, noise_of_images
-from activestereo.compare.nuisances import Fit, predict_under_model
-from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves, noise_square, rmse_without_noise
+from activestereo.compare.nuisances import Fit, fit_with_exposures
+from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves, noise_square
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.effects.engines import SceneMeasurement
 
 if TYPE_CHECKING:
-    from activestereo.compare.cache import LayerCache
     from activestereo.effects.engines.capture_renderer import CaptureRenderer
 
 
@@ -165,13 +166,23 @@ def image_errors(
         key: measured[key] if view.known is None else np.where(view.known, measured[key], np.float32(np.nan))
         for key, view in views.items()
     }
-    if engines is None:
-        lights = [{(f, e): model.light(of[f][e], view) for (f, e), view in views.items()} for of in (layers, *halves)]
-    elif changes_no_ray(model, known):
-        lights = [reflected_lights(model, known, of, views) for of in (layers, *halves)]
+
+    def light(of: LayersOfFrames, key: ImageKey) -> Light:
+        """Returns the model's light from rendered layers, scaled by the measured albedos."""
+        own, gain = of[key[0]][key[1]], np.ones(views[key].shape)
+        for material, factor in known.albedo.items():
+            gain[own.material == material] = factor
+        base = Light.of_images(gain * Light.of(own).images) if known.albedo else Light.of(own)
+        return model.light(base, views[key])
+
+    if engines is None or changes_no_ray(model, known):
+        fitted, *wanted = ({key: light(of, key) for key in views} for of in (layers, *halves))
     else:
-        lights = engine_lights(capture, model, known, engines(capture), layers, views, cache or LayerCache(), progress)
-    fit, expected = predict_under_model(capture, model, lights, views, counted)
+        fitted, *wanted = engine_lights(
+            capture, model, known, engines(capture), layers, views, cache or LayerCache(), progress
+        )
+    fit, seen = fit_with_exposures(capture, model, fitted, views, counted)
+    expected = {key: [model.signal(of[key], seen[key], fit.nuisances) for of in wanted] for key in views}
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     images = [
         MeasuredImage(frame, side, views[frame.id, side], layers[frame.id][side], measured[frame.id, side])
@@ -199,7 +210,7 @@ def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Pools the errors of images, in DN: RMSE without the renderer's noise, bias, that noise, the measurement's noise
     floor, and the RMSE beyond this floor (None without a floor)."""
     pixels, squares, noise = (sum(image[name] for image in images) for name in ("pixels", "squares", "noise_squares"))
-    rmse = rmse_without_noise(squares, pixels, noise)
+    rmse = float(np.sqrt(max(squares - noise, 0.0) / pixels))
     pooled = {
         "rmse_dn": rmse,
         "bias_dn": sum(image["sum"] for image in images) / pixels,

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks a capture's pattern and geometry against its files, before any effect.
 
-The dots are the evidence. If the geometry is right, both cameras see the same dots at the scene's depth, under any
-pattern. If the pattern is right, too, the rendered dots match the measured ones. Both checks are correlations of
-high-pass filtered images, over shifts of a few pixels: calibration errors may move dots, never exchange them.
-"""
+If the geometry is right, both cameras see the same dots at the scene's depth, under any pattern. If the pattern is
+right, too, the rendered dots match the measured ones. Both checks are correlations of high-pass filtered images, over
+shifts of a few pixels: calibration errors may move dots, never exchange them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

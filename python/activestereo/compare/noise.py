@@ -7,14 +7,9 @@ frames. Frames without repeats get it from a noise model (EMVA 1288 with a quadr
 
     variance = q0 + q1 * gain * signal + q2 * signal^2
 
-fitted to the repeats; signal is DN above black. Applied to measured pixels the noise model needs no model of the scene.
-The square of a noisy signal s exceeds the squared mean by the variance itself. So mean(variance) = mean(q0 + q1 g s +
-q2 s^2) / (1 + q2), with the gain g. Noise at gains without repeats follows from neighbouring pixels with nearly equal
-expected values.
-
-Without repeats the noise follows from the difference of each frame's two cameras. In smooth parts of the image, left
-and right show the same light at the scene's depth. Half of the variance of their difference is then one camera's noise.
-Speckle, which differs between the cameras, is in it; errors of the scene's depth add to it, so it is an upper bound.
+fitted to the repeats; signal is DN above black. The square of a noisy signal exceeds the squared mean by the variance
+itself, so a measured image's mean variance is the model's mean over (1 + q2). Without any repeats half of the variance
+of the difference of a frame's cameras, in smooth parts, bounds the noise: speckle and errors of the depth are in it.
 
 Static random errors (fixed pattern, static speckle) are not in the floor: effects have to explain them. Rounding is
 noise of the floor, whether repeats show it or not: they round alike where steps are wider than the noise."""
@@ -23,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import product
 from typing import Any, TypeAlias, TypeVar
 
@@ -143,16 +137,10 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
 def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
     """Adds the part of the rounding variance that repeats miss to their mean variance; returns DN^2. If the noise is
     small, repeats round alike, so that their scatter does not show it (Widrow and Kollar 2008, Quantization Noise)."""
-    missed, square = _missed_by_repeats(), step_dn**2
+    waves = np.exp(-((2.0 * np.pi * np.outer(_NOISE_STEPS, _TERMS)) ** 2))
+    missed, square = (waves / _TERMS**2).sum(axis=1) / (2.0 * np.pi**2), step_dn**2
     seen = _NOISE_STEPS**2 + ROUNDING_VARIANCE - missed
     return np.asarray(variance + square * np.interp(np.asarray(variance) / square, seen, missed, right=0.0))
-
-
-@cache
-def _missed_by_repeats() -> np.ndarray:
-    """Returns the part of the rounding variance that repeats miss, in squared steps, for each of _NOISE_STEPS."""
-    waves = np.exp(-((2.0 * np.pi * np.outer(_NOISE_STEPS, _TERMS)) ** 2))
-    return np.asarray((waves / _TERMS**2).sum(axis=1) / (2.0 * np.pi**2))
 
 
 def repeat_statistics(
@@ -178,12 +166,11 @@ def repeat_statistics(
 def fit_noise_model(
     statistics: Sequence[Repeats], black_dn: float, max_dn: float, step_dn: float = 1.0
 ) -> NoiseModel | None:
-    """Fits the photon-transfer noise model to repeats; None without repeats. Clipped pixels are left out. step_dn: of
-    the digital numbers.
+    """Fits the photon-transfer noise model to repeats; None without repeats. step_dn: of the digital numbers.
 
     black_dn is an upper bound: a quadratic cannot distinguish shot noise above a high black level from speckle above a
-    low one. A fitted black level is biased while an effect is missing. The lowest level that fits is taken: it needs
-    the least shot noise, so the least is extrapolated to gains without repeats.
+    low one. The lowest level that fits is taken: it needs the least shot noise, so the least is extrapolated to gains
+    without repeats.
     """
     bins = [row for entry in statistics for row in transfer_rows(entry, max_dn, step_dn)]
     if not bins:
@@ -263,8 +250,8 @@ def frame_noise_variances(
         return {}, None
     noise_variances: dict[tuple[int, str], tuple[float, str]] = {}
     for frames, side, _, variance in statistics:
-        for frame in frames:
-            noise_variances[frame.id, side] = (float(_all_noise(np.nanmean(variance), step_dn)), "repeats")
+        own = float(_all_noise(np.nanmean(variance), step_dn)), "repeats"
+        noise_variances |= dict.fromkeys(((frame.id, side) for frame in frames), own)
     for frame in capture.frames:
         for side in SIDES:
             if (frame.id, side) not in noise_variances:
@@ -350,9 +337,8 @@ def _rows(left: MeasuredImage, right: MeasuredImage) -> list[tuple[float, float,
     image, there = np.asarray(left.measured, np.float64), warp.read(right.measured)
     rest = image - there
     rest = rest - gaussian_filter(rest, _LOCAL_MEAN_PX)
-    kept = 1.0 - 1.0 / (
-        2.0 * np.pi * _LOCAL_MEAN_PX**2
-    )  # share of the variance that is left without the local mean, to first order
+    # Share of the variance that is left without the local mean, to first order.
+    kept = 1.0 - 1.0 / (2.0 * np.pi * _LOCAL_MEAN_PX**2)
     # Linear interpolation reduces a pixel's variance by this factor.
     u, v = warp.u - np.floor(warp.u), warp.v - np.floor(warp.v)
     interpolated = (u**2 + (1.0 - u) ** 2) * (v**2 + (1.0 - v) ** 2)
@@ -409,10 +395,9 @@ def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarr
     flickering lamp causes; they are not noise, but the repeats' variance contains them. Empty if neighbouring rows do
     not change together, or if one level for all pixels explains more.
 
-    A rolling shutter records the lamp's flicker along the rows: in every row the ambient light is brighter or darker by
-    one factor, which is nearly the same in neighbouring rows. Noise that all pixels of a row share differs from row to
-    row, and stays in the noise floor. measured_images: {(frame id, side): (frame, its rendered light, measured DN
-    [height][width])}.
+    A rolling shutter records flicker as one factor on each row's ambient light, nearly the same in neighbouring rows.
+    Noise of whole rows differs from row to row, and stays in the floor. measured_images: {(frame id, side): (frame, its
+    rendered light, measured DN [height][width])}.
     """
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
 

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits the nuisances of a comparison (projector scale, ambient scale and black level) by least squares on the train
-frames. Computes the images that a model expects with them.
+frames.
 
     DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's
     range
 
 P and A are the radiance that falls on the sensor under the projector at power 1 and under ambient radiance 1. A model's
 effects may make this nonlinear; then rounds of Gauss-Newton fit its linearisation. All train pixels of both cameras
-have equal weight, so that the fit minimises the RMSE that compare reports. diagnose/fitter.py, which weighs
-pixels by their variance and fits focal lengths, albedos and effects too, starts from it.
-"""
+have equal weight, so that the fit minimises the RMSE that compare reports. diagnose/fitter.py starts from it."""
 
 from __future__ import annotations
 
@@ -162,22 +160,6 @@ def fit_with_exposures(
     return found, seen
 
 
-def predict_under_model(
-    capture: Capture, model: Any, lights: Sequence[Mapping[ImageKey, Any]], views: Mapping[ImageKey, View],
-    measured: Mapping[ImageKey, np.ndarray],
-) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:  # fmt: skip
-    """Fits the nuisances to the train frames under a Model and returns (Fit, {(frame id, side): [expected DN
-    [height][width] for each wanted light]}).
-
-    lights: mappings {(frame id, side): light on the sensor}: first the one to fit, then those whose images are wanted;
-    if there is only one, it serves for both. views and measured: {(frame id, side): View and DN}. Raises CaptureError
-    if there is nothing to fit.
-    """
-    fit, seen = fit_with_exposures(capture, model, lights[0], views, measured)
-    wanted = lights[1:] or lights
-    return fit, {key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in seen.items()}
-
-
 def _fitted(
     observations: Sequence[Any], line: _Line, max_dn: float, black_dn: tuple[float, float] | None,
     solution: np.ndarray | None = None,
@@ -189,9 +171,32 @@ def _fitted(
         raise ValueError("nothing to fit: the capture has no train frames")
     total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
     is_straight, deviation, best = solution is None, 0.0, None
+
+    def rms(at: np.ndarray) -> float:
+        """Returns the RMS residual of the used pixels, DN; infinite without any."""
+        return float(np.sqrt(max(0.0, energy + at @ (gram @ at - 2.0 * moment)) / used)) if used else np.inf
+
     for _ in range(_CLIP_ROUNDS if is_straight else _BENT_ROUNDS):
+        # 1. Normal equations of the pixels that do not clip: at first by the measured values, later by the prediction,
+        # which is free of the measurement's noise.
+        gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
         with np.errstate(over="ignore", invalid="ignore"):
-            gram, moment, energy, used = _normal_equations(observations, line, solution, deviation, max_dn)
+            for seen, light, measured in observations:
+                columns, offset = line(seen, light, solution)
+                measured_dn = measured.ravel().astype(np.float64)
+                value = measured_dn - offset
+                if solution is None:
+                    keep = (measured_dn > 0) & (measured_dn < max_dn)  # False for unknown pixels, NaN
+                else:
+                    predicted, margin = solution @ columns + offset, _CLIP_MARGIN_SIGMA * deviation
+                    keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2]))
+                    keep &= np.isfinite(value)
+                if not keep.all():
+                    columns, value = columns[:, keep], value[keep]
+                gram += columns @ columns.T
+                moment += columns @ value
+                energy += value @ value
+                used += value.size
         if not np.isfinite(gram).all():
             frames = [getattr(seen, "frame", seen) for seen, _, _ in observations]
             most = max(frames, key=lambda frame: frame.exposure_gain)
@@ -199,14 +204,15 @@ def _fitted(
             raise ValueError(f"nothing to fit: {text}")
         if used == 0 and best is None:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
-        if solution is not None and not is_straight:  # a Gauss-Newton step may overshoot: then halve it
-            here = _deviation(solution, gram, moment, energy, used)
+        # 2. The solution. A Gauss-Newton step may overshoot: then it is halved.
+        if solution is not None and not is_straight:
+            here = rms(solution)
             if best is not None and here > _WORSE * best[1]:
                 solution = 0.5 * (solution + best[0])
                 continue
             best = solution, here
         solution, inverse, at_bound = solve_bounded(gram, moment, black_dn)
-        deviation = _deviation(solution, gram, moment, energy, used)
+        deviation = rms(solution)
         if is_straight and used == total:
             break  # nothing near the ends of the range: the linear fit is final
     assert solution is not None  # there is one round at least
@@ -214,39 +220,6 @@ def _fitted(
     return Fit(
         Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound
     )
-
-
-def _deviation(solution: np.ndarray, gram: np.ndarray, moment: np.ndarray, energy: float, used: int) -> float:
-    """Returns the RMS residual of the used pixels, DN; infinite without any."""
-    if used == 0:
-        return np.inf
-    return float(np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used))
-
-
-def _normal_equations(
-    observations: Sequence[Any], line: _Line, solution: np.ndarray | None, deviation: float, max_dn: float
-) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Returns (Gram matrix, moments, sum of squares, count) over pixels that do not clip. Without a solution the
-    measured values decide which clip; later the prediction does, which is free of the measurement's noise. deviation:
-    RMS residual, DN."""
-    gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
-    for seen, light, measured in observations:
-        columns, offset = line(seen, light, solution)
-        measured_dn = measured.ravel().astype(np.float64)
-        value = measured_dn - offset
-        if solution is None:
-            keep = (measured_dn > 0) & (measured_dn < max_dn)  # False for unknown pixels, NaN
-        else:
-            predicted = solution @ columns + offset
-            margin = _CLIP_MARGIN_SIGMA * deviation
-            keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2])) & np.isfinite(value)
-        if not keep.all():
-            columns, value = columns[:, keep], value[keep]
-        gram += columns @ columns.T
-        moment += columns @ value
-        energy += value @ value
-        used += value.size
-    return gram, moment, energy, used
 
 
 def solve_bounded(

@@ -74,7 +74,7 @@ def pair_findings(
         gaussian_filter(np.where(mask, image, 0.0), _SMOOTH_PX) / np.maximum(weight, 1e-6) for image in (left, there)
     )
     inside = mask & (weight > 0.6)
-    n = np.maximum(blocks.sums(np.ones(a.shape), inside), 1.0)
+    n = np.maximum(blocks.sums(1.0, inside), 1.0)
     mean_a, mean_b = blocks.sums(a, inside) / n, blocks.sums(b, inside) / n
     aa, bb = blocks.sums(a * a, inside) / n - mean_a**2, blocks.sums(b * b, inside) / n - mean_b**2
     ab = blocks.sums(a * b, inside) / n - mean_a * mean_b
@@ -111,7 +111,7 @@ def pair_findings(
     both = (disparity > 0) & (device > 0)
     apart = disparity - device
     both &= np.abs(apart - np.median(apart[both]) if both.any() else 0.0) < _LARGEST_MISMATCH_PX
-    n, d, r = blocks.sums(np.ones(device.shape), both), blocks.sums(device, both), blocks.sums(apart, both)
+    n, d, r = blocks.sums(1.0, both), blocks.sums(device, both), blocks.sums(apart, both)
     dd, dr = blocks.sums(device**2, both), blocks.sums(device * apart, both)
     determinant = np.maximum(n * dd - d * d, 1e-12)
     scale, offset = dr / np.maximum(dd, 1e-12), r / np.maximum(n, 1.0)
@@ -135,9 +135,8 @@ class Blocks:
         rng = np.random.Generator(np.random.Philox(_SEED))
         self._weights = np.vstack([np.ones(self._count), rng.poisson(1.0, (_DRAWS, self._count))])
 
-    def sums(self, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        """Returns the sum of an image's values over a mask for each bootstrap draw, [draws + 1]; the first is the plain
-        sum."""
+    def sums(self, values: np.ndarray | float, mask: np.ndarray) -> np.ndarray:
+        """Returns the sum of an image's values, or of a number, over a mask for each bootstrap draw, [draws + 1]."""
         of_block = np.bincount(self._index, np.where(mask, values, 0.0).ravel(), minlength=self._count)
         return self._weights @ of_block
 
@@ -188,9 +187,8 @@ def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], 
 
         dot RMS      of the left image less its Gaussian blur of 4 px
         residual     the same of left less right at the matched disparity, over sqrt 2, as a share of the dot RMS
-        noise        half of the variance of left less right in smooth parts, by level: an upper bound, for speckle and
-                     errors of the disparity are in it
-        black level  the darkest thousandth of both images: an upper bound, too
+        noise        half of the variance of left less right in smooth parts: speckle and disparity errors are in it
+        black level  the darkest thousandth of both images: an upper bound
     """
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
     blocks, inside = Blocks(left.shape), left < max_dn - 1
@@ -198,39 +196,28 @@ def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], 
     sharp = left - gaussian_filter(left, BLUR_PX)
     both = seen & inside & (right < max_dn - 1)
     dots = blocks.sums(sharp**2, both)
-    count = np.maximum(blocks.sums(np.ones(left.shape), both), 1.0)
+    count = np.maximum(blocks.sums(1.0, both), 1.0)
     slope = gaussian_gradient_magnitude(left, 1.0)
     is_smooth = slope <= np.quantile(slope, _SMOOTHEST)
     chosen = rest[both & is_smooth] ** 2 / (1.0 + _WARP_NOISE)  # variance of one camera
     noise_dn2 = np.maximum(chosen, ROUNDING_VARIANCE) if chosen.size else np.array([ROUNDING_VARIANCE])
     peaks = (sharp == maximum_filter(sharp, 3)) & (sharp > _PEAK * np.sqrt(np.median(noise_dn2))) & inside
     everywhere = np.ones(left.shape, bool)
-    area = blocks.sums(np.ones(left.shape), everywhere)
-    height = blocks.sums(sharp, peaks) / np.maximum(blocks.sums(np.ones(left.shape), peaks), 1.0)
+    area, density = blocks.sums(1.0, everywhere), blocks.sums(1e3 * peaks, everywhere)
+    height = blocks.sums(sharp, peaks) / np.maximum(blocks.sums(1.0, peaks), 1.0)
+    left_over = np.sqrt(blocks.sums(rest**2, both) / 2.0 / np.maximum(dots, 1e-9))
     out = [
         _finding("background_dn", "median of the left image", np.full(len(area), np.median(left)), "DN"),
-        _finding(
-            "dots_per_1000_px",
-            "peaks of dots in 1000 pixels",
-            1e3 * blocks.sums(peaks.astype(float), everywhere) / area,
-            "",
-        ),
+        _finding("dots_per_1000_px", "peaks of dots in 1000 pixels", density / area, ""),
         _finding("dot_peak_dn", "mean height of a dot", height, "DN"),
         _finding("dot_rms_dn", "RMS of dots and texture, left", np.sqrt(dots / count), "DN"),
-        _finding(
-            "residual_share",
-            "left less right, over that RMS",
-            np.sqrt(blocks.sums(rest**2, both) / 2.0 / np.maximum(dots, 1e-9)),
-            "1",
-        ),
+        _finding("residual_share", "left less right, over that RMS", left_over, "1"),
     ]
     level = gaussian_filter(left, 1.0)
     chosen = both & (level > _LEVELS_DN[0]) & (level < _LEVELS_DN[1]) & is_smooth
     if chosen.sum() > 200:
-        variance = blocks.sums(rest**2, chosen) / np.maximum(blocks.sums(np.ones(left.shape), chosen), 1.0)
-        out.append(
-            _finding("noise_20_40_dn", "noise at 20 to 40 DN, at most", np.sqrt(variance / (1.0 + _WARP_NOISE)), "DN")
-        )
+        variance = blocks.sums(rest**2, chosen) / np.maximum(blocks.sums(1.0, chosen), 1.0) / (1.0 + _WARP_NOISE)
+        out.append(_finding("noise_20_40_dn", "noise at 20 to 40 DN, at most", np.sqrt(variance), "DN"))
     darkest = float(np.quantile(np.concatenate([left.ravel(), right.ravel()]), _DARKEST))
     out.append(_finding("black_dn", "black level, at most", np.full(len(area), darkest), "DN"))
     return out

@@ -100,47 +100,32 @@ def _rendered(
 
 
 def noise_square(first: np.ndarray, second: np.ndarray) -> float:
-    """Returns the mean square of the renderer's noise in the mean of two half renders, in the square of their unit.
-
-    An expected image is the mean x = (a + b) / 2 of two halves of the samples, rendered with independent random
-    numbers. For a measurement m, the noise of a and b does not raise mean((a - m) (b - m)), as it raises mean((x -
-    m)^2). It is the squared error of an image with infinitely many samples. The two differ by mean((a - b)^2) / 4,
-    whatever m is."""
+    """Returns the mean square of the renderer's noise in the mean x of two half renders a and b, in the square of their
+    unit. By so much mean((x - m)^2) exceeds mean((a - m) (b - m)), the squared error of an image with infinitely many
+    samples, whatever the measurement m is."""
     return float(np.mean((np.asarray(first, dtype=np.float64) - second) ** 2)) / 4.0
 
 
-def rmse_without_noise(squares: float, pixels: int, noise_squares: float) -> float:
-    """Returns the root mean square error from a sum of squared errors and the part of that sum that is the renderer's
-    noise."""
-    return float(np.sqrt(max(squares - noise_squares, 0.0) / pixels))
-
-
 def mean_of_halves(halves: Halves) -> LayersOfFrames:
-    """Returns the mean Layers of two half renders; frames with the same halves share one result."""
+    """Returns the mean light of two half renders, with the first one's geometry; frames with the same halves share one
+    result."""
     known: dict[tuple[int, int], Layers] = {}
-    means: dict[int, dict[str, Layers]] = {}
-    for number, sides in halves[0].items():
-        for side, first in sides.items():
-            second = halves[1][number][side]
-            key = id(first), id(second)
-            if key not in known:
-                known[key] = _mean_layers(first, second)
-            means.setdefault(number, {})[side] = known[key]
-    return means
-
-
-def _mean_layers(first: Layers, second: Layers) -> Layers:
-    """Returns the mean light of two renders of one view, with the first one's geometry."""
+    names = "direct", "indirect", "ambient", "flat", "ambient_direct"
 
     def mean(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return (0.5 * (a + b)).astype(np.float32)
 
-    names = ["direct", "indirect", "ambient", "flat"]
-    if first.ambient_direct is not None and second.ambient_direct is not None:
-        names.append("ambient_direct")
-    light: dict[str, Any] = {name: mean(getattr(first, name), getattr(second, name)) for name in names}
-    fine, other = first.supersampled, second.supersampled
-    if fine is not None and other is not None:
-        images = mean(fine.images(), other.images())
-        light["supersampled"] = SupersampledImages(images, fine.scale, fine.margin_px)
-    return replace(first, **light)
+    def of_view(first: Layers, second: Layers) -> Layers:
+        if (key := (id(first), id(second))) not in known:
+            pairs = {name: (getattr(first, name), getattr(second, name)) for name in names}
+            light: dict[str, Any] = {name: mean(a, b) for name, (a, b) in pairs.items() if a is not None}
+            if (fine := first.supersampled) is not None and (other := second.supersampled) is not None:
+                images = mean(fine.images(), other.images())
+                light["supersampled"] = SupersampledImages(images, fine.scale, fine.margin_px)
+            known[key] = replace(first, **light)
+        return known[key]
+
+    return {
+        number: {side: of_view(first, halves[1][number][side]) for side, first in sides.items()}
+        for number, sides in halves[0].items()
+    }

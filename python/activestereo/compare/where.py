@@ -3,13 +3,10 @@
 false discovery rate.
 
 Each of three channels is a list of pixels with residual, covariates, bins and blocks: infrared (DN), disparity (px, of
-pixels that device and model both measured), validity (1 = the device alone measured, -1 = the model alone). Only train
-frames are used, so that readers of these tables have not seen the test frames.
-
-Pixels are not independent, so whole blocks of the image are resampled (Efron and Tibshirani, An Introduction to the
-Bootstrap, 1993, ch. 8; Benjamini and Yekutieli, Annals of Statistics 29, 2001). Covariates are known quantities of each
-pixel, such as depth or viewing angle: one map [height][width] of an image, or one number of a frame. NaN = not defined
-there (the sky has no depth)."""
+pixels that device and model both measured), validity (1 = the device alone measured, -1 = the model alone). A covariate
+is a known quantity of each pixel, such as depth; NaN = not defined there (the sky has no depth). Pixels are not
+independent, so whole blocks of the image are resampled (Efron and Tibshirani, An Introduction to the Bootstrap, 1993,
+ch. 8; Benjamini and Yekutieli, Annals of Statistics 29, 2001)."""
 
 from __future__ import annotations
 
@@ -113,12 +110,8 @@ def covariate_maps(
     return {name: np.broadcast_to(np.asarray(value, dtype=np.float32), view.shape) for name, value in maps.items()}
 
 
-LEVEL = 0.95
-
-
 class BlockBootstrap:
-    """Draws Poisson(1) weights for `groups` groups of blocks, float32 [draws][groups], and uses the same ones for every
-    statistic."""
+    """Draws Poisson(1) weights for groups of blocks, float32 [draws][groups], the same for every statistic."""
 
     def __init__(self, groups: int, seed: int, draws: int = 4000) -> None:
         rng = np.random.Generator(np.random.Philox(seed))
@@ -135,7 +128,7 @@ class BlockBootstrap:
 
 def interval(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns (low, high), the bounds of the central 95 % of draws [draws][...]."""
-    tail = 50.0 * (1.0 - LEVEL)
+    tail = 50.0 * (1.0 - 0.95)
     low, high = np.nanpercentile(draws, (tail, 100.0 - tail), axis=0)
     return low, high
 
@@ -285,9 +278,7 @@ def where_tables(
     channels: Mapping[str, Samples], seed: int, name_of: Callable[[Any], str] = str
 ) -> list[dict[str, Any]]:
     """Returns the `where` list of compare.json: a table per channel and covariate, findings first, larger first.
-
-    channels: {name: Samples}. name_of(material id): its name.
-    """
+    channels: {name: Samples}. name_of(material id): its name."""
     bootstrap = BlockBootstrap(GROUPS, seed)
     tables: list[dict[str, Any]] = [
         {"channel": channel, "unit": samples.unit} | _table(samples, covariate, bootstrap, name_of)

@@ -48,7 +48,7 @@ class Rendering(Protocol):
     """Renders a capture's train frames under a model, with the same random numbers in every call: light (direct,
     indirect, ambient), float32 [3][height][width]."""
 
-    def __call__(self, model: Model) -> _Images: ...
+    def __call__(self, model: Model, /) -> _Images: ...
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from activestereo.common.processes import forked
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.model_file import library
-from activestereo.compare.nuisances import predict_under_model
+from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.diagnose.pixels import LightMemory
 from activestereo.effects import Model, Randomness, Stage, View
 from activestereo.report.diagnosis import ROWS
@@ -97,8 +97,9 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
 
     def predicted(name: str) -> dict[tuple[int, str], np.ndarray]:
         light = {image.key: light_of(models[name], i) for i, image in enumerate(images)}
-        expected = predict_under_model(capture, models[name], [light], views, measured)[1]
-        return {key: image.astype(np.float32) for key, (image,) in expected.items()}
+        fit, seen = fit_with_exposures(capture, models[name], light, views, measured)
+        expected = {key: models[name].signal(light[key], view, fit.nuisances) for key, view in seen.items()}
+        return {key: image.astype(np.float32) for key, image in expected.items()}
 
     for i, work in forked(predicted, left, os.cpu_count() or 1):
         out[left[i]] = None if work.exception() else work.result()

@@ -16,6 +16,7 @@ from activestereo.compare.depth_compare import DepthModel, expose
 from activestereo.compare.noise import NoiseModel
 from virtual_sensor.world import make_world
 
+
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     return make_world(tmp_path_factory.mktemp("world"), size=(160, 90), grid=3)

@@ -19,7 +19,7 @@ TRIED = list(KNOWN) if os.environ.get("ACTIVESTEREO_FULL") else list(KNOWN)[::4]
 
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory) -> Trial:
-    return Trial.make(tmp_path_factory.mktemp("trial"))
+    return Trial(tmp_path_factory.mktemp("trial"))
 
 
 def test_every_mapped_effect_has_a_figure():
