@@ -27,7 +27,8 @@ def room():
 def test_a_lamp_in_the_room_is_sought_where_it_may_stand(monkeypatch):
     """Light falls off beside a near lamp, of which the normals of two surfaces tell nothing."""
     points, normal = room()
-    shading = SimpleNamespace(points=points, normal=normal, reflectance=np.full(SHAPE, 0.2), hit=np.ones(SHAPE, bool))
+    shading = module.Shading.__new__(module.Shading)
+    vars(shading).update(points=points, normal=normal, reflectance=np.full(SHAPE, 0.2), hit=np.ones(SHAPE, bool))
     monkeypatch.setattr(module.Shading, "of", lambda *_: shading)
     frame, unshadowed = SimpleNamespace(camera_to_world=np.eye(4)), lambda *_, choice: np.ones(SHAPE)
     view = SimpleNamespace(left_to_camera=np.eye(4), frame=frame, latest=unshadowed)

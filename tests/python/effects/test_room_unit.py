@@ -45,7 +45,7 @@ def images():
 def test_a_place_shows_which_way_a_unit_there_points(images):
     chosen = [image for image, _ in images]
     seen = SeenPoints.of(chosen, 6000)
-    match = SphereMatch(chosen[0].view, *room_unit._COARSE)
+    match = SphereMatch(chosen[0].view, *room_unit.COARSE)
     (gain, pose), (beside, _) = match.best(seen, np.stack([UNIT[:3, 3], UNIT[:3, 3] + (0.2, 0.0, 0.0)]))
     np.testing.assert_allclose(pose[3:5], angles(UNIT[:3, 2]), atol=0.03)
     assert gain > 3 * beside

@@ -16,7 +16,6 @@ import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.input_files import read_toml
 from activestereo.common.pose import CAMERA_TO_BODY, look_at, pose_matrices
-from activestereo.effects.core.surfaces import instance_transforms
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.scene_io.scene_files import keep_transparent, load_scene_file, size_hint
@@ -119,7 +118,7 @@ class Things:
             first = scene.summary.instance_count
             load_scene_file(scene, path, unit_m=unit_m)
             ids = np.arange(first, scene.summary.instance_count, dtype=np.uint32)
-            base = np.diag([unit_m, unit_m, unit_m, 1.0]) @ instance_transforms(path, len(ids))
+            base = np.array([scene.get_instance(number)["local_to_world"] for number in ids]).reshape(-1, 4, 4)
             self._instances.append(ids)
             self._base.append(base)
             # A scene of its own gives the thing's size.

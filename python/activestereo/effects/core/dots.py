@@ -33,7 +33,7 @@ class DotView:
     def of(cls, view: View) -> DotView:
         """Returns the DotView of a view, computed once per view."""
         return view.once(
-            "dots", lambda: cls.of(view.source)._pick_pixels(view) if isinstance(view, PickedView) else cls(view)
+            "dots", lambda: cls.of(view.whole)._pick_pixels(view) if isinstance(view, PickedView) else cls(view)
         )
 
     def __init__(self, view: View) -> None:

@@ -55,14 +55,12 @@ def radiance_under(lamp: kuafu.Light, to_camera: np.ndarray, light: Light, view:
     """Returns the radiance [height][width] that a lamp adds to the diffuse surfaces, with shadows. lamp: a point light
     or a directional one. to_camera: its pose [4][4] in camera coordinates."""
     shading = Shading.of(light, view)
-    way, square = -to_camera[:3, 2], np.float64(1.0)
+    way = -to_camera[:3, 2]
+    irradiance = shading.cosine(way)
     if lamp.kind == "point":
-        way = to_camera[:3, 3] - shading.points
-        square = np.maximum((way**2).sum(-1), 1e-6)
-        way = way / np.sqrt(square)[..., None]
-    cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)
+        way, _, irradiance = shading.from_source(to_camera[:3, 3])
     lit = view.latest("lamp's shadow", None, lambda: _lit(view, way), choice=to_camera.tobytes())
-    return lamp.ir_intensity * shading.reflectance * cosine / square * lit
+    return lamp.ir_intensity * shading.reflectance * irradiance * lit
 
 
 def _lit(view: View, way: np.ndarray) -> np.ndarray:
@@ -72,10 +70,9 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
     points = view.points()[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     way = np.broadcast_to(way, view.points().shape)[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     height, width = depth.shape
-    K = view.K.astype(np.float32) / np.float32(_EVERY_PX)
+    K = (np.diag([1.0 / _EVERY_PX, 1.0 / _EVERY_PX, 1.0]) @ view.K).astype(np.float32)
     # Pixel coordinates times depth are linear along a ray.
-    column_z, row_z, z = ((k * points[..., i] + c * points[..., 2]) for k, i, c in _projection(K))
-    column_step, row_step, z_step = ((k * way[..., i] + c * way[..., 2]) for k, i, c in _projection(K))
+    (column_z, row_z, z), (column_step, row_step, z_step) = (np.moveaxis(x @ K.T, -1, 0) for x in (points, way))
     shadowed = np.zeros(depth.shape, dtype=bool)
     for step in np.geomspace(_FIRST_STEP_M, _REACH_M, _STEPS).astype(np.float32):
         along = z + step * z_step
@@ -89,12 +86,6 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
     soft = gaussian_filter((~shadowed).astype(np.float32), _SOFT_PX, mode="mirror")
     factors = [full / part for full, part in zip(view.shape, soft.shape, strict=True)]
     return zoom(soft, factors, np.float64, order=1, mode="nearest", grid_mode=True)
-
-
-def _projection(K: np.ndarray) -> tuple[tuple[np.float32, int, np.float32], ...]:
-    """Returns three triples (factor a, index i, factor b). For a camera point X, a X[i] + b X[2] is column times z, row
-    times z, and z in turn."""
-    return (K[0, 0], 0, K[0, 2]), (K[1, 1], 1, K[1, 2]), (np.float32(1.0), 2, np.float32(0.0))
 
 
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import ctypes as c
 import importlib.util
 import keyword
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -179,16 +180,7 @@ def _from_python(path: Path) -> list[Effect]:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # anything may go wrong in a user's file; the message names the line
-        line = getattr(error, "lineno", None) or _line_in(error, path)
+        steps = [step.lineno for step in traceback.extract_tb(error.__traceback__) if step.filename == str(path)]
+        line = getattr(error, "lineno", None) or (steps or [None])[-1]
         raise ValueError(f"{path}{f', line {line}' if line else ''}: {type(error).__name__}: {error}") from error
     return list({id(value): value for value in vars(module).values() if isinstance(value, Effect)}.values())
-
-
-def _line_in(error: BaseException, path: Path) -> int | None:
-    """Returns the last line of the file that the error went through, or None."""
-    step, line = error.__traceback__, None
-    while step:
-        if step.tb_frame.f_code.co_filename == str(path):
-            line = step.tb_lineno
-        step = step.tb_next
-    return line

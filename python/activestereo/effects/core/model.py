@@ -94,15 +94,15 @@ class Model:
         first frame of a stream.
         """
         stream = {} if stream is None else stream
-        matched = np.asarray(depth_m, dtype=np.float64)
-        if self._select(Stage.DISPARITY, Stage.DISPARITY, True):
-            disparity = inverse_depth(matched, view)
-            for effect, parameters in self._select(Stage.DISPARITY, Stage.DISPARITY, True):
-                disparity = _apply_in_stream(effect, parameters, disparity, view, stream)
-            matched = inverse_depth(disparity, view)
-        for effect, parameters in self._select(Stage.DEPTH, Stage.DEPTH, True):
-            matched = _apply_in_stream(effect, parameters, matched, view, stream)
-        return matched
+        image, stage = np.asarray(depth_m, dtype=np.float64), Stage.DEPTH
+        for effect, parameters in self._select(Stage.DISPARITY, Stage.DEPTH, True):
+            if effect.stage is not stage:
+                image, stage = inverse_depth(image, view), effect.stage
+            seen = replace(view, before=stream.get(effect.id)) if effect.remembers else view
+            image = effect.apply(image, seen, **parameters)
+            if effect.remembers:
+                stream[effect.id] = image
+        return image if stage is Stage.DEPTH else inverse_depth(image, view)
 
     @property
     def remembers(self) -> bool:
@@ -114,17 +114,6 @@ class Model:
         if not random:
             chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]
         return tuple(sorted(chosen, key=lambda pair: pair[0].stage))
-
-
-def _apply_in_stream(
-    effect: Effect, parameters: dict[str, float], image: np.ndarray, view: View, stream: dict[str, np.ndarray]
-) -> np.ndarray:
-    """Applies one effect to a disparity or depth image of a stream and returns the result. If the effect remembers, its
-    result for the frame before comes from `stream`, which is updated."""
-    if not effect.remembers:
-        return effect.apply(image, view, **parameters)
-    stream[effect.id] = effect.apply(image, replace(view, before=stream.get(effect.id)), **parameters)
-    return stream[effect.id]
 
 
 def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View) -> Light:

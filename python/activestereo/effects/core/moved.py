@@ -64,10 +64,23 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     rows = np.broadcast_to(np.asarray(dt_s, dtype=np.float64), view.shape[:1])
     if not view.frame.is_moving or not rows.any():
         return light
-    then_to_mid = _poses(view, rows)
+    # 1. The rig's motion: from camera coordinates at each row's time to those at mid-exposure, [height][4][4].
+    twist, to_left = view.frame.camera_velocity, np.linalg.inv(view.left_to_camera)
+    times, index = np.unique(rows, return_inverse=True)
+    then_to_mid = np.stack([view.left_to_camera @ motion_of_twist(t * twist) @ to_left for t in times])[index]
     u, v, then, mid = _source_pixels(view, then_to_mid)
     moved = light.warped(u, v)
-    flat = moved.flat * _falloff_ratio(view, then_to_mid, u, v, then, mid)
+    # 2. The projector's irradiance on each surface point at the row's time, over that at mid-exposure.
+    source = np.linalg.inv(view.camera_to_projector)[:3, 3]
+    normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
+    normal_then = normal_mid @ then_to_mid[:, :3, :3]
+    after, before = (
+        np.maximum((normal * (source - points)).sum(-1), 0.0) / np.linalg.norm(source - points, axis=-1) ** 3
+        for points, normal in ((then, normal_then), (mid, normal_mid))
+    )
+    safe = before > 0
+    flat = moved.flat * np.where(safe, np.clip(after / np.where(safe, before, 1.0), 0.0, 4.0), 1.0)
+    # 3. The dots at the pixel's new depth.
     dots = DotView.of(view)
     nominal = dots.nominal()
     now = dots.mean(view.pattern, *dots.project(transform(view.camera_to_projector, then)))
@@ -77,18 +90,9 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     return replace(moved, direct=direct, flat=flat)
 
 
-def _poses(view: View, rows: np.ndarray) -> np.ndarray:
-    """Returns the rig's motion as one pose per row, [height][4][4], from camera coordinates at the row's time to those
-    at mid-exposure. rows: each row's time after mid-exposure, seconds, [height]."""
-    twist, to_left = view.frame.camera_velocity, np.linalg.inv(view.left_to_camera)
-    times, index = np.unique(rows, return_inverse=True)
-    poses = np.stack([view.left_to_camera @ motion_of_twist(t * twist) @ to_left for t in times])
-    return poses[index]
-
-
 def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Returns each pixel's position (u, v) of its surface point at mid-exposure. Then come the point's camera
-    coordinates [height][width][3] at the row's time and at mid-exposure. then_to_mid: [height][4][4], see _poses()."""
+    coordinates [height][width][3] at the row's time and at mid-exposure. then_to_mid: [height][4][4]."""
     rotation, shift = then_to_mid[:, :3, :3], then_to_mid[:, None, :3, 3]
     far = view.depth_m.max() if view.depth_m.any() else 1.0
     depth_mid = np.where(view.depth_m > 0, view.depth_m, 100.0 * far)  # at such a depth only turns show
@@ -100,24 +104,6 @@ def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.
         depth_there = sample(depth_mid, u, v, order=1)
         depth = depth * depth_there / mid[..., 2]
     return u, v, then, mid
-
-
-def _falloff_ratio(
-    view: View, then_to_mid: np.ndarray, u: np.ndarray, v: np.ndarray, then: np.ndarray, mid: np.ndarray
-) -> np.ndarray:
-    """Returns [height][width]: the projector's irradiance on each surface point at the row's time, over that at
-    mid-exposure. u, v, then, mid: from _source_pixels(). Only the rig moves."""
-    source = np.linalg.inv(view.camera_to_projector)[:3, 3]
-    normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
-    normal_then = normal_mid @ then_to_mid[:, :3, :3]
-
-    def irradiance(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        way = source - points
-        return np.maximum((normal * way).sum(-1), 0.0) / np.linalg.norm(way, axis=-1) ** 3
-
-    before = irradiance(mid, normal_mid)
-    safe = before > 0
-    return np.where(safe, np.clip(irradiance(then, normal_then) / np.where(safe, before, 1.0), 0.0, 4.0), 1.0)
 
 
 # An exposure is the mean of this many instants; discs of confusion are limited to this diameter.
@@ -266,8 +252,10 @@ class _Image:
             dots = DotView.of(view)
             light = dots.change(light, dots.nominal(), dots.mean(inputs.pattern))
         if own.pattern_scale != 1.0 or any(own.distortion):
-            dots = DotView.of(view)
-            light = dots.change(light, dots.nominal(), dots.mean(view.pattern, *_before(dots, view, own)))
+            dots, K = DotView.of(view), view.projector_K
+            x, y = distort(*to_tangents(dots.u, dots.v, K), own.distortion)
+            u, v = to_pixels(x / own.pattern_scale, y / own.pattern_scale, K)  # of the beam that lights the pixel now
+            light = dots.change(light, dots.nominal(), dots.mean(view.pattern, u, v))
         if own.radius_m > 0.0:
             dots = DotView.of(view)
             z = np.where(dots.lit, dots.z, own.focus_m)
@@ -317,7 +305,7 @@ class _ViewInputs(EngineInputs):
 
     @classmethod
     def of(cls, view: View, signal: dict[str, float]) -> _ViewInputs:
-        whole = view.source if isinstance(view, PickedView) else view
+        whole = view.whole if isinstance(view, PickedView) else view
         height, width = whole.shape
         lens = lens_fields(view.distortion)
         left, right = (
@@ -372,11 +360,3 @@ def tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
     points = view.projector_points()
     z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
     return points[..., 0] / z, points[..., 1] / z
-
-
-def _before(dots: DotView, view: View, projector: kuafu.Light) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the pattern pixel (u, v) of the beam that lights each camera pixel after the projector changed.
-    projector: has the changed pattern_scale or distortion. dots: the beams' pattern pixels before."""
-    K, scale = view.projector_K, projector.pattern_scale
-    x, y = distort(*to_tangents(dots.u, dots.v, K), projector.distortion)
-    return to_pixels(x / scale, y / scale, K)

@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds starting values for a fit of a pattern projector that stands in the world.
+"""Finds starting values for a fit of a pattern projector, a unit, that stands in the world.
 
 The search first keeps the places whose light would fall onto the surfaces as strongly as the residual's dots show. From
 each place, the residual by direction is correlated with the pattern at all pans and tilts. The best few places are then
 polished, first with a blurred pattern, then with a sharper one.
 
-Matches the pattern of a projector in the world, a unit, with pixels of several images by their residual.
-
 On the unit's own image plane pan and tilt nearly shift the pattern, so that a correlation finds the best ones near a
-pose. Farther away the plane is seen too obliquely. The residual is then collected by its direction from a place, on a
-grid of azimuths and elevations. A pan shifts the pattern along that grid's azimuths, exactly; for each of some tilts
-the pattern is drawn once on the same grid. Correlations over the azimuth, by their Fourier transforms, then give the
-gain of all pans and tilts. (On an image plane, a turn by more than a few degrees bends the pattern: random dots no
-longer match.)"""
+pose; a turn by more than a few degrees bends it. Farther away the residual is collected by its direction from a place,
+on a grid of azimuths and elevations, along which a pan shifts the pattern exactly. For each of some tilts the pattern
+is drawn once on this grid, and correlations over the azimuth give the gain of all pans."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from heapq import nlargest
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from scipy.optimize import minimize
 from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.lamp import towards
 from activestereo.effects.core.shading import Shading
-from activestereo.effects.core.view import View
+from activestereo.effects.core.view import View, transform
 
 
 def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
@@ -50,10 +49,14 @@ _SEED = 12
 _DOTS_PX = 0.8, 4.0
 
 
+def _to_world(view: View) -> np.ndarray:
+    return view.frame.camera_to_world @ np.linalg.inv(view.left_to_camera)
+
+
 class SeenPoints(NamedTuple):
-    """n pixels that see a surface. points, normals: world [n][3], metres. glow: DN under irradiance 1. weight: inverse
-    variance, 1/DN^2. residual: measured minus expected, DN. dots: size of the residual's detail that is as fine as
-    dots, in a pixel's standard deviations."""
+    """n pixels that see a surface. points, normals: [n][3], metres, in the world or another frame. glow: DN under
+    irradiance 1. weight: inverse variance, 1/DN^2. residual: measured minus expected, DN. dots: size of the residual's
+    detail that is as fine as dots, in a pixel's standard deviations."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -63,18 +66,19 @@ class SeenPoints(NamedTuple):
     dots: np.ndarray
 
     @classmethod
-    def of(cls, images: list[StartImage], most: int) -> SeenPoints:
-        """Returns at most `most` random pixels of the images, among those that see a surface."""
+    def of(cls, images: list[StartImage], most: int, to_frame: Callable[[View], np.ndarray] = _to_world) -> SeenPoints:
+        """Returns at most `most` random pixels of the images, among those that see a surface. to_frame: maps a view to
+        the pose [4][4] of its camera in the points' frame."""
         columns = []
         for image in images:
             view, shading = image.view, Shading.of(image.light, image.view)
-            to_world = view.frame.camera_to_world @ np.linalg.inv(view.left_to_camera)
+            to_own = to_frame(view)
             at = shading.hit & (shading.reflectance > 0)
             sharp, smooth = (gaussian_filter(image.residual, size) for size in _DOTS_PX)
             columns.append(
                 (
-                    shading.points[at] @ to_world[:3, :3].T + to_world[:3, 3],
-                    shading.normal[at] @ to_world[:3, :3].T,
+                    transform(to_own, shading.points[at]),
+                    shading.normal[at] @ to_own[:3, :3].T,
                     image.ambient_dn * shading.reflectance[at],
                     image.weight[at],
                     image.residual[at],
@@ -135,10 +139,15 @@ class PlaneMatch:
         plane = np.zeros(self._shape, np.float32)
         plane[: pattern.shape[0], : pattern.shape[1]] = pattern - pattern.mean()
         self._of_pattern, self._of_square = (np.conj(fft.rfft2(x)) for x in (plane, plane**2))
+        # Tangents of the tilts and pans to which a shift of the pattern by so many rows and columns belongs.
+        shifts = (np.where(k < 0.75 * n, k, k - n) - n / 4 for n in self._shape for k in [np.arange(n)])
+        self._tilts, self._pans = (k / focal for k, focal in zip(shifts, (self._K[1, 1], self._K[0, 0]), strict=True))
 
-    def best(self, seen: SeenPoints, pose: np.ndarray) -> tuple[float, float, np.ndarray]:
-        """Returns (decrease of chi squared, intensity, pose) at the best pan and tilt near `pose`, from the same
-        place."""
+    def best(
+        self, seen: SeenPoints, pose: np.ndarray, most: tuple[float, float] = (np.inf, np.inf)
+    ) -> tuple[float, float, np.ndarray]:
+        """Returns (decrease of chi squared, intensity, pose) at the best pan and tilt near `pose`, from the same place.
+        most: tangents of the largest tilt and pan."""
         way, lit = seen.lit_from(pose[:3])
         turn = axes(*pose[3:])
         height, width = self._shape
@@ -150,9 +159,10 @@ class PlaneMatch:
         norm = self._correlated(at, lit**2 * weight, self._of_square)
         strength = np.maximum(moment, 0.0) / np.maximum(norm, 1e-2 * norm.max() + np.float32(1e-30))
         gain = strength * np.maximum(moment, 0.0)
+        gain[np.abs(self._tilts) > most[0]] = 0.0
+        gain[:, np.abs(self._pans) > most[1]] = 0.0
         i, j = np.unravel_index(int(np.argmax(gain)), self._shape)
-        down, right = (k if k < 0.75 * n else k - n for k, n in ((i, height), (j, width)))
-        ahead = np.array([(right - width / 4) / self._K[0, 0], (down - height / 4) / self._K[1, 1], 1.0])
+        ahead = np.array([self._pans[j], self._tilts[i], 1.0])
         turned = np.array([*pose[:3], *angles(turn @ ahead), pose[5]])
         return float(gain[i, j]), float(strength[i, j]), turned
 
@@ -197,7 +207,9 @@ class SphereMatch:
         ways = np.stack([np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)], axis=-1)
         drawn = np.zeros((len(_TILTS_RAD), _ROWS, _COLUMNS), np.float32)
         for tilted, tilt in zip(drawn, _TILTS_RAD, strict=True):
-            tilted[:, near] = _drawn(pattern - pattern.mean(), K, ways @ axes(0.0, tilt, 0.0))
+            row, at, inside = pixels_of(ways @ axes(0.0, tilt, 0.0), K, pattern.shape)
+            values = (pattern - pattern.mean())[np.where(inside, row, 0), np.where(inside, at, 0)]
+            tilted[:, near] = np.where(inside, values, 0.0)
         # [wave][row][tilt]
         self._of_pattern, self._of_square = (
             np.ascontiguousarray(np.conj(fft.rfft(x, axis=2)[..., :waves]).transpose(2, 1, 0))
@@ -223,13 +235,6 @@ class SphereMatch:
                 azimuth = column * _STEP_RAD - (2 * np.pi if 2 * column > _COLUMNS else 0.0)
                 found.append((float(of_place[tilt, column]), np.array([*place, azimuth, _TILTS_RAD[tilt], 0.0])))
         return found
-
-
-def _drawn(pattern: np.ndarray, K: np.ndarray, beam: np.ndarray) -> np.ndarray:
-    """Returns the pattern's values in directions [...][3] of a unit's frame; 0 beside the pattern."""
-    height, width = pattern.shape
-    row, column, inside = pixels_of(beam, K, pattern.shape)
-    return np.where(inside, pattern[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
 
 
 def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
@@ -263,7 +268,7 @@ _IMAGES, _COARSE_PIXELS, _FINE_PIXELS = 4, 10000, 20000
 _BEYOND_M, _STEP_M, _NEAR_M, _PLACES = 0.7, 0.05, 0.15, 5000
 _MOST_OF_GRID = 200_000
 # The pattern's blur (Gaussian, radians) and resolution (focal length, pixels) in the search and in the polish.
-_COARSE, _FINE = (4.0 / 592.0, 148.0), (2.0 / 592.0, 296.0)
+COARSE, _FINE = (4.0 / 592.0, 148.0), (2.0 / 592.0, 296.0)
 _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
 # Detail finer than this many pixels is dots or noise. Where its mean square is less than this multiple of the noise, no
 # unit shows and nothing is searched.
@@ -273,6 +278,7 @@ _FINE_PX, _LEAST_CHI2 = 4.0, 1.1
 _LEAST_LIKENESS = 0.2
 # Correlation with noise gives no such fall of chi2, even for the best of some 10^8 poses (2 ln 10^8 = 37).
 _LEAST_GAIN = 100.0
+_gain = itemgetter(0)
 
 
 def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
@@ -290,22 +296,18 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     places = _likely_places(few)
     if len(places) == 0:
         return [{}]
-    found = SphereMatch(view, *_COARSE).best(few, places)
-    coarse, exact = PlaneMatch(view, *_COARSE), PlaneMatch(view, *_FINE)
-    poses = [pose for _, pose in _first(found, _ROUGHLY_POLISHED)]
+    found = SphereMatch(view, *COARSE).best(few, places)
+    coarse, exact = PlaneMatch(view, *COARSE), PlaneMatch(view, *_FINE)
+    poses = [pose for _, pose in nlargest(_ROUGHLY_POLISHED, found, _gain)]
     rough = [coarse.polished(few, pose, 0.02) for pose in poses]
-    rough = [pose for _, pose in _first([(coarse.best(seen, pose)[0], pose) for pose in rough], _POLISHED)]
+    rough = nlargest(_POLISHED, rough, lambda pose: coarse.best(seen, pose)[0])
     starts = [exact.best(seen, exact.polished(seen, coarse.polished(seen, pose, 0.02), 0.01)) for pose in rough]
     names = "x_m", "y_m", "z_m", "azimuth_rad", "elevation_rad", "roll_rad"
     return [
         {"intensity_m2": strength} | dict(zip(names, map(float, pose), strict=True))
-        for gain, strength, pose in sorted(starts, key=lambda one: -one[0])[:_STARTS]
+        for gain, strength, pose in nlargest(_STARTS, starts, _gain)
         if gain > _LEAST_GAIN
     ] or [{}]
-
-
-def _first(scored: list[tuple[float, np.ndarray]], most: int) -> list[tuple[float, np.ndarray]]:
-    return sorted(scored, key=lambda one: -one[0])[:most]
 
 
 def _likely_places(seen: SeenPoints) -> np.ndarray:

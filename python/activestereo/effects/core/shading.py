@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.integrate import trapezoid
 
+from activestereo.common.lens import to_pixels
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import BlurAlong, BoxSampler, Pattern, disc_sampler
+from activestereo.effects.core.resample import BlurAlong, Pattern, disc_sampler
 from activestereo.effects.core.view import View, transform
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ class Facing:
         self.points = view.points()
         self.to_camera = _unit(-self.points)
         self.normal = np.where((view.normal * self.to_camera).sum(-1, keepdims=True) < 0, -view.normal, view.normal)
-        self.camera_cosine = self._cosine(self.to_camera)
+        self.camera_cosine = self.cosine(self.to_camera)
         source = np.linalg.inv(view.camera_to_projector)[:3, 3]
         self.to_projector, self.projector_cosine, self.irradiance = self.from_source(source)
 
@@ -131,10 +132,11 @@ class Facing:
         way = position - self.points
         square = np.maximum((way**2).sum(-1), 1e-12)
         direction = _unit(way)
-        cosine = self._cosine(direction)
+        cosine = self.cosine(direction)
         return direction, cosine, cosine / square
 
-    def _cosine(self, direction: np.ndarray) -> np.ndarray:
+    def cosine(self, direction: np.ndarray) -> np.ndarray:
+        """Returns the cosine of unit directions to each pixel's normal."""
         return np.where(self.hit, np.maximum((self.normal * direction).sum(-1), 0.0), 0.0)
 
 
@@ -157,26 +159,18 @@ class Shading(Facing):
         share = np.median((own / np.maximum(light.ambient, 1e-12))[lit]) if lit.any() else 0.0
         self.reflectance = np.where(self.hit, np.where(lit, own, light.ambient * share), 0.0)
 
-    def pattern_from(self, projector_points: np.ndarray, sampler: BoxSampler) -> np.ndarray:
-        """Returns the pattern's value where points [..., 3] in a projector's frame are lit, averaged over a camera
-        pixel; 0 behind the projector. sampler: of the pattern. The average's box has the ratio of projector and camera
-        focal lengths."""
-        K, view = self._view.projector_K, self._view
-        z = np.where(projector_points[..., 2] > 0, projector_points[..., 2], np.inf)
-        y = projector_points[..., 1] / z
-        u = K[0, 0] * projector_points[..., 0] / z + K[0, 1] * y + K[0, 2]
-        box = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
-        mean = sampler(u, K[1, 1] * y + K[1, 2], *(np.full(u.shape, side) for side in box))
-        return np.where(np.isfinite(z) & self.hit, mean, 0.0)
-
     def light_of_unit(self, intensity_m2: float, to_camera: np.ndarray) -> np.ndarray:
         """Returns the radiance, relative to the ambient radiance, that another projector with this pattern adds,
         [height][width], without shadows. intensity_m2: its radiant intensity over the ambient radiance, m^2.
         to_camera: its pose [4][4] in camera coordinates."""
-        sharp = self._view.once("sharp pattern", lambda: disc_sampler(Pattern(self._view.pattern), 0.0))
+        view, K = self._view, self._view.projector_K
+        sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
+        x, y, z = np.moveaxis(transform(np.linalg.inv(to_camera), self.points), -1, 0)
+        u, v = to_pixels(x / np.where(z > 0, z, np.inf), y / np.where(z > 0, z, np.inf), K)
+        # The pattern's mean over a camera pixel, a box by the ratio of the focal lengths.
+        dots = sharp(u, v, *(np.full(u.shape, K[i, i] / view.K[i, i]) for i in (0, 1)))
         *_, irradiance = self.from_source(to_camera[:3, 3])
-        dots = self.pattern_from(transform(np.linalg.inv(to_camera), self.points), sharp)
-        return intensity_m2 * dots * irradiance * self.reflectance
+        return intensity_m2 * np.where((z > 0) & self.hit, dots, 0.0) * irradiance * self.reflectance
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from activestereo.common.pose import pose_matrices
 from activestereo.effects.core.descriptor import Parameter
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
@@ -43,12 +41,10 @@ class Surface:
 
 @dataclass(frozen=True)
 class _Instance:
-    """An object of a glTF file. materials: the number of each part's material, -1 where the file names none. to_file:
-    4x4, from the mesh's axes to the file's."""
+    """An object of a glTF file. materials: the number of each part's material, -1 where the file names none."""
 
     name: str
     materials: tuple[int, ...]
-    to_file: NDArray[np.float64]
 
 
 def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
@@ -158,34 +154,23 @@ def numbers_of(name: str, names: Sequence[str]) -> list[int]:
     return exact or [k for k, other in enumerate(names) if material_of(other) == name]
 
 
-def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float64]:
-    """Returns [count, 4, 4]: each object's transform from its mesh's axes to the file's, in the order in which kuafu
-    loads them. They are the identity for files other than glTF. Raises ValueError if the file has another count."""
-    path = Path(scene_path)
-    if path.suffix.lower() not in (".gltf", ".glb"):
-        return np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
-    instances = _instances(read_document(path))
-    if len(instances) != count:
-        raise ValueError(f"{path}: loading it makes {count} objects, its nodes are {len(instances)}")
-    return np.array([instance.to_file for instance in instances]).reshape(-1, 4, 4)
-
-
 def _instances(document: dict[str, Any]) -> list[_Instance]:
     """Returns the objects of the default scene in the order of kuafu's numbers: each node before its children."""
     nodes, meshes = document.get("nodes", []), document.get("meshes", [])
     out: list[_Instance] = []
-    stack = [(n, np.eye(4)) for n in reversed(_roots(document))]
+    stack = list(reversed(_roots(document)))
     while stack:
-        number, parent = stack.pop()
-        node = nodes[number]
-        to_file = parent @ _transform(node)
-        if "mesh" in node and np.linalg.det(to_file[:3, :3]) != 0.0:  # a scale of 0 hides what is below it
+        node = nodes[stack.pop()]
+        matrix = np.reshape(node.get("matrix", np.eye(4)), (4, 4))
+        if np.linalg.det(matrix[:3, :3]) * np.prod(node.get("scale", 1.0)) == 0.0:
+            continue  # a scale of 0 hides the node and what is below it
+        if "mesh" in node:
             mesh = meshes[node["mesh"]]
             shown = [p for p in mesh["primitives"] if _TRIANGLES <= p.get("mode", _TRIANGLES) <= _FAN]
             if shown:
                 name = node.get("name") or mesh.get("name") or f"object {len(out)}"
-                out.append(_Instance(name, tuple(p.get("material", -1) for p in shown), to_file))
-        stack += [(child, to_file) for child in reversed(node.get("children", []))]
+                out.append(_Instance(name, tuple(p.get("material", -1) for p in shown)))
+        stack += reversed(node.get("children", []))
     return out
 
 
@@ -195,16 +180,6 @@ def _roots(document: dict[str, Any]) -> list[int]:
     nodes = document.get("nodes", [])
     children = {child for node in nodes for child in node.get("children", [])}
     return [n for n in range(len(nodes)) if n not in children]
-
-
-def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
-    """Returns a node's transform to its parent, 4x4 (glTF 2.0, section 3.5.3)."""
-    if "matrix" in node:
-        return np.reshape(np.array(node["matrix"], np.float64), (4, 4)).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    out = pose_matrices(np.array([*node.get("translation", (0.0, 0.0, 0.0)), w, x, y, z], np.float64), "a node")
-    out[:3, :3] *= node.get("scale", (1.0, 1.0, 1.0))
-    return out
 
 
 # A float in a file holds a sum of powers of 2 exactly up to this number of materials.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -233,26 +233,21 @@ class View:
 class PickedView(View):
     """Some pixels of a whole View, at flat indices `pick`, as an image [1][n] for effects that are pointwise."""
 
-    whole: View | None = None
-    pick: np.ndarray | None = None
+    whole: View = field(kw_only=True)
+    pick: np.ndarray = field(kw_only=True)
 
     @classmethod
     def of_pixels(cls, whole: View, pick: np.ndarray) -> PickedView:
-        own = {field.name: getattr(whole, field.name) for field in fields(View)}
+        own = {one.name: getattr(whole, one.name) for one in fields(View)}
         images = ("depth_m", "material", "ambient_bounced", "known")
         own |= {name: own[name].ravel()[pick][None] for name in images if own[name] is not None}
         return cls(**own | {"normal": whole.normal.reshape(-1, 3)[pick][None]}, whole=whole, pick=pick)
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._pick_pair(self.source.pixels())
+        return self._pick_pair(self.whole.pixels())
 
     def field(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._pick_pair(self.source.field())
-
-    @property
-    def source(self) -> View:
-        assert self.whole is not None
-        return self.whole
+        return self._pick_pair(self.whole.field())
 
     def _pick_pair(self, images: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         first, second = (image.ravel()[self.pick][None] for image in images)

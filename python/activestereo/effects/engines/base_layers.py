@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renders the layers of a loaded scene's base model: under the projector at power 1, and under ambient radiance 1.
 
-Computes the light of a world whose surfaces are all matt: each with one albedo, or a room that `calibrate world`
-measured.
-
-Light off the first surface follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at
-the centres of FINER x FINER squares of each pixel. One sample shows it, without noise. Bounced light shows no dots, so
-it is rendered with few samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is
-painted on them, and interpolated to the finer pixels of the same surface."""
+Where all surfaces are matt (each has one albedo, or `calibrate world` measured the room), light off the first surface
+follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at the centres of FINER x FINER
+squares of each pixel. One sample shows it, without noise. Bounced light shows no dots, so it is rendered with few
+samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is painted on them, and
+interpolated to the finer pixels of the same surface."""
 
 from __future__ import annotations
 
@@ -85,20 +83,6 @@ def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
         if m.bsdf != "gltf" or m.alpha_mode != "opaque" or any(other) or has_texture:
             return False
     return seen.light_count == 0
-
-
-def first_light(images: Mapping[str, NDArray], i: int, pattern: NDArray) -> tuple[NDArray, NDArray]:
-    """Returns the projector's light off the first surface for camera i: (with the pattern, with a pattern that is 1
-    everywhere), float32 [height][width]. images: the outputs FIRST at FINER times the size."""
-    flat, uv = (images["albedo"][i, ..., 0] / np.float32(np.pi)), images["projector_uv"][i]
-    flat = flat * images["projector_geometry"][i, ..., 0] * images["projector_visibility"][i, ..., 0]
-    lit = flat > 0
-    direct = np.zeros_like(flat)
-    u, v = uv[lit].T
-    direct[lit] = flat[lit] * map_coordinates(
-        np.asarray(pattern, np.float32), [v, u], np.float32, order=1, mode="grid-constant"
-    )
-    return _means(direct, FINER), _means(flat, FINER)
 
 
 def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
@@ -222,8 +206,19 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
         finer = [_resized(camera, FINER) for camera in request.cameras]
         seen = world.images(request.cameras, SURFACE, 1, 0)
         first = world.images(finer, FIRST, 1, 0)
+        pattern = np.asarray(request.pattern, np.float32)
+
+        def reflected(i: int) -> tuple[NDArray, NDArray]:
+            """Returns the projector's light off the first surface for camera i: with the pattern, and with 1."""
+            flat, uv = first["albedo"][i, ..., 0] / np.float32(np.pi), first["projector_uv"][i]
+            flat = flat * first["projector_geometry"][i, ..., 0] * first["projector_visibility"][i, ..., 0]
+            lit, direct = flat > 0, np.zeros_like(flat)
+            u, v = uv[lit].T
+            direct[lit] = flat[lit] * map_coordinates(pattern, [v, u], np.float32, order=1, mode="grid-constant")
+            return _means(direct, FINER), _means(flat, FINER)
+
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            light = pool.map(lambda i: first_light(first, i, request.pattern), range(len(finer)))
+            light = pool.map(reflected, range(len(finer)))
             kept[key] = FirstSurfaces(list(light), first["albedo"].copy(), seen)
         while len(kept) > 1 and sum(known.albedo.size for known in kept.values()) > _KEPT_SQUARES:
             kept.pop(next(iter(kept)))

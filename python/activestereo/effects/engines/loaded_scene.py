@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loads a scene file into kuafu, and renders images of its light in the infrared band for capture_renderer.py.
-
-Renders room light that was measured on each surface, in place of even light from all sides.
+"""Loads a scene file into kuafu, and renders images of its light in the infrared band for capture_renderer.py: under
+even light from all sides, or the room light that was measured on each surface.
 
 A scene whose asset has the extras {"room_light": "emission"} stores in each surface's emission the room's light that
 the surface sends out. `activestereo calibrate world` measures it. All bounces are in it, so it lights nothing else.

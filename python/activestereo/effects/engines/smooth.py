@@ -111,32 +111,19 @@ _BOUNCED = ("projector_indirect", "added_indirect")
 def smooth_view(
     view: dict[str, NDArray], camera: kuafu.Camera, surfaces: Mapping[int, kuafu.Material]
 ) -> dict[str, NDArray]:
-    """Returns a view's images [height][width][channels], with bounced and ambient light filtered on matt surfaces."""
+    """Returns a view's images [height][width][channels], with bounced and ambient light filtered on matt surfaces.
+    surfaces: {id: material}, at least of those that are seen."""
     depth_m, material = view["depth"][..., 0], view["material_id"][..., 0]
     light = {name: view[name][..., 0] for name in (*_EVEN, *_BOUNCED) if name in view and view[name].any()}
-    points = np.where(depth_m[..., None] > 0, view["position"], 0.0)
-    smooth = smooth_light(light, depth_m, view["normal"], points, material, camera.k[0, 0], surfaces)
-    return view | {name: image[..., None] for name, image in smooth.items()}
-
-
-def smooth_light(
-    light: dict[str, NDArray],
-    depth_m: NDArray,
-    normal: NDArray,
-    points: NDArray,
-    material: NDArray[np.uint32],
-    focal_px: float,
-    surfaces: Mapping[int, kuafu.Material],
-) -> dict[str, NDArray]:
-    """Returns {output: image [height][width]} of bounced and ambient light, filtered on matt surfaces. normal, points:
-    [height][width][3] in one frame; material: ids; surfaces: {id: material}, at least of those ids."""
     is_matt = np.isin(material, [number for number, m in surfaces.items() if is_matt_surface(m)])
     if not light or not is_matt.any():
-        return light
-    smooth = smooth_bounced(np.stack(list(light.values())), Surfaces.of(depth_m, normal, points, material), focal_px)
+        return view
+    points = np.where(depth_m[..., None] > 0, view["position"], 0.0)
+    geometry = Surfaces.of(depth_m, view["normal"], points, material)
+    smooth = smooth_bounced(np.stack(list(light.values())), geometry, camera.k[0, 0])
     is_opaque = is_matt & np.isin(material, [number for number, m in surfaces.items() if m.subsurface == 0])
-    return {
-        name: np.where(is_matt if name in _EVEN else is_opaque, filtered, raw)
+    return view | {
+        name: np.where(is_matt if name in _EVEN else is_opaque, filtered, raw)[..., None]
         for (name, raw), filtered in zip(light.items(), smooth, strict=True)
     }
 
