@@ -117,8 +117,6 @@ def _add_light(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--lamp", type=_lamp, metavar="KIND", help=f"{text}led (default: led)")
     text = "equirectangular map of the light from all sides (.hdr, .exr, .png, .jpg); --ambient multiplies it"
     group.add_argument("--environment", type=Path, metavar="FILE", help=text)
-    text = "measured reflectances of the scene's materials, from 400 to 850 nm: columns wavelength_nm and materials' "
-    group.add_argument("--reflectances", type=Path, metavar="CSV", help=f"{text}names")
     text = "the laser's setting (default: the sensor's; 0 = off)"
     group.add_argument("--laser-power", type=cli.positive, metavar="MW", help=text)
     text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
@@ -239,10 +237,6 @@ def _load_scene(
         raise cli.CommandError(f"--time {args.time:g}: {args.scene} has no animation")
     if not scene.summary.triangle_count:
         raise cli.CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
-    if args.reflectances is not None:
-        from activestereo.scene_io.reflectance import apply_reflectances, read_reflectances
-
-        apply_reflectances(scene, read_reflectances(args.reflectances))
     if args.lamp is not None:
         set_infrared_share(scene, args.lamp)
     if is_lit:
