@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
-from activestereo.calibrate.world.views import Image, blurred
+from activestereo.calibrate.world.light import LightView, black_level, solve_light
+from activestereo.calibrate.world.views import Image, SceneView, blurred, points_of
 from activestereo.capture.capture import Capture
 from activestereo.compare.model_file import model_json
 from activestereo.diagnose.goodness import Z90
@@ -33,6 +34,8 @@ _NOT_RANKED = "a room measured by the same camera has it in its dots or surfaces
 # patterns, at the best of all shifts, 0.28 to 0.38.
 _APART_SD, _BEYOND_CHANCE = 8.0, 0.1
 _PATCH_PX, _REACH_PX, _LEAST_LIT = 128, 16, 2.0
+# Blur of the light whose ratios tell the falloff, at half size; the least light of dots there, 1/m^2.
+_WHOLE_PX, _LEAST_GEOMETRY = 4.0, 0.02
 
 Parameters = dict[str, tuple[float, float]]
 
@@ -45,11 +48,11 @@ def diagnosed_room(
     room, of another image size, or of another unit."""
     room = Room(capture)
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
-    falloff = _falloff(capture, given, effects)
     told = [_told(n, names) for n in names.named]
     reasons = [_beyond(*each) for each in told]
     beyond = next(filter(None, reasons), "")
     possible = told[: reasons.index(beyond)] if beyond else told
+    falloff = _falloff(names.seen, [n.found for n in names.named[: len(possible)]], given, effects)
     found = ([falloff] if falloff is not None else []) + possible
     accepted, intervals = given, {}
     for effect, parameters in found:
@@ -143,15 +146,55 @@ def _shared_dots(first: Image, second: Image) -> float:
     return float(np.median(found)) if found else 1.0
 
 
-def _falloff(capture: Capture, given: Model, effects: Sequence[Effect]) -> tuple[Effect, Parameters] | None:
-    """Returns the lens's falloff with its parameters as overlapping views show it; None if the given model has one or
-    it is no clear finding."""
+def _falloff(
+    seen: Seen, found: Sequence[Found], given: Model, effects: Sequence[Effect]
+) -> tuple[Effect, Parameters] | None:
+    """Returns the lens's falloff with its parameters as overlapping views show it beside the effects found; None if the
+    given model has one or it is no clear finding."""
     effect = next((e for e in effects if e.id == _FALLOFF), None)
-    told = capture.measured.get("exposure", {}).get("vignetting_exponent")
+    told = seen.room.capture.measured.get("exposure", {}).get("vignetting_exponent")
     if effect is None or told is None or _FALLOFF in {e.id for e, _ in given.effects}:
         return None
-    parameters = {"exponent": (float(told[0]), float(told[1]))}
+    parameters = {"exponent": _beside(found, seen, (float(told[0]), float(told[1])))}
     return (effect, parameters) if _falloff_nats(parameters) > NEEDED else None
+
+
+def _beside(found: Sequence[Found], seen: Seen, told: tuple[float, float]) -> tuple[float, float]:
+    """Returns the falloff's exponent and its deviation with the effects found taken out of the images: a ghost, which
+    lights places of two views differently, passes for falloff. told: both as `calibrate world` measured them. The
+    effects are known to first order: the exponent is doubted by as much as they move it."""
+    lefts = range(0, 2 * seen.room.judged, 2)
+    shares = {name: value for f in found for name, (value, _) in f.parameters.items()}
+    less = [np.zeros(seen.room.shape, np.float32) for _ in lefts]
+    for column in (c for c in seen.scores.columns if c.name in shares):
+        for view, k in enumerate(lefts):
+            change = column.change(k, seen.light.both[k])
+            if change is not None:
+                less[view] += np.float32(shares[column.name] / column.step) * change
+    if not any(image.any() for image in less):
+        return told
+    before, after = (_exponent(seen, images) for images in ([np.zeros_like(image) for image in less], less))
+    moved = after[0] - before[0]
+    return told[0] + moved, float(np.hypot(max(told[1], after[1]), moved))
+
+
+def _exponent(seen: Seen, less: Sequence[Image]) -> tuple[float, float]:
+    """Fits the falloff's exponent to a room's left images, less some DN [view][height][width], as `calibrate world`
+    does."""
+    room, views = seen.room, []
+    for k, taken in zip(range(0, 2 * room.judged, 2), less, strict=True):
+        image, right = room.images[k : k + 2]
+        surface = image.usable.astype(np.float32)
+        whole, dots = (
+            blurred(light * surface, _WHOLE_PX) / np.maximum(blurred(surface, _WHOLE_PX), 1e-3)
+            for light in (image.dn - taken, seen.light.dots[k])
+        )
+        view = SceneView(image.frame, image.whole, right.whole, image.depth_m, image.usable, 1.0)
+        own = view, points_of(image.depth_m, image.K), whole, dots, whole, dots, image.geometry, image.r2()
+        views.append(LightView(*own, image.usable & (image.geometry > _LEAST_GEOMETRY)))
+    poses = [room.pose(image) for image in room.images[: 2 * room.judged : 2]]
+    fitted = solve_light(views, poses, room.images[0].K, black_level([v.view for v in views])).exponent
+    return fitted or (0.0, np.inf)
 
 
 def _falloff_nats(parameters: Parameters) -> float:
