@@ -327,6 +327,7 @@ class Engine:
         bit_depth: int = ...,
         first_view: int = ...,
         scene_index: int = ...,
+        extra_bits: int = ...,
     ) -> None:
         """left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is
         row-aligned already. faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of
@@ -411,6 +412,7 @@ class Engine:
         bit_depth: int = ...,
         first_view: int = ...,
         scene_index: int = ...,
+        extra_bits: int = ...,
     ) -> None:
         """Changes the named parameters; the others stay. Raises ArgumentError out of range."""
     @property

@@ -24,9 +24,7 @@ from gbuffer_worlds import World
 from numpy.typing import NDArray
 
 import kuafu
-import simsense
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.camera.plan import matcher_parameters
 from activestereo.common.pose import Pose, body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
 
@@ -63,25 +61,17 @@ def _things() -> Iterator[tuple[kuafu.Scene, Pose]]:
         yield world.scene, world.pose
 
 
-def _matched(config: StereoDepthSensorConfig, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> Map:
-    camera, left_to_right = simsense.Camera(*config.ir_resolution, config.ir_intrinsic), np.eye(4)
-    left_to_right[0, 3] = -config.focal_baseline_px_m / config.ir_intrinsic[0, 0]
-    own = matcher_parameters(config)
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, **own)
-    return engine.compute(left, right, ("disparity",))["disparity"]
-
-
 def _seen(config: StereoDepthSensorConfig, scene: kuafu.Scene, pose: Pose | None = None) -> tuple[Map, Map, Map]:
     """Disparities without the check and with it, and true ones; 0 = nothing there."""
     with StereoDepthSensor(config, scene, pose=pose or Pose()) as sensor:
         sensor.take_picture(infrared_only=True)
-        sensor.compute_depth()
-        left, right = sensor.get_ir_measured()
+        link, engine, found = sensor._engine.picture().link, sensor.make_engine(), []
+        lasers = dict(zip(("left_laser", "right_laser"), link.laser().images(), strict=True))
+        for sigma in (0.0, config.min_detection_sigma):
+            engine.set_parameters(min_detection_sigma=sigma)
+            found.append(np.squeeze(engine.compute(*link.images(), ("disparity",), **lasers)["disparity"]))
         depth = sensor.get_picture("depth", camera="left")[..., 0]
-        truth = np.divide(config.focal_baseline_px_m, depth, where=depth > 0, out=np.zeros_like(depth))
-    unchecked = config.scaled(1.0)
-    unchecked.min_detection_sigma = 0.0
-    return _matched(unchecked, left, right), _matched(config, left, right), truth
+    return *found, np.divide(config.focal_baseline_px_m, depth, where=depth > 0, out=np.zeros_like(depth))
 
 
 def _share(pairs: list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]) -> float:

@@ -157,9 +157,9 @@ typedef struct simsense_parameters {
    * window of 31 px, 81 % of 21 px, all of 15 px. What the paths carry into an empty background goes, and what windows
    * widen things by; the reason is SIMSENSE_REASON_LOW_TEXTURE. 0 switches this check off. [0..100] */
   float min_detection_sigma;
-  /* Side of that window. Counts are taken less the mean of a square of three tenths of it, at least 5 pixels:
-   * brightness that varies slowly says nothing. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29 or 31 px; 0 means 31;
-   * 31 by default] */
+  /* Side of that window. Counts are taken less the mean of a square of three tenths of it, at least 5 pixels, 3 up to
+   * windows of 11: brightness that varies slowly says nothing. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29 or 31
+   * px; 0 means 31; 31 by default] */
   uint32_t detection_window;
   /* Variance of a count of 0 without rounding, where images come as counts and the imagers make none; theirs is known.
    * It may be negative, since a count without light is the black level. [-1000000..1000000 DN^2] */

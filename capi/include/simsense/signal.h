@@ -112,6 +112,14 @@ typedef struct simsense_signal {
   uint32_t first_view;
   /* Index of the scene, which selects the static speckle. Increase it when the scene or the rig has moved. */
   uint64_t scene_index;
+
+  /* -- converter: what images keep -- */
+  /* Bits behind the point of a count of 8 bits that the matcher sees and images lack: a RealSense's converters have 10
+   * bits, its infrared streams 8. Images of uint8 have the counts rounded, halves to even, those of uint16 all bits; DN
+   * stay those of 8 bits. With more than 0 both imagers need the same, and a bit_depth of 8. [0..8 bit] */
+  uint32_t extra_bits;
+  /* Must be 0. */
+  uint32_t reserved;
 } simsense_signal;
 static inline simsense_signal simsense_signal_init(void) {
   simsense_signal s;

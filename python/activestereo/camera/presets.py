@@ -63,6 +63,7 @@ def _signal(camera: CameraData) -> dict[str, float] | None:
         "shot_noise": 1.0,
         "adc_noise_dn": camera.value("imager", "adc_noise_dn", 0.0),
         "prnu": camera.value("imager", "prnu", 0.0),
+        "extra_bits": int(camera.value("imager", "extra_bits", 0)),
     }
     if contrast > 0.0:
         signal |= {
@@ -100,6 +101,7 @@ OF_THE_CAMERA = {
 
 
 FIELD_OF_VIEW = Limits(1.0, 170.0, "degrees")
+_LEAST_WINDOW = 0.45  # of the full one's side: tests/bench/bench_invented.py at 128x128
 _LEAST_BLOCK_PX = 7  # side of a block of summed costs: that of a census window
 
 
@@ -388,8 +390,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             for side in (self.block_width, self.block_height)
         )
         # Smaller images show more of a thing in as many pixels, but dots blur into one another.
-        side = self.detection_window * min(1.0, factor) ** 0.5
-        out.detection_window = min(self.detection_window, max(15, 2 * int(0.5 * side) + 1))
+        before, after = (max(_LEAST_WINDOW, min(1.0, scale) ** 0.5) for scale in (self._scale, out._scale))
+        side = self.detection_window * after / before
+        out.detection_window = min(self.detection_window, max(5, 2 * int(0.5 * side) + 1))
         out.speckle_max_size = round(out.speckle_max_size * factor**2)  # an area
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]

@@ -88,19 +88,20 @@ class ImageEffects:
         if not counts.effects:
             result = dict(engine.compute(*pair, wanted, **lasers))
         else:
-            seen = engine.compute(*pair, ("ir_left", "ir_right"), **lasers)
-            inputs, changed = self._sensor.engine_inputs(), {}
+            inputs, light = self._sensor.engine_inputs(), []
+            bits = {name: int(inputs.left.signal[name]) for name in ("bit_depth", "extra_bits")}
+            steps, dtype = 2 ** bits["extra_bits"], np.uint8 if sum(bits.values()) == 8 else np.uint16
+            seen = engine.compute(*pair, dict.fromkeys(("ir_left", "ir_right"), dtype), **lasers)
             for side, part in zip(SIDES, inputs.sides, strict=True):
-                image, black = seen[f"ir_{side}"], part.signal["black_level_dn"]
+                image, black = seen[f"ir_{side}"] / steps, part.signal["black_level_dn"]
                 view = self._view(side, inputs, self._sensor.get_pictures(_GEOMETRY, side))
-                value = counts.digital(image.astype(np.float64) - black, view, black, random=True)
-                changed[f"ir_{side}"] = np.rint(value).astype(image.dtype)
+                value = counts.digital(image - black, view, black, random=True)
+                light.append((np.rint(steps * value) / steps).astype(np.float32))
             # A second engine, whose imager changes nothing, matches the changed counts.
             self._matcher = self._matcher or self._sensor.make_engine()
-            neutral = simsense.signal_preset("neutral") | {"bit_depth": inputs.left.signal["bit_depth"]}
+            neutral = simsense.signal_preset("neutral") | bits
             self._matcher.set_signal(neutral, neutral)
-            rest = tuple(name for name in wanted if not name.startswith("ir_"))
-            result = dict(self._matcher.compute(changed["ir_left"], changed["ir_right"], rest)) | changed
+            result = dict(self._matcher.compute(light[0], light[1], wanted))
         if not matched.effects:
             return result
         k, baseline_m, left_to_rectified = engine.rectified

@@ -6,10 +6,16 @@
 #include "shared/remap_push.h"
 
 layout(local_size_x = 32, local_size_y = 8) in;
-layout(push_constant, scalar) uniform Push { RemapPush push; };
+layout(push_constant, scalar) uniform Push { CopyPush push; };
 
 void main() {
   uint x = gl_GlobalInvocationID.x, y = gl_GlobalInvocationID.y, n = gl_WorkGroupID.z;
   if (x >= push.width || y >= push.height) return;
-  store_element(push.target, element_of(push.target, n, x, y), load_element(push.source, element_of(push.source, n, x, y)));
+  float value = load_element(push.source, element_of(push.source, n, x, y));
+  uint to = element_of(push.target, n, x, y), bits = push.extra_bits, count = uint(value);
+  if (bits == 0u) {
+    store_element(push.target, to, value);
+  } else {  // image_count() of signal/imager.h
+    store_counts(push.target, to, min(count + ((1u << bits) - 1u) / 2u + (count >> bits & 1u) >> bits, 255u));
+  }
 }

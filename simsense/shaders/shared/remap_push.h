@@ -18,6 +18,12 @@ struct RemapPush {
   uint nearest;  // nonzero: the nearest pixel, the edge repeats; else bilinear, 0 outside
 };
 
+struct CopyPush {
+  ImageRef source, target;
+  uint width, height;
+  uint extra_bits;  // of the source's counts, which an image of 8 bits lacks
+};
+
 #ifdef __cplusplus
 static_assert(sizeof(RemapPush) == 128);
 }  // namespace simsense

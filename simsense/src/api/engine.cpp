@@ -97,8 +97,9 @@ ks_status simsense_signal_preset(const char* name, simsense_signal* out) {
 ks_status simsense_signal_analogue(const simsense_signal* signal, const float* light, uint32_t width, uint32_t height, uint64_t seed,
                                    uint64_t frame_index, uint32_t side, float* dn) {
   return ks::call([&] {
-    const auto known = ks::read_struct(signal, SIMSENSE_TYPE_SIGNAL, "signal");
+    auto known = ks::read_struct(signal, SIMSENSE_TYPE_SIGNAL, "signal");
     simsense::check_signal(known, "the");
+    known.extra_bits = 0;  // DN are of 8 bits
     if (light == nullptr || dn == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", light == nullptr ? "light" : "dn");
     if (side > 1) ks::fail(KS_ERROR_INVALID_ARGUMENT, "side is %u, must be 0 (left) or 1 (right)", side);
     constexpr uint64_t most_pixels = 1u << 26;

@@ -10,6 +10,7 @@
 
 #include "cpu/image.h"
 #include "image/frame.h"
+#include "signal/imager.h"
 
 namespace simsense {
 
@@ -43,6 +44,15 @@ struct HostFrame : FrameOf<HostImage> {
   void store(uint32_t output, uint32_t batch_index, const T* from, ptrdiff_t row_stride, uint32_t width, uint32_t height) const {
     if (wants(output) && static_cast<const void*>(from) != outputs[output]->output(batch_index).data)
       scatter(output, batch_index, from, row_stride, width, height, [](T value) { return value; });
+  }
+  /// Copies counts; images of 8 bits lack the extra ones.
+  void store_counts(uint32_t output, uint32_t batch_index, const uint16_t* from, ptrdiff_t row_stride, uint32_t width, uint32_t height,
+                    uint32_t extra_bits) const {
+    if (extra_bits == 0 || (wants(output) && outputs[output]->format() == KS_FORMAT_U16)) {
+      store(output, batch_index, from, row_stride, width, height);
+    } else if (wants(output)) {
+      scatter(output, batch_index, from, row_stride, width, height, [=](uint16_t count) { return image_count(count, extra_bits); });
+    }
   }
   /// Copies packed depths, metres, to the caller's image in its format.
   void store_depth(uint32_t output, uint32_t batch_index, const float* from, uint32_t width, uint32_t height) const {

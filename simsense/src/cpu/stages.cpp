@@ -61,7 +61,7 @@ ConstImage CpuStages::measure_wide(uint32_t side) {
   const auto pitch = static_cast<ptrdiff_t>(width_);
   uint16_t* counts = frame.target(output, pair, wide_counts_[side], rig_.pixels());
   cpu::measure(settings.imagers[side], settings.noise_key(pair, side), light_of(frame, pair, side), width_, height_, counts, workers_);
-  frame.store(output, pair, counts, pitch, width_, height_);
+  frame.store_counts(output, pair, counts, pitch, width_, height_, settings.extra_bits);
   return {reinterpret_cast<const uint8_t*>(counts), pitch, 2};
 }
 
@@ -90,7 +90,7 @@ ConstImage CpuStages::rectify_side(uint32_t side) {
     image = {static_cast<const uint8_t*>(rectified), static_cast<ptrdiff_t>(width_), image.element_bytes};
   }
   if (settings.wide) {
-    frame.store(output, pair, reinterpret_cast<const uint16_t*>(image.data), image.row_stride, width_, height_);
+    frame.store_counts(output, pair, reinterpret_cast<const uint16_t*>(image.data), image.row_stride, width_, height_, settings.extra_bits);
   } else {
     frame.store(output, pair, image.data, image.row_stride, width_, height_);
   }

@@ -45,6 +45,9 @@ bool Engine::use_vulkan(const simsense_parameters& parameters) const {
 void Engine::set_signal(const simsense_signal& left, const simsense_signal& right) {
   check_signal(left, "left");
   check_signal(right, "right");
+  if (left.extra_bits != right.extra_bits)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "extra_bits is %u in the left signal and %u in the right one: must be the same", left.extra_bits,
+             right.extra_bits);
   Imager left_imager(left, &imagers_[0]);
   Imager right_imager(right, &imagers_[1]);
   imagers_[0] = std::move(left_imager);

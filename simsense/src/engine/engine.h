@@ -25,7 +25,7 @@ class Engine {
   void set_parameters(const simsense_parameters& parameters);
   [[nodiscard]] const simsense_parameters& parameters() const { return parameters_; }
   void set_signal(const simsense_signal& left, const simsense_signal& right);
-  [[nodiscard]] const simsense_signal& signal(uint32_t side) const { return imagers_[side].signal(); }
+  [[nodiscard]] const simsense_signal& signal(uint32_t side) const { return imagers_[side].stated(); }
   [[nodiscard]] const StereoGeometry& geometry() const { return rig_.rectification.geometry; }
   [[nodiscard]] uint32_t batch_count() const { return rig_.rig.batch_count; }
 

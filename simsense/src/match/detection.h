@@ -26,7 +26,7 @@
 namespace simsense {
 
 /// Side of the square whose mean is subtracted from a count, px; odd.
-constexpr uint32_t detection_mean_side(uint32_t window) { return std::max(5u, 3 * window / 10 | 1); }
+constexpr uint32_t detection_mean_side(uint32_t window) { return std::max(window > 11 ? 5u : 3u, 3 * window / 10 | 1); }
 
 /// Distance, px, around the middle of a bare patch (3 x 3 px whose windows fail) in which all disparities go. By as much the windows widen
 /// things beside it.

@@ -28,10 +28,13 @@ uint32_t output_formats(uint32_t output, const StageSettings& settings) {
   switch (output) {
     case SIMSENSE_OUTPUT_IR_LEFT:
     case SIMSENSE_OUTPUT_IR_RIGHT:
-      return bit(settings.imagers[output - SIMSENSE_OUTPUT_IR_LEFT].is_wide() ? KS_FORMAT_U16 : KS_FORMAT_U8);
     case SIMSENSE_OUTPUT_RECTIFIED_LEFT:
-    case SIMSENSE_OUTPUT_RECTIFIED_RIGHT:
-      return bit(settings.wide ? KS_FORMAT_U16 : KS_FORMAT_U8);
+    case SIMSENSE_OUTPUT_RECTIFIED_RIGHT: {
+      const bool is_rectified = output == SIMSENSE_OUTPUT_RECTIFIED_LEFT || output == SIMSENSE_OUTPUT_RECTIFIED_RIGHT;
+      const bool wide = is_rectified ? settings.wide : settings.imagers[output - SIMSENSE_OUTPUT_IR_LEFT].is_wide();
+      if (settings.extra_bits > 0) return bit(KS_FORMAT_U8) | bit(KS_FORMAT_U16);
+      return bit(wide ? KS_FORMAT_U16 : KS_FORMAT_U8);
+    }
     case SIMSENSE_OUTPUT_REASON:
       return bit(KS_FORMAT_U8);
     case SIMSENSE_OUTPUT_DISPARITY:

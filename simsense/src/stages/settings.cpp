@@ -21,7 +21,10 @@ struct CountVariance {
 CountVariance variance_of(const Imager& imager, const simsense_parameters& p) {
   const simsense_signal& s = imager.signal();
   const double unit = 1.0 / (1u << (s.bit_depth - 8)), rounding = unit * unit / 12;
-  if (imager.is_neutral()) return {p.noise_dn2 * unit * unit + rounding, p.noise_dn2_per_dn * unit, 0, rounding};
+  if (!imager.has_noise()) {                          // recorded counts
+    const double step = unit * (1u << s.extra_bits);  // of p's DN
+    return {p.noise_dn2 * step * step + rounding, p.noise_dn2_per_dn * step, 0, rounding};
+  }
   const double dn_per_e = double{s.conversion_gain_dn_per_e} * s.gain, black = black_dn(s);
   const auto squared = [](double value) { return value * value; };
   const double shot = dn_per_e * squared(s.shot_noise), uneven = squared(s.prnu);
@@ -48,6 +51,7 @@ Region wanted_region(const simsense_parameters& p, uint32_t width, uint32_t heig
 StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& p, const Imager (&both)[2], std::span<const uint64_t> seeds)
     : imagers(both),
       wide(both[0].is_wide() || both[1].is_wide()),
+      extra_bits(both[0].signal().extra_bits),
       noise_seed(p.noise_seed),
       frame_index(p.frame_index),
       noise_seeds(seeds),
@@ -62,12 +66,13 @@ StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& 
       speckle_max_diff_px(p.speckle_max_diff_px),
       edges{p.edge_step_px, p.right_border_px},
       hole_filling(static_cast<HoleFilling>(p.hole_filling)),
-      texture{p.min_texture_dn},
+      texture{p.min_texture_dn << extra_bits},
       noise(noise_of(both, p, match.detection_side())),
-      reason{p.census_width, p.census_height, p.low_texture_dn, (1u << both[0].signal().bit_depth) - 1},
+      reason{p.census_width, p.census_height, p.low_texture_dn << extra_bits, (1u << both[0].signal().bit_depth) - 1},
       depth_range(simsense::depth_range(p)),
       splat(splat_of(p)) {
   match.left_bits = both[0].signal().bit_depth;
+  match.p2_full_gradient_dn <<= extra_bits;
   match.right_bits = both[1].signal().bit_depth;
 }
 

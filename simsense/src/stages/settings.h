@@ -22,7 +22,8 @@ struct StageSettings {
                 std::span<const uint64_t> noise_seeds = {});
 
   const Imager (&imagers)[2];
-  bool wide;  // the matcher sees 16-bit images, because either imager gives them
+  bool wide;            // the matcher sees 16-bit images, because either imager gives them
+  uint32_t extra_bits;  // of both imagers' counts, which images lack
   uint64_t noise_seed, frame_index;
   std::span<const uint64_t> noise_seeds;  // of each pair, where they have their own; outlive this
 

@@ -101,7 +101,7 @@ void VulkanMaps::place(ks::Commands& commands, const MatchArrays& part, const De
 void VulkanMaps::store(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const DeviceMaps& maps) {
   const auto copy = [&](uint32_t output, uint32_t format, uint64_t address) {
     if (!address || in_place_address(frame.outputs[output], pairs, format)) return;
-    RemapPush push{};
+    CopyPush push{};
     push.source = {.address = address,
                    .format = format,
                    .first = 0,

@@ -74,12 +74,13 @@ ImageRef VulkanStages::scratch(std::shared_ptr<ks::Buffer>& buffer) {
 }
 
 void VulkanStages::copy(const ImageRef& from, const ImageRef& to) {
-  if (!copy_) copy_.emplace(device_, copy_spirv, sizeof(RemapPush));
-  RemapPush push{};
+  if (!copy_) copy_.emplace(device_, copy_spirv, sizeof(CopyPush));
+  CopyPush push{};
   push.source = from;
   push.target = to;
   push.width = width_;
   push.height = height_;
+  push.extra_bits = from.format == KS_FORMAT_U16 && to.format == KS_FORMAT_U8 ? call_->settings.extra_bits : 0;
   dispatch_pixels(call_->commands, *copy_, push, width_, height_, call_->pairs.count);
 }
 
@@ -103,7 +104,9 @@ ImageRef VulkanStages::measure_side(uint32_t side) {
   if (!imagers_) imagers_.emplace(device_, width_, height_);
   std::vector<NoiseKey> keys;
   for (uint32_t n = pairs.first; n < pairs.first + pairs.count; ++n) keys.push_back(settings.noise_key(n, side));
-  imagers_->record(commands, side, settings.imagers[side], keys, light, counts, in_place ? ImageRef{} : ir);
+  const bool is_rounded = settings.extra_bits > 0;
+  imagers_->record(commands, side, settings.imagers[side], keys, light, counts, in_place || is_rounded ? ImageRef{} : ir);
+  if (is_rounded && ir.format) copy(counts, ir);
   return counts;
 }
 
@@ -120,8 +123,10 @@ ImageRef VulkanStages::rectify_side(uint32_t side) {
   }
   const auto in_place = packed_ref(image, pairs, counts_format(settings.wide));
   const ImageRef rectified = in_place ? *in_place : scratch(rectified_[side]);
-  remap_->record(commands, side, settings.remaps_nearest, images_[side], rectified, in_place ? ImageRef{} : ref_or_none(image, pairs),
-                 pairs.count);
+  const bool is_rounded = settings.extra_bits > 0;
+  remap_->record(commands, side, settings.remaps_nearest, images_[side], rectified,
+                 in_place || is_rounded ? ImageRef{} : ref_or_none(image, pairs), pairs.count);
+  if (is_rounded && image) copy(rectified, image->ref(pairs.first));
   return rectified;
 }
 

@@ -12,7 +12,7 @@ from activestereo.camera.plan import matcher_parameters
 _WIDTH, _HEIGHT, _SHIFT, _BORDER = 320, 160, 8, 40
 
 
-def _fill(model, light_dn, part=np.s_[:], **changes):
+def _fill(model, light_dn, part=np.s_[:], extra_bits=2, **changes):
     """Share of measured pixels of a pair through the preset's imager and matcher, but for the image's border; light_dn:
     above the black level. part: of the image."""
     config = StereoDepthSensorConfig(model)
@@ -21,7 +21,8 @@ def _fill(model, light_dn, part=np.s_[:], **changes):
     camera = simsense.Camera(_WIDTH, _HEIGHT, [[200.0, 0, _WIDTH / 2], [0, 200.0, _HEIGHT / 2], [0, 0, 1]])
     settings = matcher_parameters(config) | {"max_disparity": 32} | changes
     engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, **settings)
-    signal = config.ir_signal | {"speckle_shape": 0.0, "speckle_scale": 0.0}  # room light has none
+    no_laser = {"speckle_shape": 0.0, "speckle_scale": 0.0}  # room light has no speckle
+    signal = config.ir_signal | no_laser | {"extra_bits": extra_bits}
     engine.set_signal(signal, signal)
     pair = [np.roll(light_dn, -shift, axis=1).astype(np.float32) for shift in (0, _SHIFT)]
     disparity = engine.compute(*pair, outputs=("disparity",))["disparity"].reshape(_HEIGHT, _WIDTH)
@@ -57,7 +58,7 @@ def test_an_empty_background_beside_a_thing_gets_no_depth(model, light_dn):
 def test_without_the_check_the_background_gets_the_things_depth():
     light = np.zeros((_HEIGHT, _WIDTH))
     light[:, 180:230] = _dots(6.0, 0.0)[:, 180:230]
-    assert _fill("D435", light, np.s_[:, :140], min_detection_sigma=0) > 0.5
+    assert _fill("D435", light, np.s_[:, :140], 0, min_detection_sigma=0) > 0.5
 
 
 @pytest.mark.parametrize("room_dn", [45.0, 0.0])
@@ -67,3 +68,11 @@ def test_dots_of_a_recordings_strength_keep_their_pixels(model, room_dn):
     without = _fill(model, light_dn, min_detection_sigma=0)
     assert without > 0.5
     assert _fill(model, light_dn) > without - 0.005
+
+
+@pytest.mark.parametrize("model", ["D415", "D435"])
+def test_ten_bits_show_a_pattern_that_eight_hide(model):
+    """A thing so dark that its dots hardly reach half a count."""
+    light_dn = _dots(0.05, 0.1)
+    assert _fill(model, light_dn) > 0.9
+    assert _fill(model, light_dn, extra_bits=0) < 0.1

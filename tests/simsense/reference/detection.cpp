@@ -19,7 +19,7 @@ void around(size_t x, size_t y, uint32_t side, Visit visit) {
 
 /// 8ths of a count above the mean of the square around.
 Grid<int32_t> high_pass(ConstImage image, uint32_t bits, size_t width, size_t height, uint32_t window) {
-  const uint32_t side = std::max(5u, 3 * window / 10 | 1);
+  const uint32_t side = std::max(window < 13 ? 3u : 5u, 3 * window / 10 | 1);
   const auto area = static_cast<int32_t>(side * side);
   const auto count = [&](ptrdiff_t x, ptrdiff_t y) {
     const ptrdiff_t column = std::clamp<ptrdiff_t>(x, 0, static_cast<ptrdiff_t>(width) - 1);
@@ -72,7 +72,7 @@ Grid<uint8_t> detects(ConstImage left, ConstImage right, const Grid<float>& disp
       bare.at(x, y) = fails && (is_found || pixels > 0);
       out.at(x, y) = !is_found || !fails;
     }
-  const uint32_t reach = side / 2 + std::max(5u, 3 * side / 10 | 1) / 2 + 1;
+  const uint32_t reach = side / 2 + std::max(side < 13 ? 3u : 5u, 3 * side / 10 | 1) / 2 + 1;
   for (size_t y = 1; y + 1 < height; ++y)
     for (size_t x = 1; x + 1 < width; ++x) {
       bool is_bare = true;

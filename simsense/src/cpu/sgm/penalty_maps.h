@@ -28,8 +28,7 @@ class PenaltyMaps {
   void compute_row(const PaddedImage& image, size_t y);
 
   size_t width_, height_, directions_, pitch_;
-  uint32_t p1_, p2_, full_gradient_;
-  std::vector<uint8_t> of_gradient_;  // per gradient of 8-bit images
+  std::vector<uint8_t> of_gradient_;  // steeper ones have the last entry
   Buffer<uint8_t> storage_;
 };
 
