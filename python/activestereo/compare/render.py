@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
+import kuafu
 from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.progress_bar import Progress, part_of
@@ -48,7 +49,7 @@ def render_frames(
     model. cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image
     samples per pixel side; from 2 on their supersampled images keep warps (lenses,
     calibration, motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay. Raises
-    CaptureError for a nominal lens that distorts too much.
+    CaptureError for a nominal lens that folds back within the image.
     """
     [layers] = _rendered(capture, renderer, samples_per_pixel, max_bounces, (seed,), cache, progress, scale, frames)
     return layers
@@ -72,10 +73,7 @@ def _rendered(
     """Renders as render_frames() with each seed, pose by pose, because a renderer may keep parts that seeds do not
     change."""
     cache = cache or LayerCache()
-    try:
-        sampling = sampling_of(capture.rig, scale)
-    except ValueError as error:
-        raise CaptureError(f"{capture.path / 'capture.json'}: rig: {error}") from error
+    sampling = sampling_of(capture.rig, scale)
     requests: dict[str, RenderRequest] = {}
     keys: list[dict[int, str]] = [{} for _ in seeds]
     for frame in capture.frames if frames is None else frames:
@@ -87,12 +85,13 @@ def _rendered(
     for done, (key, request) in enumerate(requests.items()):
         layers = cache.get(key)
         if layers is None:
-            layers = renderer(request, part_of(progress, done / len(requests), (done + 1) / len(requests)))
+            try:
+                layers = renderer(request, part_of(progress, done / len(requests), (done + 1) / len(requests)))
+            except kuafu.ArgumentError as error:
+                raise CaptureError(f"{capture.path / 'capture.json'}: rig: {error}") from error
             cache.put(key, layers)
         if sampling.scale > 1:
-            layers = tuple(
-                sampling.pixel_layers(view, capture.rig.camera(side)) for side, view in zip(SIDES, layers, strict=True)
-            )
+            layers = tuple(map(sampling.pixel_layers, layers))
         rendered[key] = dict(zip(SIDES, layers, strict=True))
         if progress:
             progress((done + 1) / len(requests))

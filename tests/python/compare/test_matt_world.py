@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A matt world's light from geometry is that of path tracing, with less noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import kuafu
 from activestereo.effects.engines import base_layers
 from activestereo.effects.engines import CaptureRenderer
-from activestereo.effects.engines.layers import rig_request, sampling_of
+from activestereo.effects.engines.layers import Sampling, rig_request, sampling_of
 from activestereo.compare.effect_trials import trial_capture
 
 LIGHTS = ("direct", "flat", "indirect", "ambient", "ambient_direct")
@@ -22,7 +24,7 @@ def views(device, tmp_path_factory):
     for name, samples in (("geometry", 32), ("few", 32), ("many", 1024)):
         request = rig_request(capture, capture.frames[0], samples, 4, 0, sampling)
         renderer = CaptureRenderer(device, traced=name != "geometry")
-        rendered[name] = sampling.pixel_layers(renderer(request)[0], capture.rig.left)
+        rendered[name] = sampling.pixel_layers(renderer(request)[0])
     return rendered
 
 
@@ -53,6 +55,21 @@ def test_depth_normals_and_materials_are_those_of_pixel_centres(views):
     np.testing.assert_allclose(views["geometry"].depth_m, views["few"].depth_m, rtol=1e-5)
     np.testing.assert_array_equal(views["geometry"].material, views["few"].material)
     np.testing.assert_allclose(views["geometry"].normal, views["few"].normal, atol=1e-5)
+
+
+def test_geometry_and_paths_see_through_one_lens(device, tmp_path):
+    capture, sampling = trial_capture(tmp_path), Sampling(2, 4)
+    lens = replace(capture.rig.left, distortion=np.array([-0.04, 0.01, 0.002, -0.001, 0.0]))
+    behind = replace(capture, rig=replace(capture.rig, left=lens))
+
+    def seen(one, traced):
+        request = rig_request(one, one.frames[0], 16, 1, 0, sampling)
+        return sampling.pixel_layers(CaptureRenderer(device, traced=traced)(request)[0])
+
+    matt, traced = seen(behind, False), seen(behind, True)
+    np.testing.assert_allclose(matt.depth_m, traced.depth_m, rtol=1e-5)
+    assert np.sqrt(np.mean((matt.flat - traced.flat) ** 2)) < 0.03 * traced.flat.mean()
+    assert np.abs(seen(capture, False).depth_m - matt.depth_m).max() > 0.01
 
 
 def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():

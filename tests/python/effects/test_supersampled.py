@@ -3,19 +3,24 @@
 light."""
 
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
 import kuafu
-from activestereo.capture.capture import Camera, Projector, Rig
+from activestereo.capture.capture import Camera, CaptureError
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.effect_trials import trial_capture
+from activestereo.compare.render import render_frames
 from activestereo.effects import Light, Model, Stage, builtin
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.core.resample import blur
-from activestereo.common.lens import distort, undistort
+from activestereo.common.lens import distort, to_tangents, undistort
 from activestereo.effects.core.view import Layers
-from activestereo.effects.engines.layers import Sampling, ideal_pixels, sampling_of
+from activestereo.effects.engines import CaptureRenderer
+from activestereo.effects.engines.layers import Sampling
 from activestereo.effects.engines.smooth import Surfaces, smooth_bounced
 
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])
@@ -72,9 +77,7 @@ def test_a_warp_of_fine_images_is_sharp_up_to_the_border():
     errors = {}
     for scale in (1, 2):
         sampling = Sampling(scale, 6 if scale > 1 else 0)
-        moved = builtin()["radial_distortion"](
-            Light.of(sampling.pixel_layers(rendered(camera, sampling), camera)), view, k1=k1
-        )
+        moved = builtin()["radial_distortion"](Light.of(sampling.pixel_layers(rendered(camera, sampling))), view, k1=k1)
         errors[scale] = np.sqrt(np.mean((moved.ambient - expected) ** 2))
         assert moved.ambient.shape == view.shape
     assert errors[2] < 0.01 * expected.std()
@@ -83,7 +86,7 @@ def test_a_warp_of_fine_images_is_sharp_up_to_the_border():
 
 def test_what_effects_changed_before_a_warp_is_warped_with_the_rest():
     view, camera, sampling = example_view(), Camera(96, 72, K), Sampling(2, 4)
-    light = Light.of(sampling.pixel_layers(rendered(camera, sampling), camera))
+    light = Light.of(sampling.pixel_layers(rendered(camera, sampling)))
     dimmed = light.scale_projector(0.25)
     one_after_the_other = builtin()["radial_distortion"](dimmed, view, k1=-0.02)
     other_order = builtin()["radial_distortion"](light, view, k1=-0.02).scale_projector(0.25)
@@ -91,23 +94,22 @@ def test_what_effects_changed_before_a_warp_is_warped_with_the_rest():
     assert np.sqrt(np.mean((one_after_the_other.direct - other_order.direct) ** 2)) < 0.05 * other_order.direct.std()
 
 
-def test_a_nominal_lens_is_drawn_into_lights_and_depth():
-    camera = Camera(96, 72, K, LENS)
-    rig = Rig(camera, camera, np.eye(4), Projector(None, K, np.eye(4)))
-    sampling = sampling_of(rig, 1)
-    assert sampling.scale == 2
-    layers = sampling.pixel_layers(rendered(camera, sampling), camera)
-    expected = truth(camera, lambda x, y: undistort(x, y, LENS))
-    assert np.sqrt(np.mean((layers.ambient - expected) ** 2)) < 0.02 * expected.std()
+def test_finer_pixels_stand_behind_the_nominal_lens():
+    """The pixel means of a finer, wider image are the picture as the lens draws it."""
+    camera, sampling = kuafu.Camera(96, 72, K, np.eye(4), distortion=tuple(LENS)), Sampling(2, 4)
+    fine = sampling.camera(camera)
+    assert fine.distortion == camera.distortion and (fine.width, fine.height) == (208, 160)
     v, u = np.mgrid[0:72, 0:96].astype(float)
-    ideal_u, _ = ideal_pixels(camera, u, v)
-    np.testing.assert_allclose(layers.depth_m, 1 / (1 + 0.2 * (ideal_u - K[0, 2]) / K[0, 0]), atol=1e-4)
+    at = ((x + sampling.margin_px + 0.5) * sampling.scale - 0.5 for x in (u, v))
+    np.testing.assert_allclose(to_tangents(*at, fine.k, LENS), to_tangents(u, v, K, LENS), atol=1e-9)
 
 
-def test_a_lens_that_reaches_too_far_is_refused():
-    camera = Camera(960, 720, K * [[10, 1, 10], [1, 10, 10], [1, 1, 1]], np.array([-0.45, 0.0, 0.0, 0.0, 0.0]))
-    with pytest.raises(ValueError, match="rectify the images"):
-        sampling_of(Rig(camera, camera, np.eye(4), Projector(None, K, np.eye(4))), 1)
+def test_a_lens_that_folds_back_is_refused(tmp_path):
+    capture = trial_capture(tmp_path)
+    lens = replace(capture.rig.left, distortion=np.array([-0.45, 0.0, 0.0, 0.0, 0.0]))
+    folding = replace(capture, rig=replace(capture.rig, left=lens, right=lens))
+    with pytest.raises(CaptureError, match=r"capture.json: rig: .*folds back"):
+        render_frames(folding, CaptureRenderer(), 1, 0, cache=LayerCache(tmp_path))
 
 
 def test_bounced_light_is_smoothed_along_a_surface_and_not_across_materials():
@@ -141,7 +143,7 @@ def test_a_pixel_of_a_warped_image_is_the_mean_of_its_samples():
     view = example_view("left")
     camera = Camera(view.shape[1], view.shape[0], K)
     sampling = Sampling(2, 3)
-    light = Light.of(sampling.pixel_layers(rendered(camera, sampling), camera))
+    light = Light.of(sampling.pixel_layers(rendered(camera, sampling)))
     u, v = view.pixels()
     for moved_u, moved_v, error in ((u + 0.3, v - 0.4, 1e-5), (1.02 * u - 1.0, v + 0.01 * u, 2e-3)):
         by_samples = light.supersampled.warped(moved_u, moved_v).images()

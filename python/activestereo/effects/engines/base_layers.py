@@ -25,7 +25,7 @@ from activestereo.common.lens import to_tangents, with_finer_pixels
 from activestereo.common.progress_bar import Progress
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.capture_inputs import copy_record
-from activestereo.effects.engines.layers import RenderRequest, request_key
+from activestereo.effects.engines.layers import RenderRequest, request_key, with_pixels
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
@@ -59,7 +59,8 @@ def surfaces_of(
     than the camera's pixels."""
     depth_m, K = images["depth"][i, ..., 0], camera.k
     row, column = np.indices(depth_m.shape, dtype=np.float32)
-    x, y = to_tangents(column, row, K)
+    lens = camera.distortion[: 4 if camera.lens_model == "kannala_brandt" else None]
+    x, y = to_tangents(column, row, K, lens)
     normal = images["normal"][i] @ camera.camera_to_world[:3, :3]
     points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
     squares = -(-albedo.shape[1] // depth_m.shape[1])
@@ -228,7 +229,7 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
 def _resized(camera: kuafu.Camera, size: float) -> kuafu.Camera:
     """Returns the camera with `size` times as many pixels along each side."""
     width, height = (int(np.ceil(size * side)) for side in (camera.width, camera.height))
-    return kuafu.Camera(width, height, with_finer_pixels(camera.k, size), camera.camera_to_world)
+    return with_pixels(camera, width, height, with_finer_pixels(camera.k, size))
 
 
 def _share(request: RenderRequest, share: float) -> int:
