@@ -229,9 +229,13 @@ def test_a_good_session_of_other_views_tells_the_unit_s_own(capture_with, diagno
     assert diagnose(good, reference=[good]).result["added"] == ["vignetting"]
 
 
-@pytest.mark.parametrize("lifted, is_glare", [((-0.15, 0.3), True), ((0.15, -0.3), False), ((-0.3, -0.15), False)])
+@pytest.mark.parametrize(
+    "lifted, is_glare",
+    [((-0.15, 0.3), True), ((0.15, -0.3), False), ((-0.3, -0.15), False), ((-1.2, 2.4), False)],
+)
 def test_black_levels_that_follow_the_views_light_are_glare(capture_with, lifted, is_glare):
-    """Exposures are 1, 0.85 and 1.3 of one room: a quarter of the light, scattered, lifts its views so."""
+    """Exposures are 1, 0.85 and 1.3 of one room: a quarter of the light, scattered, lifts its views so; twice it is no
+    glare."""
     seen = score_room(Measured(read_capture(capture_with(nothing))), tuple(builtin().values()))
     light = np.mean([image.mean() for image in seen.light.seen[:2]])
     told = {f"black_level.{v}": (0.25 * x * light, 0.1) for v, x in enumerate(lifted, 1)}

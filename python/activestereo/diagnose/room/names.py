@@ -253,8 +253,8 @@ def reinterpret_as_glare(found: Found, seen: Seen) -> Found | None:
     more = light if is_whole else light[1:] - light[0]
     beside = ((lifted - lifted.mean()) ** 2).sum() if is_whole else _UNLIKE_GLARE * (lifted**2).sum()
     share = float(np.vdot(lifted, more)) / max(float(np.vdot(more, more)), 1e-9)
-    if share <= 0.0 or ((lifted - share * more) ** 2).sum() > beside:
-        return None
+    if not 0.0 < share <= effect.parameters[0].high or ((lifted - share * more) ** 2).sum() > beside:
+        return None  # two views alone have one difference, which some share always fits
     told = {
         "veiling_glare.fraction": (share, float(np.linalg.norm(deviation)) / max(float(np.linalg.norm(more)), 1e-9))
     }
