@@ -160,7 +160,7 @@ def image_errors(
         for frame in capture.frames
         for side in SIDES
     }
-    known = scene_measurement or SceneMeasurement()
+    known = SceneMeasurement() if engines is None or scene_measurement is None else scene_measurement
     # Pixels whose scene is unknown have no expected value, so they count nowhere.
     counted = {
         key: measured[key] if view.known is None else np.where(view.known, measured[key], np.float32(np.nan))
