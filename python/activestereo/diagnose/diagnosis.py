@@ -28,7 +28,7 @@ from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, mean_of_halves, render_halves
 from activestereo.diagnose.depth_engine import depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
-from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
 from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
 from activestereo.diagnose.fitter import Fitter, Solution
@@ -44,7 +44,7 @@ from activestereo.diagnose.refit import Rendering
 from activestereo.diagnose.residual_model import effect_stub, residual_model
 from activestereo.diagnose.search import Outcome, Search, restore_functions
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
-from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, Remainder, verdict_of
+from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict_of
 from activestereo.diagnose.words import explained, html_of, ranking_figure
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.descriptor import Channel
@@ -284,10 +284,10 @@ def examine(
     outcome = Search(evidence, model, chosen, settings).run()
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
     with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
-    found = told(replace(outcome, rest=with_names), settings=settings)
-    confirmed = replace(outcome, rest=_add_test_errors(outcome, found, numbers))
+    found, (explained, left) = told(replace(outcome, rest=with_names), settings=settings)
+    confirmed = replace(outcome, rest=replace(outcome.rest, test_explained=explained, test_left=left))
     if _verdict(confirmed, numbers) != found.result["verdict"]:
-        return told(confirmed, settings=replace(settings, phases=Phases(None, PHASES)))
+        return told(confirmed, settings=replace(settings, phases=Phases(None, PHASES)))[0]
     return replace(found, result=found.result | _verdict_evidence(confirmed, numbers))
 
 
@@ -306,27 +306,38 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
     return verdict_of(outcome.rest, bool(outcome.names), outcome.evidence.has_floor, numbers)
 
 
-def _add_test_errors(outcome: Outcome, found: Diagnosis, numbers: Numbers) -> Remainder:
-    """Returns the remainder with the errors on test frames added. It stays unchanged without test frames, and if noise
-    is named, which the floor lacks. No model predicts draws: beside them test frames count if other names explain
-    something, and as far as their error exceeds the one of train frames, which grows as the draws' levers do."""
-    figures, rest = found.result, outcome.rest
-    after, floor = figures["heldout_ir_rmse_after"], figures["heldout_noise_floor"]
-    has_test = figures["curve"] and figures["curve"][-1]["heldout_ir_rmse"] is not None
-    if not has_test or not floor or any(n.id in outcome.noise for n in outcome.names):
-        return rest
-    explained = (figures["heldout_ir_rmse_geometry"] ** 2 - after**2) / floor**2
-    left = after**2 / floor**2 - 1.0
+def _test_errors(
+    outcome: Outcome, test: Sequence[Observation], standing: ImageErrors, after: ImageErrors
+) -> tuple[float | None, float | None]:
+    """Returns (explained, left) of the test frames, as Remainder has them. standing, after: errors without and with the
+    named effects.
+
+    Errors beside a name have the weights of fits, by which misplaced edges count less; without a name edges may be all
+    that a missing effect changes. They are None without test frames, and if noise is named, which the weights lack. No
+    model predicts draws: beside them test frames count if other names explain something, and as far as their error
+    exceeds the one of train frames, which grows as the draws' levers do."""
+    if not test or any(n.id in outcome.noise for n in outcome.names):
+        return None, None
+    if not outcome.names:
+        noise = outcome.evidence.noise_model
+        test = [replace(o, weight=np.full(o.weight.shape, 1.0 / noise.image_variance(o))) for o in test]
+    square = _mean_square(test, after)
+    explained, left = _mean_square(test, standing) - square, square - 1.0
     if draws := [n.effect for n in outcome.names if n.field is not None]:
-        if rest.explained - rest.drawn < numbers.least_excess or found.after is None:
-            return rest
-        black_dn = outcome.solution.nuisances.black_dn
-        growth = max(draws_growth(effect, found.after, black_dn) for effect in draws)
-        train = figures["curve"][-1]["train_ir_rmse"] ** 2 - figures["train_noise_floor"] ** 2
-        left -= growth * train / floor**2
+        if outcome.rest.explained - outcome.rest.drawn < NUMBERS.least_excess:
+            return None, None
+        growth = max(draws_growth(effect, after, outcome.solution.nuisances.black_dn) for effect in draws)
+        left -= growth * (_mean_square(outcome.evidence.train, after) - 1.0)
         if left <= explained:
-            return rest
-    return replace(rest, test_explained=explained, test_left=left)
+            return None, None
+    return explained, left
+
+
+def _mean_square(observations: Sequence[Observation], errors: ImageErrors) -> float:
+    """Returns the mean squared error of images in units of their variances, 1 / Observation.weight."""
+    residuals = errors.residuals()
+    total = sum((o.weight * residuals[o.key] ** 2).ravel()[o.picked()].sum() for o in observations)
+    return float(total / sum(o.pixels for o in observations))
 
 
 def _told(
@@ -336,9 +347,9 @@ def _told(
     chosen: Sequence[Effect],
     out_of_reach: Sequence[tuple[Effect, str]],
     settings: Settings,
-) -> Diagnosis:
-    """Turns the outcome of a search into a Diagnosis. chosen: the effects that the search judged. out_of_reach: the
-    others, each with the reason."""
+) -> tuple[Diagnosis, tuple[float | None, float | None]]:
+    """Turns the outcome of a search into a Diagnosis, with _test_errors(). chosen: the effects that the search judged.
+    out_of_reach: the others, each with the reason."""
     phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
     evidence, names, name_of = outcome.evidence, outcome.names, surface_text(outcome.evidence.capture.scene_path)
     model = _effects_of(given, evidence.capture.scene_path)
@@ -386,20 +397,20 @@ def _told(
     result["own"] = {e.id: _why(e, result, model) for e in candidates if builtin().get(e.id) is not e}
     complete = found_model(evidence, accepted, solution, found)
     before = after = None
+    tested: tuple[float | None, float | None] = (None, None)
     if settings.errors is not None:
         phases.begin(BOTH)
         errors = settings.errors.at_stated_geometry(complete)
         figures, before, moved, after = held_out_figures(errors, given, result["added"], complete)
         result |= {name: value for name, value in figures.items() if value is not None}
-        plain = errors.plain()
+        plain, tested = errors.plain(), _test_errors(outcome, evidence.test, moved, after)
         result["depth_split"] = depth_split(errors.capture, plain, moved, after, depth, name_of, evidence.seed)
     if result["heldout_ir_rmse_before"] is None:  # there are no errors of test frames
         first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))
         result |= {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
         result["heldout_ir_rmse_after"] = last
-    return Diagnosis(
-        result, accepted, None if residual is None else effect_stub(residual, capture.name), complete, before, after
-    )
+    stub = None if residual is None else effect_stub(residual, capture.name)
+    return Diagnosis(result, accepted, stub, complete, before, after), tested
 
 
 def _verdict_words(verdict: str, added: Sequence[str]) -> str:

@@ -154,6 +154,20 @@ def has_extended_draws(effect: Effect) -> bool:
     return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
 
 
+def is_sparse(effect: Effect) -> bool:
+    """Returns whether only a share of the places has a draw of the effect."""
+    return any(term.sparse_share for term in effect.random_terms)
+
+
+def imitates(effect: Effect, other: Effect) -> bool:
+    """Returns whether one effect's draws can take the place of the other's, but not the reverse: offsets of all places
+    that of outliers, and draws of one view that of draws that last."""
+    if is_sparse(other):
+        return all(term.lever is Lever.ONE for term in effect.random_terms)
+    of_view, lasting = ([t.shared_by is SharedBy.VIEW for t in e.random_terms] for e in (effect, other))
+    return all(of_view) and not any(lasting)
+
+
 def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
     """Returns the fitted parameters of a random effect with their intervals."""
     shares = {term.sparse_share for term in effect.random_terms}
@@ -185,7 +199,7 @@ def fields_of(
         fit = fit_fields(effect, rows, curves, black_dn, numbers)
         if fit is not None:
             out[effect.id] = 1.0 - chi2(fit.residuals) / whole, fit
-    return out
+    return {name: found for name, found in out.items() if found[0] > 0.0}
 
 
 def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
@@ -219,14 +233,19 @@ def fit_fields(
         if len({row.group for row in rows}) < 2:
             return None
         variance, deviation = _variance(_unclipped(rows, train, _variance(rows)[0]))
-        sigma[name], error[name] = float(np.sqrt(max(variance, 0.0))), float(deviation)
         totals = np.sum([*_group_sums(rows).values()], axis=0)
-        is_random = variance > 0 and (
-            term.sparse_share or _is_random(totals, variance, draw_grid(term.shared_by, train[0].observation), numbers)
-        )
+        sigma[name], error[name], hot_sigma = float(np.sqrt(max(variance, 0.0))), float(deviation), None
+        if term.sparse_share:
+            hot_sigma = _outlier_sigma(totals, numbers)
+            share, sigma[name], error[name] = _exponential_tail(totals, hot_sigma)
+            is_random = share > 0
+        else:
+            grid = draw_grid(term.shared_by, train[0].observation)
+            is_random = variance > 0 and _is_random(totals, variance, grid, numbers)
         if not is_random:
             sigma[name] = 0.0
             continue
+        found = True
         if term.shared_by is SharedBy.DOT:
 
             def variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row] = rows) -> float:
@@ -234,22 +253,13 @@ def fit_fields(
 
             seen = np.sqrt(dots_seen(train, variance_of))
             sigma[name], error[name] = sigma[name] / seen, error[name] / seen
-        found, hot_sigma = True, None
-        if term.sparse_share:
-            a, b = totals[:, totals[0] > 0]
-            # The spread of most draws in noise deviations, at least 1: draws that all places have are no outliers.
-            hot_sigma = numbers.outlier * max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
-            a, b = totals
-            strong = _exceeds_noise(totals, hot_sigma)
-            share = float(strong.sum() / max((a > 0).sum(), 1))
-            sigma[name] = float((b[strong] / a[strong]).mean()) if strong.any() else sigma[name]
-        else:
+        if hot_sigma is None:
             squares = 0.0  # the draws' expected squared error, in noise variances, summed over the pixels
             for image, row in zip(train, rows, strict=True):
                 rest = variance / (1.0 + variance * _leave_one_out_sums(row, rows, totals)[0])
                 squares += float((image.observation.weight * row.z**2 * rest[row.index]).sum())
             unforeseen += squares / sum(row.residual.size for row in rows)
-        left = [_corrected(row, rows, totals, variance, hot_sigma) for row in rows]
+        left = [_corrected(row, rows, totals, variance, hot_sigma, numbers.outlier) for row in rows]
     residuals = tuple(r + curve for r, curve in zip(left, curves, strict=True))
     return FieldFit(residuals, sigma, error, share, unforeseen) if found else None
 
@@ -260,6 +270,24 @@ def level_means(row: ImageResidual) -> np.ndarray:
     level = np.searchsorted(between, row.expected.ravel())
     total = np.bincount(level, row.residual.ravel(), minlength=_LEVELS)
     return (total / np.maximum(np.bincount(level, minlength=_LEVELS), 1))[level].reshape(row.residual.shape)
+
+
+def _outlier_sigma(totals: np.ndarray, numbers: Numbers) -> float:
+    """Returns how many noise deviations an outlier exceeds: more where all places have draws, which are none."""
+    a, b = totals[:, totals[0] > 0]
+    return numbers.outlier * max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
+
+
+def _exponential_tail(totals: np.ndarray, hot_sigma: float) -> tuple[float, float, float]:
+    """Returns (share of places with a draw, mean draw, its standard error) of exponential draws of which those beyond
+    hot_sigma noise deviations are seen. What a draw exceeds its threshold by has the same mean as all draws."""
+    strong = _exceeds_noise(totals, hot_sigma)
+    if not strong.any():
+        return 0.0, 0.0, 0.0
+    a, b = totals[:, strong]
+    least = hot_sigma / np.sqrt(a)
+    mean = float((b / a - least).mean())
+    return float(np.exp(least / mean).sum() / (totals[0] > 0).sum()), mean, mean / float(np.sqrt(strong.sum()))
 
 
 def _exceeds_noise(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
@@ -350,14 +378,16 @@ def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
 
 
 def _corrected(
-    row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
+    row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None, outlier: float
 ) -> np.ndarray:
     """Returns an image's residual minus the draws that other groups of frames predict, DN. hot_sigma: in a sparse
-    field, only draws beyond this many noise deviations are subtracted; None: all."""
+    field, only draws beyond this many noise deviations are subtracted; None: all but outliers, which are draws of
+    another field: beyond so many deviations of this one."""
     others = _leave_one_out_sums(row, rows, totals)
     a, b = others
     if hot_sigma is None:
         value = b / (a + 1.0 / variance)
+        value[np.abs(value) > outlier * np.sqrt(variance)] = 0.0
     else:
         value = np.where(_exceeds_noise(others, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
     return row.residual - row.z * value[row.index]

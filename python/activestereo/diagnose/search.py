@@ -15,7 +15,7 @@ from scipy.special import chdtri
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.dictionary import Atom, atoms_of, carried, columns_of, first_shapes, numbered, start_images
 from activestereo.diagnose.evidence import Evidence, one_of_each_situation
-from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws
+from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, imitates, is_sparse
 from activestereo.diagnose.fitter import Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.goodness import design_effect, local_structure, occam_nats
@@ -35,7 +35,7 @@ from activestereo.diagnose.selection import (
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage, builtin
-from activestereo.effects.core.descriptor import Channel, CodeSteps, Lever
+from activestereo.effects.core.descriptor import Channel, CodeSteps
 
 # The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
 # its score. Beyond so many times the needed gain, random fields need no check.
@@ -239,9 +239,13 @@ class Search:
             unnamed = filter(self._is_open, self._effects)
             fields = fields_of(unnamed, self._rows, float(self._solution.phi[SCALES - 1]), numbers)
         # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
-        # images of one camera share.
+        # images of one camera share. Outliers stand above it.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
-        fields = {name: f for name, f in fields.items() if f[0] * self._chi2 > drawn * self._pixels}
+        fields = {
+            name: f
+            for name, f in fields.items()
+            if f[0] * self._chi2 > drawn * self._pixels or is_sparse(self._effect(name))
+        }
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
@@ -260,13 +264,11 @@ class Search:
                 left[name] = self._chi2 * (1.0 - share)
         if not left:
             return False
-        # Offsets of all places can imitate outliers, which come first where they are more than an error of these.
         best = min(left, key=lambda name: left[name])
-        if best in fields and all(term.lever is Lever.ONE for term in self._effect(best).random_terms):
-            least = numbers.formula_error * (self._chi2 - left[best])
-            terms = {n: self._effect(n).random_terms for n in left if n in fields}
-            sparse = (n for n in terms if any(term.sparse_share for term in terms[n]))
-            left = {n: left[n] for n in sparse if self._chi2 - left[n] > least} or left
+        if best in fields:
+            least = max(floor, numbers.formula_error * (self._chi2 - left[best]))
+            first = (n for n in left if n in fields and imitates(self._effect(best), self._effect(n)))
+            left = {n: left[n] for n in first if self._chi2 - left[n] > least} or left
         members = self._members(left, fits)
         name = next(iter(members))
         gain = self._chi2 - left[name]

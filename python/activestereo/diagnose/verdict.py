@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from activestereo.diagnose.numbers import Numbers
 
 EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
+# Beside a name the errors of test frames count so many times as much as those of train frames, which fits made small.
+_TEST_FRAMES = 6.0
 # How often first names were right in training cases of the benchmark suite that hide something, outside of the library
 # too: of generations 50525 and 81119, when test frames counted once, and 82612, by missing() as it is. A set of
 # black_level and dark_signal counts as right where the truth is one of the two.
@@ -47,7 +49,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     Beside other effects the structure must be a small part of what one name took of the first one, for formulas are not
     exact; names that share out an effect of no library leave more. No more error may be left than is explained in
     expected images, neither on train nor on test frames. Test frames must confirm either case; beside a named effect
-    they count twice as much as train frames.
+    they count _TEST_FRAMES as much as train frames.
     """
     if rest.is_full:
         return float("inf")
@@ -61,7 +63,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, rest.names * structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
     train = max(structure, rest.left / max(in_images, numbers.structure))
-    beside = train / 2.0 + unconfirmed if is_tested else train
+    beside = (train + _TEST_FRAMES * unconfirmed) / 2.0 if is_tested else train
     return max(beside, rest.strain / numbers.strain, test_left / max(test_explained, numbers.structure))
 
 

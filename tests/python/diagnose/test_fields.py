@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.diagnose.fields import field_parameters, fit_fields, has_extended_draws, level_means
+from activestereo.diagnose.fields import field_parameters, fit_fields, has_extended_draws, imitates, level_means
 from activestereo.diagnose.fitter import ImageResidual
 from activestereo.diagnose.goodness import local_structure
 from activestereo.diagnose.numbers import NUMBERS
@@ -47,11 +47,28 @@ def fitted(effect, rows):
 def test_hot_pixels_are_found_with_their_share(pattern_dn):
     effect, rows = builtin()["hot_pixels"], rows_with(pattern_dn, HOT_DN)
     fit = fitted(effect, rows)
-    assert 0.3 * HOT_SHARE < field_parameters(effect, fit)["share"].value < 1.1 * HOT_SHARE
+    found = field_parameters(effect, fit)
+    assert found["share"].value == pytest.approx(HOT_SHARE, rel=0.5)
+    assert found["rate_dn_per_s"].low < HOT_DN / EXPOSURES_S[0] < found["rate_dn_per_s"].high
     before, after = (sum((r**2).sum() for r in images) for images in ([row.residual for row in rows], fit.residuals))
     assert after < 0.9 * before
     none = fitted(effect, rows_with(pattern_dn, 0.0))
     assert none is None or none.share < 0.1 * HOT_SHARE
+
+
+def test_offsets_of_all_pixels_leave_hot_ones_to_be_found():
+    rows = rows_with(2.0, HOT_DN)
+    offsets = fitted(builtin()["fixed_pattern_noise"], rows)
+    left = [r._replace(residual=x) for r, x in zip(rows, offsets.residuals, strict=True)]
+    assert fitted(builtin()["hot_pixels"], left).share > 0.25 * HOT_SHARE
+
+
+def test_only_the_freer_field_imitates_the_other():
+    """Offsets of all pixels can hold hot ones' charge, and one view's grains the gains of pixels that last."""
+    for free, bound in (("fixed_pattern_noise", "hot_pixels"), ("speckle_static", "prnu")):
+        assert imitates(builtin()[free], builtin()[bound])
+        assert not imitates(builtin()[bound], builtin()[free])
+    assert not imitates(builtin()["prnu"], builtin()["fixed_pattern_noise"])
 
 
 def test_an_error_of_the_tone_curve_is_no_grain():

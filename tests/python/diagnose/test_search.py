@@ -11,7 +11,7 @@ from activestereo.benchmarks.example_capture import HIDDEN, write_example_captur
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.depth_engine import pose_error_nats
-from activestereo.diagnose.diagnosis import _add_test_errors
+from activestereo.diagnose.diagnosis import _test_errors
 from activestereo.diagnose.dictionary import Atom, carried
 from activestereo.diagnose.evidence import NuisancePrior, one_of_each_situation
 from activestereo.diagnose.fields import dots_seen
@@ -98,14 +98,14 @@ def fitted(name, chi2):
         (Remainder(2.7, -0.4, 0.001, -0.013), True, True, EFFECT),
         (Remainder(0.04, 0.0, 0.03, 0.03, drawn=0.04), True, True, EFFECT),
         (Remainder(0.04, 0.5, 0.03, 0.03, drawn=0.04), True, True, UNKNOWN),
-        (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.9, test_left=0.5), True, True, EFFECT),
+        (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.9, test_left=0.25), True, True, EFFECT),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.3, test_left=0.4), True, True, UNKNOWN),
         (Remainder(0.0, 0.02, 0.01, 0.01, test_left=0.2), False, True, NONE),
         (Remainder(0.0, 0.02, 0.01, 0.01, test_left=0.6), False, True, UNKNOWN),
         (Remainder(0.2, 0.4, 0.0, 0.1), True, True, UNKNOWN),
         (Remainder(0.34, 0.3, 0.0, 0.1, drawn=0.07), True, True, UNKNOWN),
         (Remainder(0.1, 0.08, 0.04, 0.07), True, True, UNKNOWN),
-        (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.1), True, True, EFFECT),
+        (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.03), True, True, EFFECT),
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.3), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.1, test_left=0.13), True, True, UNKNOWN),
         (Remainder(0.38, 0.13, 0.09, 0.43, test_explained=0.64, test_left=0.44), True, True, UNKNOWN),
@@ -121,27 +121,45 @@ def test_the_verdict_follows_from_what_is_explained_and_left(rest, named, floor,
 @pytest.mark.parametrize("left, denies", [(1.0, False), (3.0, True)])
 def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
     """Each frame has its own draws, which no model foretells: what they leave grows as the square of the light, here
-    fourfold, and says nothing."""
-    rest = Remainder(0.5, 0.02, 0.01, 0.6, drawn=0.1)
+    fourfold, and says nothing. Pixels of weight 0 do not count."""
     speckle = SimpleNamespace(random_terms=[SimpleNamespace(lever=Lever.SIGNAL)])
-    names = [SimpleNamespace(id="speckle", field=1, effect=speckle), SimpleNamespace(id="vignetting", field=None)]
-    solution = SimpleNamespace(nuisances=SimpleNamespace(black_dn=5.0))
-    outcome = SimpleNamespace(rest=rest, names=names, noise=(), solution=solution)
     frames = [
         SimpleNamespace(id=i, split=split, projector_power=1.0, exposure_gain=1.0) for i, split in enumerate(SPLITS)
     ]
-    keys = [(frame.id, side) for frame in frames for side in SIDES]
-    after = SimpleNamespace(
-        capture=SimpleNamespace(frames=frames),
-        predictions={(number, side): np.full((4, 4), 5.0 + 10.0 * (1 + number)) for number, side in keys},
-        layers={frame.id: dict.fromkeys(SIDES, SimpleNamespace(projector=np.ones((4, 4)))) for frame in frames},
+    squares = {"train": 1.25, "test": 1.0 + left}
+    train, test = (
+        [
+            SimpleNamespace(key=(f.id, side), weight=np.eye(4) < 0.5, pixels=12, picked=lambda: slice(None))
+            for f in frames
+            for side in SIDES
+            if f.split == split
+        ]
+        for split in ("train", "test")
     )
-    figures = {"heldout_ir_rmse_geometry": (1.4 + left) ** 0.5, "heldout_ir_rmse_after": (1.0 + left) ** 0.5}
-    figures |= {"heldout_noise_floor": 1.0, "train_noise_floor": 1.0}
-    figures["curve"] = [{"train_ir_rmse": 1.25**0.5, "heldout_ir_rmse": (1.0 + left) ** 0.5}]
-    found = _add_test_errors(outcome, SimpleNamespace(result=figures, after=after), NUMBERS)
-    assert (found.test_left is not None) == denies
-    assert (verdict_of(found, True, True, NUMBERS) == UNKNOWN) == denies
+    outcome = SimpleNamespace(
+        rest=Remainder(0.5, 0.02, 0.01, 0.6, drawn=0.1),
+        names=[SimpleNamespace(id="speckle", field=1, effect=speckle), SimpleNamespace(id="vignetting", field=None)],
+        noise=(),
+        solution=SimpleNamespace(nuisances=SimpleNamespace(black_dn=5.0)),
+        evidence=SimpleNamespace(train=train),
+    )
+
+    def errors(more):
+        return SimpleNamespace(
+            capture=SimpleNamespace(frames=frames),
+            predictions={(f.id, side): np.full((4, 4), 5.0 + 10.0 * (1 + f.id)) for f in frames for side in SIDES},
+            layers={f.id: dict.fromkeys(SIDES, SimpleNamespace(projector=np.ones((4, 4)))) for f in frames},
+            residuals=lambda: {
+                (f.id, side): np.where(np.eye(4) < 0.5, (squares[f.split] + more) ** 0.5, 1e3)
+                for f in frames
+                for side in SIDES
+            },
+        )
+
+    explained, unexplained = _test_errors(outcome, test, errors(0.4), errors(0.0))
+    assert (explained, unexplained) == (pytest.approx((0.4, left - 4.0 * 0.25)) if denies else (None, None))
+    tested = replace(outcome.rest, test_explained=explained, test_left=unexplained)
+    assert (verdict_of(tested, True, True, NUMBERS) == UNKNOWN) == denies
 
 
 def test_a_name_is_stated_the_likelier_right_the_less_is_missing():
