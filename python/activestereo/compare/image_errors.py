@@ -94,6 +94,8 @@ def _smoothed(image: NDArray, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
 @dataclass(frozen=True)
 class ImageErrors:
     """A model's expected images (predictions) and the measured ones, {(frame id, side): [height][width]}, DN.
+    squares: squared errors less the renderer's noise (noise_square()), DN^2, of the same shape; NaN where the scene is
+    unknown.
 
     layers: the base model's light, {frame id: {side: Layers}}, the mean of two renders with half of the samples each.
     fit: the nuisances under the model, fitted to the train frames. noise_variances: {(frame id, side): (variance in
@@ -106,6 +108,7 @@ class ImageErrors:
     measured: dict[ImageKey, NDArray]
     fit: Fit
     predictions: dict[ImageKey, NDArray[np.float32]]
+    squares: dict[ImageKey, NDArray[np.float32]]
     noise_variances: dict[ImageKey, tuple[float, str]]
     noise_model: NoiseModel | None
     _sums: dict[ImageKey, dict[str, Any]]
@@ -190,6 +193,10 @@ def image_errors(
         for side in SIDES
     ]
     noise_variances, noise_model = noise_of_images(capture, images, predictions, fit.nuisances.black_dn)
+    squares = {
+        key: ((image - a) * (image - b)).astype(np.float32)
+        for (key, (a, b)), image in zip(expected.items(), counted.values(), strict=True)
+    }
     sums = {}  # sums over each image's pixels, to be pooled over cameras and frames
     for key, image in counted.items():
         counts, (variance, source) = np.isfinite(image), noise_variances.get(key, (None, None))
@@ -203,7 +210,9 @@ def image_errors(
             "floor_variance": variance,
             "floor_source": source,
         }
-    return ImageErrors(capture, model, layers, views, measured, fit, predictions, noise_variances, noise_model, sums)
+    return ImageErrors(
+        capture, model, layers, views, measured, fit, predictions, squares, noise_variances, noise_model, sums
+    )
 
 
 def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -334,9 +334,9 @@ def _test_errors(
 
 
 def _mean_square(observations: Sequence[Observation], errors: ImageErrors) -> float:
-    """Returns the mean squared error of images in units of their variances, 1 / Observation.weight."""
-    residuals = errors.residuals()
-    total = sum((o.weight * residuals[o.key] ** 2).ravel()[o.picked()].sum() for o in observations)
+    """Returns the mean squared error of images, without the renderer's noise, in units of their variances, 1 /
+    Observation.weight."""
+    total = sum((o.weight * errors.squares[o.key]).ravel()[o.picked()].sum() for o in observations)
     return float(total / sum(o.pixels for o in observations))
 
 

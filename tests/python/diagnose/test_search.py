@@ -105,7 +105,7 @@ def fitted(name, chi2):
         (Remainder(0.2, 0.4, 0.0, 0.1), True, True, UNKNOWN),
         (Remainder(0.34, 0.3, 0.0, 0.1, drawn=0.07), True, True, UNKNOWN),
         (Remainder(0.1, 0.08, 0.04, 0.07), True, True, UNKNOWN),
-        (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.03), True, True, EFFECT),
+        (Remainder(0.1, 0.08, 0.03, 0.07, test_explained=0.1, test_left=0.03), True, True, EFFECT),
         (Remainder(0.1, 0.08, 0.04, 0.07, test_explained=0.1, test_left=0.3), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.1, test_left=0.13), True, True, UNKNOWN),
         (Remainder(0.38, 0.13, 0.09, 0.43, test_explained=0.64, test_left=0.44), True, True, UNKNOWN),
@@ -149,10 +149,8 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
             capture=SimpleNamespace(frames=frames),
             predictions={(f.id, side): np.full((4, 4), 5.0 + 10.0 * (1 + f.id)) for f in frames for side in SIDES},
             layers={f.id: dict.fromkeys(SIDES, SimpleNamespace(projector=np.ones((4, 4)))) for f in frames},
-            residuals=lambda: {
-                (f.id, side): np.where(np.eye(4) < 0.5, (squares[f.split] + more) ** 0.5, 1e3)
-                for f in frames
-                for side in SIDES
+            squares={
+                (f.id, side): np.where(np.eye(4) < 0.5, squares[f.split] + more, 1e6) for f in frames for side in SIDES
             },
         )
 
