@@ -307,7 +307,7 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
 
 
 def _test_errors(
-    outcome: Outcome, test: Sequence[Observation], standing: ImageErrors, after: ImageErrors
+    outcome: Outcome, test: Sequence[Observation], standing: ImageErrors, after: ImageErrors, numbers: Numbers
 ) -> tuple[float | None, float | None]:
     """Returns (explained, left) of the test frames, as Remainder has them. standing, after: errors without and with the
     named effects.
@@ -324,7 +324,7 @@ def _test_errors(
     square = _mean_square(test, after)
     explained, left = _mean_square(test, standing) - square, square - 1.0
     if draws := [n.effect for n in outcome.names if n.field is not None]:
-        if outcome.rest.explained - outcome.rest.drawn < NUMBERS.least_excess:
+        if outcome.rest.explained - outcome.rest.drawn < numbers.least_excess:
             return None, None
         growth = max(draws_growth(effect, after, outcome.solution.nuisances.black_dn) for effect in draws)
         left -= growth * (_mean_square(outcome.evidence.train, after) - 1.0)
@@ -403,7 +403,7 @@ def _told(
         errors = settings.errors.at_stated_geometry(complete)
         figures, before, moved, after = held_out_figures(errors, given, result["added"], complete)
         result |= {name: value for name, value in figures.items() if value is not None}
-        plain, tested = errors.plain(), _test_errors(outcome, evidence.test, moved, after)
+        plain, tested = errors.plain(), _test_errors(outcome, evidence.test, moved, after, numbers)
         result["depth_split"] = depth_split(errors.capture, plain, moved, after, depth, name_of, evidence.seed)
     if result["heldout_ir_rmse_before"] is None:  # there are no errors of test frames
         first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))

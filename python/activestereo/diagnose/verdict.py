@@ -11,7 +11,7 @@ EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined
 # generations 68526 and 4304.
 _TRAIN, _TEST = 0.8, 0.5
 # How often first names were right in training cases of the benchmark suite that hide something, outside of the library
-# too: of generations 50525 and 81119, when test frames counted once, and 82612, by missing() as it is. A set of
+# too: of generations 50525, 81119 and 82612, by missing() before test frames had weights. A set of
 # black_level and dark_signal counts as right where the truth is one of the two.
 # (upper end of missing(), first names that were right, all first names)
 _COUNTED = ((0.5, 264, 264), (1.0, 30, 31), (2.0, 5, 16), (float("inf"), 3, 22))

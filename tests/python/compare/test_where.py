@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where it fails: planted errors are found where they were planted, and noise is not called a
+"""Planted errors are found where they were planted, and noise is not called a
 finding."""
 
 from types import SimpleNamespace

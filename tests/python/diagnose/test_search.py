@@ -154,7 +154,7 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
             },
         )
 
-    explained, unexplained = _test_errors(outcome, test, errors(0.4), errors(0.0))
+    explained, unexplained = _test_errors(outcome, test, errors(0.4), errors(0.0), NUMBERS)
     assert (explained, unexplained) == (pytest.approx((0.4, left - 4.0 * 0.25)) if denies else (None, None))
     tested = replace(outcome.rest, test_explained=explained, test_left=unexplained)
     assert (verdict_of(tested, True, True, NUMBERS) == UNKNOWN) == denies
