@@ -60,15 +60,9 @@ MATCHERS = {
     "simsense, p1 7, p2 86": engine(),
     "simsense, 8 paths": engine(path_count=8),
     "simsense, default (p1 8, p2 32)": engine(p1=8, p2=32),
-    "simsense, equiangular on summed costs": engine(subpixel=3),
     "simsense, fast (block 1x1, p1 8, p2 32)": engine(block_width=1, block_height=1, p1=8, p2=32),
-    "simsense, block 1x1": engine(block_width=1, block_height=1),
-    "simsense, plain census 9x7, block 1x1": engine(block_width=1, block_height=1, census_kind=1, census_width=9),
-    "simsense, census_contrast 0": engine(census_contrast=0),
-    "simsense, census_contrast 0, block 1x1": engine(census_contrast=0, block_width=1, block_height=1),
     "simsense-exact (the published engine)": engine(**EXACT),
     "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
-    "OpenCV StereoSGBM HH, block 7": opencv(cv2.STEREO_SGBM_MODE_HH, 7),
     "OpenCV StereoSGBM 3WAY, block 7": opencv(cv2.STEREO_SGBM_MODE_SGBM_3WAY, 7),
 }
 
@@ -218,10 +212,8 @@ def locking_curve(found, truth, bins=25):
 def pixel_locking(left, right, truth, folder):
     shown = {
         "equiangular on the block's costs (default)": engine(),
-        "equiangular on summed costs": engine(subpixel=3),
         "parabola": engine(subpixel=1),
         "parabola, every count (published SimSense)": engine(subpixel=1, census_contrast=0),
-        "fast (block 1x1, p1 8, p2 32)": engine(block_width=1, block_height=1, p1=8, p2=32),
         "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
     }
     figure = Figure(figsize=(7.2, 3.8), layout="constrained")

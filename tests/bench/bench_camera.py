@@ -14,13 +14,9 @@ wall's albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone.
                     half with the fraction, and a wall has one where a recording's surfaces have all
     dot RMS         of the left image less its Gaussian blur (6 px), the median patch of 96 x 96 px, DN
     residual        the same of left less right at the true disparity, over sqrt 2, as a share of the dot RMS
-    side peak       the autocorrelation's largest value from 4 to 30 px, and its lag
+    side peak       the autocorrelation's largest value from 4 to 30 px
     temporal noise  standard deviation over 8 frames where the mean is 20 to 40 DN above zero, DN
     background      median count over the table-top, DN
-    lone pixels     brighter than all of the eight around it by 30 DN and by a half of its own count, worse camera
-    fill            of the table-top where both cameras see it, as of the recordings, without the glass and the velvet
-                    that stand there to break stereo, %; beside it that of glass and velvet, and of the whole table-top
-                    without the left border that the right camera does not see
 """
 
 from __future__ import annotations
@@ -52,22 +48,15 @@ TILE_M = 2.0
 # What was measured on real cameras; the D415's are of its ASIC.
 REAL = {
     "D415": {
-        "plane noise 0.5 m": "0.089-0.191", "plane noise 4 m": "0.089-0.191",
         "dot RMS 0.65 m": "5.45", "residual 0.65 m": "18.5 %", "side peak 0.65 m": "0.62",
-        "side peak's lag 0.65 m": "13.5",
         "dot RMS 1 m": "3.89", "residual 1 m": "21.1 %", "side peak 1 m": "0.60",
-        "side peak's lag 1 m": "13.9",
         "dot RMS 1.45 m": "3.12", "residual 1.45 m": "21.8 %", "side peak 1.45 m": "0.60",
-        "side peak's lag 1.45 m": "14.8",
         "dot RMS 2 m": "1.78", "residual 2 m": "27.4 %", "side peak 2 m": "0.59",
-        "side peak's lag 2 m": "12.8",
         "dot RMS 2.75 m": "1.57", "residual 2.75 m": "29.4 %", "side peak 2.75 m": "0.59",
-        "side peak's lag 2.75 m": "12.2",
-        "temporal noise": "0.46-0.55", "lone pixels": "0", "fill": "97.1 %", "black level": "3-5",
+        "temporal noise": "0.46-0.55",
     },
     "D435": {
-        "plane noise 0.5 m": "0.06-0.09", "plane noise 2 m": "0.06-0.09",
-        "temporal noise": "0.46-0.55", "lone pixels": "0",
+        "plane noise 0.5 m": "0.06-0.09", "plane noise 2 m": "0.06-0.09", "temporal noise": "0.46-0.55",
     },
 }  # fmt: skip
 
@@ -167,8 +156,8 @@ class Camera:
         black_dn, pair = self.config.ir_black_level_dn, (left.astype(np.float32), right.astype(np.float32))
         patches = planar_patches(truth, self.config.focal_baseline_px_m)
         found = [one for patch in patches if (one := statistics(*pair, patch, black_dn)) is not None]
-        rms, _, residual, peak, lag = (float(np.median([one[name] for one in found])) for name in STATISTICS)
-        for name, value in (("dot RMS", rms), ("residual", residual), ("side peak", peak), ("side peak's lag", lag)):
+        rms, _, residual, peak, _ = (float(np.median([one[name] for one in found])) for name in STATISTICS)
+        for name, value in (("dot RMS", rms), ("residual", residual), ("side peak", peak)):
             self.rows[f"{name} {distance_m:g} m"] = value
 
     def _light(self, sensor: StereoDepthSensor) -> tuple[list[Field], list[Field] | list[None]]:
@@ -216,57 +205,13 @@ class Camera:
         config.samples_per_pixel = self.config.samples_per_pixel
         sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
         sensor.take_picture(infrared_only=True)
-        sensor.compute_depth()
-        images = [image.astype(float) for image in sensor.get_ir_measured()]
-        disparity = sensor.get_disparity()
-        border = int(np.nanpercentile(np.where(disparity > 0, disparity, np.nan), 99)) + 4
-        self.rows["background"] = float(np.median(images[0]))
-        self.rows["black level"] = config.ir_black_level_dn
-        self.rows["lone pixels"] = float(max(map(lone_pixels, images)))
-        is_measured = disparity > 0
-        self.rows["fill, all"] = float(100 * is_measured[:, border:].mean())
-        names, (materials, both) = material_names(scene), seen_by_both(sensor, scene)
-        special = [names.index(name) for name in ("glass", "velvet")]
-        for name, number in zip(("glass", "velvet"), special, strict=True):
-            self.rows[f"fill, {name}"] = float(100 * is_measured[both & (materials == number)].mean())
-        plain = both & ~np.isin(materials, special)
-        plain[:, :border] = False
-        self.rows["fill"] = float(100 * is_measured[plain].mean())
+        self.rows["background"] = float(np.median(sensor.get_ir_measured()[0]))
 
 
 def moved(image: Field, part_px: float) -> Field:
     if part_px == 0.0:
         return image
     return np.maximum(shift(image, (0.0, -part_px), order=3, mode="nearest"), 0.0).astype(np.float32)
-
-
-def material_names(scene: kuafu.Scene) -> list[str]:
-    return [scene.material_name(number) for number in range(scene.summary.material_count)]
-
-
-def seen_by_both(sensor: StereoDepthSensor, scene: kuafu.Scene) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
-    """Two pictures of the left infrared image: materials' numbers, and where the right camera sees the same point,
-    within 1 %."""
-    seen = kuafu.Renderer(scene.device).render(
-        scene, list(sensor.ir_cameras()), ["depth", "material_id"], band="infrared", spp=1
-    )
-    left, right = seen["depth"][..., 0]
-    rows, columns = np.indices(left.shape)
-    disparity = sensor.get_config().focal_baseline_px_m / np.where(left > 0, left, np.inf)
-    there = np.rint(columns - disparity).astype(int)
-    both = np.zeros(left.shape, bool)
-    for step in (-1, 0, 1):  # the columns beside it, as the point lies between two
-        beside = right[rows, (there + step).clip(0, left.shape[1] - 1)]
-        both |= (there >= 0) & (left > 0) & (np.abs(beside - left) < 0.01 * left)
-    return seen["material_id"][0, ..., 0], both
-
-
-def lone_pixels(image: NDArray[np.float64]) -> int:
-    padded = np.pad(image, 1, mode="reflect")
-    height, width = image.shape
-    around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)]
-    brightest = np.max(around, axis=0)
-    return int(((image > brightest + 30) & (image > 1.5 * brightest)).sum())
 
 
 def main() -> None:
@@ -287,7 +232,7 @@ def main() -> None:
         print(f"\n| {camera.config.model} | real | simulated |\n|--|--|--|")
         for row, value in camera.rows.items():
             print(
-                f"| {row} | {real.get(row, '')} | {value:.3g}{' %' if row[:4] in ('resi', 'fill') else ''} |",
+                f"| {row} | {real.get(row, '')} | {value:.3g}{' %' if row[:4] == 'resi' else ''} |",
                 flush=True,
             )
 

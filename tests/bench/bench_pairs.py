@@ -2,7 +2,7 @@
 """How well stereo matchers do on a folder of pairs with truth: simsense's settings beside OpenCV's matchers, in one
 run.
 
-    PYTHONPATH=build/python python3 tests/bench/bench_pairs.py FOLDER [--weak-dn 10] [--each]
+    PYTHONPATH=build/python python3 tests/bench/bench_pairs.py FOLDER [--each]
 
 FOLDER holds one folder per pair. tests/bench/noisy_planes.py writes such a folder; recordings with truth fit in the
 same way:
@@ -11,15 +11,12 @@ same way:
     NAME/disparity.npy          truth in pixels of the left image: float, or .pfm, or a 16-bit .png in 1/256 px; what
                                 is not finite or not above 0 is unknown
     NAME/mask.png               optional: only where it is not 0 pixels count, for example those that both cameras see
-    NAME/device.npy             optional: what the camera itself measured, in the same formats; it becomes a row of
-                                the table
     NAME/pair.json              optional: {"max_disparity": 128}; 128 without it
 
 Each figure is over the pixels with known truth, of all pairs together. fill: share with a measurement. bad-2: share
 of the measured ones that err by more than 2 px. incl. holes: the same over all pixels, where a hole is an error.
-EPE: mean error of the measured ones up to 2 px away. plane: root mean square distance of a matcher's disparities
-from its own plane, over patches of 96 x 96 px whose truth is a plane, the median patch. weak: fill and bad-2 where
-the left image is darker than --weak-dn on average over 15 x 15 px. CPU s: processor time per pair.
+plane: root mean square distance of a matcher's disparities from its own plane, over patches of 96 x 96 px whose truth
+is a plane, the median patch. CPU s: processor time per pair.
 """
 
 from __future__ import annotations
@@ -76,7 +73,6 @@ class Pair:
     left: Image
     right: Image
     truth: NDArray[np.float32]
-    device: NDArray[np.float32] | None
     max_disparity: int
 
     @classmethod
@@ -90,8 +86,7 @@ class Pair:
         if (folder / "mask.png").exists():
             truth = np.where(read_gray(folder / "mask.png") > 0, truth, np.float32(np.nan))
         settings = json.loads((folder / "pair.json").read_text()) if (folder / "pair.json").exists() else {}
-        device = read_disparity(folder, "device")
-        return cls(folder.name, left, right, truth, device, settings.get("max_disparity", 128))
+        return cls(folder.name, left, right, truth, settings.get("max_disparity", 128))
 
 
 def ours(**settings: object) -> Matcher:
@@ -144,24 +139,10 @@ def sgbm(mode: int, block: int, uniqueness: int = 15) -> Matcher:
 HH4, THREE_WAY = cv2.STEREO_SGBM_MODE_HH4, cv2.STEREO_SGBM_MODE_SGBM_3WAY
 MATCHERS: dict[str, Matcher] = {
     "simsense, default": ours(),
-    "simsense, p1 7, p2 86": ours(p1=7, p2=86),
-    "simsense, block 1": ours(block_width=1, block_height=1),
-    "simsense, block 11": ours(block_width=11, block_height=11),
-    "simsense, summed subpixel": ours(subpixel="equiangular_summed"),
-    "simsense, summed subpixel, median 5": ours(subpixel="equiangular_summed", median_size=5),
-    "simsense, 8 paths, summed subpixel, median 5": ours(path_count=8, subpixel="equiangular_summed", median_size=5),
     "simsense, depth --profile active": ours(**PROFILES["active"]),
     "simsense, depth --profile passive": ours(**PROFILES["passive"]),  # of 8 bit
-    "simsense, as D415 (median 5, texture 2)": ours(median_size=5, min_texture_dn=2),
-    "simsense, as D435 (block 15, median 5, texture 2)": ours(
-        block_width=15, block_height=15, median_size=5, min_texture_dn=2
-    ),
-    "simsense, census_contrast 1/32": ours(census_contrast=1 / 32),
-    "simsense, census_contrast 1/8": ours(census_contrast=1 / 8),
     "OpenCV SGBM HH4, block 7": sgbm(HH4, 7),
-    "OpenCV SGBM HH4, block 3, uniqueness 5": sgbm(HH4, 3, 5),
     "OpenCV SGBM 3WAY, block 7": sgbm(THREE_WAY, 7),
-    "OpenCV StereoBM 15": opencv(lambda disparities: cv2.StereoBM_create(disparities, 15)),
 }
 
 
@@ -202,32 +183,19 @@ class Tally:
     known: int = 0
     measured: int = 0
     bad: int = 0
-    weak: int = 0
-    weak_measured: int = 0
-    weak_bad: int = 0
-    near_count: int = 0
-    near_error: float = 0.0
     planes: list[float] = field(default_factory=list)
     cpu_s: list[float] = field(default_factory=list)
 
-    def add(self, pair: Pair, disparity: NDArray[np.float32], cpu_s: float | None, weak_dn: float) -> None:
+    def add(self, pair: Pair, disparity: NDArray[np.float32], cpu_s: float) -> None:
         known = np.isfinite(pair.truth)
         measured = known & np.isfinite(disparity)
         error = np.abs(np.where(measured, disparity - pair.truth, 0))
         bad = measured & (error > BAD_PX)
-        weak = known & (cv2.blur(pair.left.astype(np.float32), (15, 15)) < weak_dn)
         self.known += int(known.sum())
         self.measured += int(measured.sum())
         self.bad += int(bad.sum())
-        self.weak += int(weak.sum())
-        self.weak_measured += int((weak & measured).sum())
-        self.weak_bad += int((weak & bad).sum())
-        near = measured & ~bad
-        self.near_count += int(near.sum())
-        self.near_error += float(error[near].sum())
         self.planes += [plane_residual(disparity[p]) for p in planar_patches(pair.truth)]
-        if cpu_s is not None:
-            self.cpu_s.append(cpu_s)
+        self.cpu_s.append(cpu_s)
 
     def row(self, name: str) -> str:
         def percent(part: int, whole: int) -> str:
@@ -238,19 +206,13 @@ class Tally:
             percent(self.measured, self.known),
             percent(self.bad, self.measured),
             percent(self.bad + self.known - self.measured, self.known),
-            f"{self.near_error / max(self.near_count, 1):.3f}",
             f"{np.median(planes):.3f}" if planes else "-",
-            percent(self.weak_measured, self.weak),
-            percent(self.weak_bad, self.weak_measured),
-            f"{np.median(self.cpu_s):.3f}" if self.cpu_s else "-",
+            f"{np.median(self.cpu_s):.3f}",
         ]
         return f"| {name} | {' | '.join(cells)} |"
 
 
-HEADER = (
-    "| | fill % | bad-2 % | incl. holes % | EPE px | plane px | weak: fill % | weak: bad-2 % | CPU s |\n"
-    "|--|--|--|--|--|--|--|--|--|"
-)
+HEADER = "| | fill % | bad-2 % | incl. holes % | plane px | CPU s |\n|--|--|--|--|--|--|"
 
 
 def timed(matcher: Matcher, pair: Pair) -> tuple[NDArray[np.float32], float]:
@@ -260,22 +222,17 @@ def timed(matcher: Matcher, pair: Pair) -> tuple[NDArray[np.float32], float]:
     return disparity, time.process_time() - start
 
 
-def table(pairs: list[Pair], weak_dn: float) -> str:
+def table(pairs: list[Pair]) -> str:
     rows = {name: Tally() for name in MATCHERS}
-    device = Tally()
     for pair in pairs:
         for name, matcher in MATCHERS.items():
-            rows[name].add(pair, *timed(matcher, pair), weak_dn)
-        if pair.device is not None:
-            device.add(pair, pair.device, None, weak_dn)
-    lines = [device.row("the camera itself")] if device.known else []
-    return "\n".join([HEADER, *lines, *(tally.row(name) for name, tally in rows.items())])
+            rows[name].add(pair, *timed(matcher, pair))
+    return "\n".join([HEADER, *(tally.row(name) for name, tally in rows.items())])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="folder of pairs")
-    parser.add_argument("--weak-dn", type=float, default=10, help="darker pixels are counted separately (default 10)")
     parser.add_argument("--each", action="store_true", help="a table for each pair too")
     args = parser.parse_args()
     folders = sorted(path.parent for path in args.folder.glob("*/left.png"))
@@ -284,8 +241,8 @@ def main() -> None:
     pairs = [Pair.read(folder) for folder in folders]
     if args.each:
         for pair in pairs:
-            print(f"\n{pair.name}\n\n{table([pair], args.weak_dn)}", flush=True)
-    print(f"\n{len(pairs)} pairs\n\n{table(pairs, args.weak_dn)}")
+            print(f"\n{pair.name}\n\n{table([pair])}", flush=True)
+    print(f"\n{len(pairs)} pairs\n\n{table(pairs)}")
 
 
 if __name__ == "__main__":

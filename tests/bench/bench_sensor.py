@@ -6,8 +6,8 @@ usage: PYTHONPATH=build/python python3 tests/bench/bench_sensor.py [--size 848x4
 
 First table: our sensor in front of the example's table-top (102 k triangles), path depth 8, and SAPIEN's
 StereoDepthSensor, where the package, CUDA and a renderer are, before twelve spheres and boxes. The least of the rounds
-counts. Second table: environments of the grasping task in batches: steps a second, the processor's time of a step, what
-moving all bodies takes of it, memory, and how good the depth is.
+counts. Second table: environments of the grasping task in batches: steps a second, the processor's time of a step,
+memory, and how good the depth is.
 """
 
 import argparse
@@ -21,8 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-import kuafu
-from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo import StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
 
@@ -31,7 +30,6 @@ from stereo_grasp import GraspWorld
 
 # Samples per pixel, and whether there is an RGB picture, which is read as bytes.
 ROWS = ((2, False), (8, False), (32, False), (2, True), (8, True))
-FLOATS = "2 spp, RGB as floats + IR + depth"
 DEPTH = "compute_depth"
 
 SAPIEN = """
@@ -98,8 +96,6 @@ def our_times(
             with StereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD)) as sensor:
                 take = picture_and_depth(sensor, with_rgb)
                 out[f"{spp},{int(with_rgb)}"] = least(take, rounds)
-                if (spp, with_rgb) == (2, True):
-                    out[FLOATS] = least(picture_and_depth(sensor, with_rgb, as_floats=True), rounds)
                 stages = stages or sensor.stage_times
                 out[DEPTH] = min(
                     out.get(DEPTH, np.inf), least(lambda s=sensor: (s.compute_depth(), s.get_depth()), rounds)
@@ -107,15 +103,13 @@ def our_times(
     return out, stages, name
 
 
-def picture_and_depth(
-    sensor: StereoDepthSensor | StereoDepthSensorBatch, with_rgb: bool, as_floats: bool = False
-) -> Callable[[], object]:
+def picture_and_depth(sensor: StereoDepthSensor | StereoDepthSensorBatch, with_rgb: bool) -> Callable[[], object]:
     def take() -> None:
         sensor.take_picture(infrared_only=not with_rgb)
         sensor.compute_depth()
         sensor.get_depth()
         if with_rgb:
-            _ = sensor.get_rgb() if as_floats else sensor.get_rgba8()
+            sensor.get_rgba8()
 
     return take
 
@@ -133,28 +127,17 @@ def least(work: Callable[[], object], rounds: int, processor: list[float] | None
     return min(seconds[1:])
 
 
-def move_all(world: GraspWorld, seconds: list[float]) -> None:
-    """Moves every body of every environment by a millimetre."""
-    poses = world.things.bodies.poses
-    poses[..., 0, 3] += 1e-3
-    start = time.perf_counter()
-    world.things.bodies.move(poses)
-    seconds.append(time.perf_counter() - start)
-
-
 def print_batches(counts: list[int], samples: list[int], rounds: int, device: str) -> None:
     print("\n| environments, infrared pairs 128x128 | spp | ms a step | steps/s | pairs/s | processor ms | "
-          "bodies moved, ms | memory, MB | "
-          "within 2 % of the truth | invented |")  # fmt: skip
-    print("|--|--|--|--|--|--|--|--|--|--|")
+          "memory, MB | within 2 % of the truth | invented |")  # fmt: skip
+    print("|--|--|--|--|--|--|--|--|--|")
     for count in counts:
         for spp in samples:
             world = GraspWorld(count, "full", size_px=64, samples_per_pixel=spp, device=device)
             world.reset(seed=1)
             rest = np.zeros((count, 4))
-            processor, moved = [], []
+            processor = []
             seconds = least(lambda w=world, a=rest: (w.step(a), w.look()), rounds, processor)
-            least(lambda w=world, m=moved: move_all(w, m), rounds)
             sensors = world.camera.sensors
             sensors.take_picture()
             sensors.compute_depth()
@@ -166,31 +149,8 @@ def print_batches(counts: list[int], samples: list[int], rounds: int, device: st
             figures = (
                 f"{1e3 * seconds:.1f} | {1 / seconds:.1f} | {count / seconds:.0f} | {1e3 * min(processor[1:]):.0f}"
             )
-            bodies = f"{len(world.things.bodies.names)}: {1e3 * min(moved[1:]):.2f}"
-            figures += f" | {bodies} | {memory} | {100 * good:.0f} % | {invented}"
+            figures += f" | {memory} | {100 * good:.0f} % | {invented}"
             print(f"| {count} | {spp} | {figures} |", flush=True)
-
-
-def print_loops(counts: list[int], size_px: int, rounds: int, device: str, model: str) -> None:
-    """A batch beside one sensor that is asked as often, in turn."""
-    print(f"\n| environments, {size_px}x{size_px} | one sensor in a loop, pairs/s | batch, pairs/s | batch / loop |")
-    print("|--|--|--|--|")
-    config = StereoDepthSensorConfig(model).resized(size_px, size_px)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "table_top.gltf"
-        write_table_top(path)
-        scene = kuafu.Scene(kuafu.Device(device))
-        scene.load(path)
-        one = picture_and_depth(StereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD)), with_rgb=False)
-        pose = np.asarray(body_pose(CAMERA_TO_WORLD).to_transformation_matrix())
-        for count in counts:
-            with StereoDepthSensorBatch(config, Mounts(scene, np.repeat(pose[None], count, axis=0))) as batch:
-                all_of_it = picture_and_depth(batch, with_rgb=False)
-                loop_s, batch_s = np.inf, np.inf
-                for _ in range(rounds):
-                    loop_s = min(loop_s, least(lambda n=count: [one() for _ in range(n)], 1))
-                    batch_s = min(batch_s, least(all_of_it, 1))
-            print(f"| {count} | {count / loop_s:.1f} | {count / batch_s:.1f} | {loop_s / batch_s:.2f} |", flush=True)
 
 
 def main() -> None:
@@ -201,18 +161,14 @@ def main() -> None:
     parser.add_argument("--model", default="sapien-D435", help="our sensor's preset")
     parser.add_argument("--environments", default="1,16", help="of the second table; empty for none")
     parser.add_argument("--samples", default="1,4", help="of the second table")
-    parser.add_argument("--loops", default="", metavar="E,E", help="only batches beside loops, at --size WxW")
     args = parser.parse_args()
     width, height = (int(n) for n in args.size.split("x"))
-    if args.loops:
-        print_loops([int(n) for n in args.loops.split(",")], width, args.rounds, args.device, args.model)
-        return
     ours, stages, name = our_times((width, height), args.rounds, args.device, args.model)
     theirs = sapien_times((width, height), args.rounds)
     print(f"{name}, {width}x{height}, {args.model}, wall milliseconds, least of {args.rounds}")
     print("\n| | ours | SAPIEN StereoDepthSensor | SAPIEN / ours |\n|--|--|--|--|")
     rows = {f"{spp},{int(rgb)}": f"{spp} spp, {'RGB + ' if rgb else ''}IR + depth" for spp, rgb in ROWS}
-    for key, title in (rows | {FLOATS: FLOATS, DEPTH: DEPTH}).items():
+    for key, title in (rows | {DEPTH: DEPTH}).items():
         other = theirs.get(key) if isinstance(theirs, dict) else None
         shown = "not here | " if other is None else f"{1e3 * other:.1f} | {other / ours[key]:.1f}"
         print(f"| {title} | {1e3 * ours[key]:.1f} | {shown} |")
