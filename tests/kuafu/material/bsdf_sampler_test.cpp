@@ -234,19 +234,23 @@ TEST(Glass, that_is_a_rough_sheet_loses_and_creates_nothing) {
       }
 }
 
+/// A white surface gives between `least` and `most` of the light of one direction.
+void expect_white_between(MaterialPoint m, double cosine, double least, double most, const std::string& what, double azimuth = 0.3) {
+  m.base = 1;
+  m.diffuse_roughness = 0;
+  const double e = energy(m, cosine, true, azimuth);
+  EXPECT_GT(e, least) << what << ", roughness " << m.roughness << ", metallic " << m.metallic << ", cosine " << cosine;
+  EXPECT_LT(e, most) << what << ", roughness " << m.roughness << ", metallic " << m.metallic << ", cosine " << cosine;
+}
+
 // What lies over rough metal takes the larger of the coat's two albedos from it, so that some is lost there.
 TEST(Clearcoat, over_white_surfaces_creates_nothing_and_loses_little) {
   for (const float metallic : {0.0f, 1.0f})
     for (const float roughness : {0.0f, 0.5f, 1.0f})
       for (const float coat : {0.0f, 0.3f, 1.0f})
-        for (const double cosine : {0.15, 0.4, 1.0}) {
-          MaterialPoint m = coated(point(metallic, 0, roughness, 0), 1, coat);
-          m.base = 1;
-          m.diffuse_roughness = 0;
-          const double e = energy(m, cosine, true);
-          EXPECT_LT(e, 1.01) << metallic << " " << roughness << ", coat " << coat << ", " << cosine;
-          EXPECT_GT(e, metallic * roughness > 0 ? 0.95 : 0.985) << metallic << " " << roughness << ", coat " << coat << ", " << cosine;
-        }
+        for (const double cosine : {0.15, 0.4, 1.0})
+          expect_white_between(coated(point(metallic, 0, roughness, 0), 1, coat), cosine, metallic * roughness > 0 ? 0.95 : 0.985, 1.01,
+                               "coat " + std::to_string(coat));
 }
 
 /// f of glass from wo to wi, each on its side of the surface; radiance over the squared index of where it is, as reciprocity has it.
@@ -290,31 +294,14 @@ TEST(DiffuseTransmission, of_white_paper_loses_and_creates_nothing) {
         }
 }
 
-TEST(DiffuseTransmission, is_reciprocal) {
-  const vec3 a = direction(0.9, 0), b = direction(-0.3, 2);
-  const MaterialPoint m = translucent(coated(point(0.2f, 0, 0.5f, 0), 0.7f, 0.2f), 0.6f, 0.8f);
-  EXPECT_NEAR(reciprocal_f(m, a, b) / reciprocal_f(m, b, a), 1, 2e-3);
-}
-
 TEST(Anisotropy, of_white_surfaces_creates_little_and_loses_little) {
   for (const float metallic : {0.0f, 1.0f})
     for (const float roughness : {0.0f, 0.2f, 0.3f, 0.7f})
       for (const float anisotropy : {0.3f, 0.5f, 0.7f, 1.0f})
         for (const double cosine : {0.15, 0.4, 1.0})
-          for (const double azimuth : {0.0, 0.3, 0.8, 1.5708}) {
-            MaterialPoint m = brushed(point(metallic, 0, roughness, 0), anisotropy);
-            m.base = 1;
-            m.diffuse_roughness = 0;
-            const double e = energy(m, cosine, true, azimuth);
-            EXPECT_LT(e, 1.015) << metallic << " " << roughness << " " << anisotropy << " " << cosine << " " << azimuth;
-            EXPECT_GT(e, 0.93) << metallic << " " << roughness << " " << anisotropy << " " << cosine << " " << azimuth;
-          }
-}
-
-TEST(Anisotropy, is_reciprocal) {
-  const vec3 a = direction(0.9, 0), b = direction(0.3, 2);
-  const MaterialPoint m = brushed(point(0.5f, 0, 0.4f, 0), 0.8f);
-  EXPECT_NEAR(reciprocal_f(m, a, b) / reciprocal_f(m, b, a), 1, 2e-3);
+          for (const double azimuth : {0.0, 0.3, 0.8, 1.5708})
+            expect_white_between(brushed(point(metallic, 0, roughness, 0), anisotropy), cosine, 0.93, 1.015,
+                                 "anisotropy " + std::to_string(anisotropy), azimuth);
 }
 
 TEST(Anisotropy, of_nearly_nothing_is_the_round_lobe) {
@@ -346,17 +333,12 @@ TEST(Anisotropy, draws_the_lobe_out_along_x) {
   EXPECT_GT(bsdf_evaluate(b, albedo, up, along, lobe_chances(b), pdf), 2 * bsdf_evaluate(b, albedo, up, across, lobe_chances(b), pdf));
 }
 
+// The larger of two albedos is taken from what lies below.
 TEST(Sheen, over_white_surfaces_creates_nothing_and_loses_little) {
   for (const float metallic : {0.0f, 1.0f})
     for (const float roughness : {0.1f, 0.3f, 0.6f, 1.0f})
-      for (const double cosine : {0.1, 0.3, 0.6, 1.0}) {
-        MaterialPoint m = fluffy(point(metallic, 0, 0.5f, 0), 1, roughness);
-        m.base = 1;
-        m.diffuse_roughness = 0;
-        const double e = energy(m, cosine, true);
-        EXPECT_LT(e, 1.015) << metallic << " " << roughness << " " << cosine;
-        EXPECT_GT(e, 0.6) << metallic << " " << roughness << " " << cosine;  // the larger of two albedos is taken from what lies below
-      }
+      for (const double cosine : {0.1, 0.3, 0.6, 1.0})
+        expect_white_between(fluffy(point(metallic, 0, 0.5f, 0), 1, roughness), cosine, 0.6, 1.015, "fibres " + std::to_string(roughness));
 }
 
 TEST(Sheen, over_black_has_the_albedo_of_its_table) {
@@ -371,27 +353,14 @@ TEST(Sheen, over_black_has_the_albedo_of_its_table) {
     }
 }
 
-TEST(Sheen, is_reciprocal) {
-  const vec3 a = direction(0.9, 0), b = direction(0.1, 2);
-  for (const float roughness : {0.1f, 0.5f}) {
-    const MaterialPoint m = fluffy(coated(point(0.5f, 0, 0.5f, 0), 0.5f, 0.3f), 0.7f, roughness);
-    EXPECT_NEAR(reciprocal_f(m, a, b) / reciprocal_f(m, b, a), 1, 2e-3) << roughness;
-  }
-}
-
 TEST(Iridescence, of_white_surfaces_creates_nothing) {
   for (const float metallic : {0.0f, 1.0f})
     for (const float roughness : {0.0f, 0.4f, 1.0f})
       for (const float ior : {1.3f, 2.0f})
         for (const float thickness_nm : {150.0f, 400.0f, 900.0f})
-          for (const double cosine : {0.15, 0.5, 1.0}) {
-            MaterialPoint m = filmed(point(metallic, 0, roughness, 0), 1, ior, thickness_nm);
-            m.base = 1;
-            m.diffuse_roughness = 0;
-            const double e = energy(m, cosine, true);
-            EXPECT_LT(e, 1.02) << metallic << " " << roughness << " " << ior << " " << thickness_nm << " " << cosine;
-            EXPECT_GT(e, 0.88) << metallic << " " << roughness << " " << ior << " " << thickness_nm << " " << cosine;
-          }
+          for (const double cosine : {0.15, 0.5, 1.0})
+            expect_white_between(filmed(point(metallic, 0, roughness, 0), 1, ior, thickness_nm), cosine, 0.88, 1.02,
+                                 "film " + std::to_string(ior) + ", " + std::to_string(thickness_nm));
 }
 
 TEST(Iridescence, of_clear_glass_loses_nothing) {
@@ -403,12 +372,6 @@ TEST(Iridescence, of_clear_glass_loses_nothing) {
         m.thin_walled = thin;
         EXPECT_NEAR(energy(m, cosine, front), 1, 1e-3) << thin << front << cosine;
       }
-}
-
-TEST(Iridescence, is_reciprocal) {
-  const vec3 a = direction(0.9, 0), b = direction(0.3, 2);
-  const MaterialPoint m = filmed(point(0.5f, 0, 0.5f, 0), 0.8f, 1.5f, 450);
-  EXPECT_NEAR(reciprocal_f(m, a, b) / reciprocal_f(m, b, a), 1, 2e-3);
 }
 
 // Airy's sum of complex amplitudes, in double precision, at normal incidence and 850 nm.
@@ -424,13 +387,18 @@ TEST(Iridescence, in_infrared_is_airys_sum) {
       }
 }
 
-TEST(Clearcoat, is_reciprocal) {
-  const vec3 a = direction(0.9, 0), b = direction(0.3, 2);
+TEST(Lobes, are_reciprocal) {
+  const vec3 above = direction(0.9, 0), aslant = direction(0.3, 2), grazing = direction(0.1, 2), below = direction(-0.3, 2);
+  const MaterialPoint dull = point(0.5f, 0, 0.5f, 0);
+  std::vector<std::tuple<const char*, vec3, MaterialPoint>> lobes = {
+      {"let through", below, translucent(coated(point(0.2f, 0, 0.5f, 0), 0.7f, 0.2f), 0.6f, 0.8f)},
+      {"drawn out", aslant, brushed(point(0.5f, 0, 0.4f, 0), 0.8f)},
+      {"fibres", grazing, fluffy(coated(dull, 0.5f, 0.3f), 0.7f, 0.1f)},
+      {"rough fibres", grazing, fluffy(coated(dull, 0.5f, 0.3f), 0.7f, 0.5f)},
+      {"film", aslant, filmed(dull, 0.8f, 1.5f, 450)}};
   for (const float metallic : {0.0f, 1.0f})
-    for (const float coat : {0.2f, 0.8f}) {
-      const MaterialPoint m = coated(point(metallic, 0.2f, 0.5f, 0.5f), 0.7f, coat);
-      EXPECT_NEAR(reciprocal_f(m, a, b) / reciprocal_f(m, b, a), 1, 2e-3) << metallic << " " << coat;
-    }
+    for (const float coat : {0.2f, 0.8f}) lobes.emplace_back("coat", aslant, coated(point(metallic, 0.2f, 0.5f, 0.5f), 0.7f, coat));
+  for (const auto& [name, other, m] : lobes) EXPECT_NEAR(reciprocal_f(m, above, other) / reciprocal_f(m, other, above), 1, 2e-3) << name;
 }
 
 }  // namespace

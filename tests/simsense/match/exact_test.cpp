@@ -42,24 +42,18 @@ void compare_all(const StereoPair& pair, const MatchParameters& p, unsigned thre
   compare_all(matched_by_the_reference(pair, p, wide), pair, p, threads, wide);
 }
 
-TEST(matcher, fuzzed_parameters_without_block_equal_the_reference) {
-  Fuzz fuzz(1);
-  for (int i = 0; i < 40; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.in(1, 4));
+TEST(matcher, fuzzed_parameters_equal_the_reference) {
+  for (const bool block : {false, true}) {
+    Fuzz fuzz(block ? 2 : 1);
+    for (int i = 0; i < (block ? 25 : 40); ++i) compare(fuzz.pair(), fuzz.parameters(block), fuzz.in(1, 4));
+  }
 }
 
-TEST(matcher, fuzzed_parameters_with_block_equal_the_reference) {
-  Fuzz fuzz(2);
-  for (int i = 0; i < 25; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.in(1, 4));
-}
-
-TEST(matcher, fuzzed_extensions_without_block_equal_the_reference) {
-  Fuzz fuzz(11);
-  for (int i = 0; i < 60; ++i) compare_all(fuzz.pair(), fuzz.all_parameters(false), fuzz.in(1, 4), false);
-}
-
-TEST(matcher, fuzzed_extensions_with_block_equal_the_reference) {
-  Fuzz fuzz(12);
-  for (int i = 0; i < 40; ++i) compare_all(fuzz.pair(), fuzz.all_parameters(true), fuzz.in(1, 4), false);
+TEST(matcher, fuzzed_extensions_equal_the_reference) {
+  for (const bool block : {false, true}) {
+    Fuzz fuzz(block ? 12 : 11);
+    for (int i = 0; i < (block ? 40 : 60); ++i) compare_all(fuzz.pair(), fuzz.all_parameters(block), fuzz.in(1, 4), false);
+  }
 }
 
 TEST(matcher, fuzzed_16_bit_images_equal_the_reference) {

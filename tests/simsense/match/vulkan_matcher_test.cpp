@@ -93,14 +93,11 @@ class VulkanFuzz : public Fuzz {
   }
 };
 
-TEST(vulkan_matcher, fuzzed_parameters_without_block_equal_the_reference) {
-  VulkanFuzz fuzz(1);
-  for (int i = 0; i < 7; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.tuning());
-}
-
-TEST(vulkan_matcher, fuzzed_parameters_with_block_equal_the_reference) {
-  VulkanFuzz fuzz(2);
-  for (int i = 0; i < 7; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
+TEST(vulkan_matcher, fuzzed_parameters_equal_the_reference) {
+  for (const bool block : {false, true}) {
+    VulkanFuzz fuzz(block ? 2 : 1);
+    for (int i = 0; i < 7; ++i) compare(fuzz.pair(), fuzz.parameters(block), fuzz.tuning());
+  }
 }
 
 TEST(vulkan_matcher, fuzzed_extensions_equal_the_reference) {
