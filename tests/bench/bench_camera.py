@@ -205,6 +205,7 @@ class Camera:
         config.samples_per_pixel = self.config.samples_per_pixel
         sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
         sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
         self.rows["background"] = float(np.median(sensor.get_ir_measured()[0]))
 
 
