@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "capi/small_match.h"
 #include "capi/small_render.h"
 
 namespace ks::test {
@@ -146,45 +147,8 @@ TEST(CancelOfALoad, EndsItSoonAndLeavesTheSceneAsItWas) {
   render.expect_works();
 }
 
-/// A host device, and an engine with a batch of so many pairs.
-struct LongCompute {
-  const uint64_t shape[3];
-  simsense_device device = nullptr;
-  simsense_engine engine = nullptr;
-  std::vector<uint8_t> light = std::vector<uint8_t>(shape[0] * shape[1] * shape[2]);
-  std::vector<float> disparity = std::vector<float>(light.size());
-  simsense_output_desc output{};
-  simsense_compute_desc desc = simsense_compute_desc_init();
-
-  explicit LongCompute(uint32_t pairs) : shape{pairs, 240, 320} {
-    ks_device_desc host = ks_device_desc_init();
-    host.select = KS_SELECT_HOST, host.worker_count = 2;
-    EXPECT_EQ(simsense_device_create(&host, &device), KS_OK) << simsense_last_error();
-    simsense_rig_desc rig = simsense_rig_desc_init();
-    for (simsense_camera* camera : {&rig.left, &rig.right}) {
-      camera->width = 320, camera->height = 240;
-      camera->k[0] = camera->k[4] = 300, camera->k[2] = 159.5, camera->k[5] = 119.5, camera->k[8] = 1;
-    }
-    rig.left_to_right[3] = -0.05, rig.rectified = 1, rig.batch_count = pairs;
-    const simsense_parameters parameters = simsense_parameters_init();
-    EXPECT_EQ(simsense_engine_create(device, &rig, &parameters, &engine), KS_OK) << simsense_last_error();
-    for (size_t i = 0; i < light.size(); ++i) light[i] = static_cast<uint8_t>(i * i >> 7);
-    simsense_image image{.buffer = nullptr, .host = disparity.data(), .image = ks_image_desc_packed(KS_FORMAT_F32, 3, shape)};
-    output = simsense_output_desc_init(SIMSENSE_OUTPUT_DISPARITY, image);
-    image.host = light.data(), image.image = ks_image_desc_packed(KS_FORMAT_U8, 3, shape);
-    desc.left = desc.right = image;
-    desc.outputs = &output, desc.output_count = 1;
-  }
-  ~LongCompute() {
-    simsense_engine_release(engine);
-    simsense_device_release(device);
-  }
-  LongCompute(const LongCompute&) = delete;
-  LongCompute& operator=(const LongCompute&) = delete;
-};
-
 TEST(CancelOfSimsense, EndsAComputeOfAnotherThread) {
-  LongCompute work(400);
+  SmallMatch work(open_host_device(), 5000);
   std::atomic<bool> begun{false};
   work.desc.progress = [](void* user, float) -> int32_t { return static_cast<std::atomic<bool>*>(user)->store(true), 0; };
   work.desc.progress_user = &begun;
@@ -203,7 +167,7 @@ TEST(CancelOfSimsense, EndsAComputeOfAnotherThread) {
 }
 
 TEST(CancelOfSimsense, WhatFollowsHasTheBitsOfAnEngineThatWasNeverCancelled) {
-  LongCompute cancelled(4), plain(4);
+  SmallMatch cancelled(open_host_device(), 4), plain(open_host_device(), 4);
   int left = 20;
   cancelled.desc.progress = [](void* user, float) -> int32_t { return --*static_cast<int*>(user) < 0; };
   cancelled.desc.progress_user = &left;
@@ -215,7 +179,7 @@ TEST(CancelOfSimsense, WhatFollowsHasTheBitsOfAnEngineThatWasNeverCancelled) {
 }
 
 TEST(CancelOfSimsense, AWaitTakesATimeout) {
-  LongCompute work(1);
+  SmallMatch work(open_host_device());
   ks_sync sync = ks_sync_init();
   EXPECT_EQ(simsense_engine_wait_for(work.engine, &sync, 0), KS_OK) << "what ran on the host has ended";
   sync.kind = KS_SYNC_TIMELINE, sync.value = 1;

@@ -136,7 +136,7 @@ std::vector<float> rendered(kuafu_device device, uint32_t samples) {
 std::vector<float> matched(simsense_device device) {
   SmallMatch match(device);
   EXPECT_EQ(simsense_engine_compute(match.engine, &match.desc), KS_OK) << simsense_last_error();
-  return match.depth;
+  return match.disparity;
 }
 
 class HostThreads : public testing::TestWithParam<Order> {};
@@ -268,7 +268,7 @@ TEST(HostMemoryOfSimsense, ThatEndsIsOneErrorAndTheEngineStaysUsable) {
       EXPECT_TRUE(says(simsense_last_error(), "the host's allocate gave nothing for")) << simsense_last_error();
     }
     EXPECT_GT(failures, 3);
-    EXPECT_EQ(match.depth, own);
+    EXPECT_EQ(match.disparity, own);
   }
   EXPECT_EQ(memory.live_bytes(), 0u);
 }

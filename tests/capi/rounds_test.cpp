@@ -111,33 +111,13 @@ TEST(RoundsOfKuafu, RenderersThatRender) {
 }
 
 TEST(RoundsOfSimsense, EnginesThatCompute) {
-  const simsense_device device = open_host_device();
-  constexpr uint32_t width = 40, height = 32;
-  simsense_rig_desc rig = simsense_rig_desc_init();
-  for (simsense_camera* camera : {&rig.left, &rig.right}) {
-    camera->width = width, camera->height = height;
-    camera->k[0] = camera->k[4] = 40, camera->k[2] = 19.5, camera->k[5] = 15.5, camera->k[8] = 1;
-  }
-  rig.left_to_right[3] = -0.05;
-  rig.rectified = 1;
-  simsense_parameters parameters = simsense_parameters_init();
-  parameters.max_disparity = 16;
-  std::vector<uint8_t> light(width * height, 7);
-  std::vector<float> depth(width * height);
-  const uint64_t shape[2] = {height, width};
-  simsense_image out{.buffer = nullptr, .host = depth.data(), .image = ks_image_desc_packed(KS_FORMAT_F32, 2, shape)};
-  const simsense_output_desc output = simsense_output_desc_init(SIMSENSE_OUTPUT_DEPTH, out);
-  simsense_compute_desc compute = simsense_compute_desc_init();
-  compute.left = {.buffer = nullptr, .host = light.data(), .image = ks_image_desc_packed(KS_FORMAT_U8, 2, shape)};
-  compute.right = compute.left;
-  compute.outputs = &output, compute.output_count = 1;
+  SmallMatch match(open_host_device());
   expect_flat("engine", round_count(), [&] {
     simsense_engine engine = nullptr;
-    ASSERT_EQ(simsense_engine_create(device, &rig, &parameters, &engine), KS_OK) << simsense_last_error();
-    EXPECT_EQ(simsense_engine_compute(engine, &compute), KS_OK) << simsense_last_error();
+    ASSERT_EQ(simsense_engine_create(match.device, &match.rig, &match.parameters, &engine), KS_OK) << simsense_last_error();
+    EXPECT_EQ(simsense_engine_compute(engine, &match.desc), KS_OK) << simsense_last_error();
     simsense_engine_release(engine);
   });
-  simsense_device_release(device);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "capi/small_match.h"
 #include "capi/small_render.h"
 
 namespace ks::test {
@@ -59,35 +60,20 @@ TEST_P(Validation, HasNothingToSayOfARender) {
 INSTANTIATE_TEST_SUITE_P(Tracers, Validation, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE));
 
 TEST(ValidationOfSimsense, HasNothingToSayOfAMatch) {
-  constexpr uint32_t side = 64;
   Heard heard;
   const ks_device_desc desc = heard.desc();
   simsense_device device = nullptr;
   SKIP_IF(simsense_device_create(&desc, &device) == KS_OK ? "" : simsense_last_error());
-  simsense_rig_desc rig = simsense_rig_desc_init();
-  for (simsense_camera* camera : {&rig.left, &rig.right}) {
-    camera->width = camera->height = side;
-    camera->k[0] = camera->k[4] = 60, camera->k[2] = camera->k[5] = 31.5, camera->k[8] = 1;
+  {
+    SmallMatch match(device, 1, [](simsense_rig_desc& rig) {
+      rig.rectified = 0, rig.back_end = SIMSENSE_BACK_END_VULKAN;
+      rig.left.lens.distortion[0] = 0.01;
+    });
+    for (const uint32_t output : {SIMSENSE_OUTPUT_DISPARITY, SIMSENSE_OUTPUT_DEPTH}) {
+      match.output.output = output;
+      EXPECT_EQ(simsense_engine_compute(match.engine, &match.desc), KS_OK) << simsense_last_error();
+    }
   }
-  rig.left.lens.distortion[0] = 0.01;  // so that the pair is rectified
-  rig.left_to_right[3] = -0.05, rig.back_end = SIMSENSE_BACK_END_VULKAN;
-  simsense_parameters parameters = simsense_parameters_init();
-  parameters.max_disparity = 16;
-  simsense_engine engine = nullptr;
-  ASSERT_EQ(simsense_engine_create(device, &rig, &parameters, &engine), KS_OK) << simsense_last_error();
-  const uint64_t shape[2] = {side, side};
-  std::vector<uint8_t> light(side * side, 9);
-  std::vector<float> depth(side * side), disparity(side * side);
-  simsense_image image{.buffer = nullptr, .host = depth.data(), .image = ks_image_desc_packed(KS_FORMAT_F32, 2, shape)};
-  simsense_output_desc outputs[2] = {simsense_output_desc_init(SIMSENSE_OUTPUT_DEPTH, image), {}};
-  image.host = disparity.data();
-  outputs[1] = simsense_output_desc_init(SIMSENSE_OUTPUT_DISPARITY, image);
-  simsense_compute_desc compute = simsense_compute_desc_init();
-  compute.left = {.buffer = nullptr, .host = light.data(), .image = ks_image_desc_packed(KS_FORMAT_U8, 2, shape)};
-  compute.right = compute.left, compute.outputs = outputs, compute.output_count = 2;
-  EXPECT_EQ(simsense_engine_compute(engine, &compute), KS_OK) << simsense_last_error();
-  simsense_engine_release(engine);
-  simsense_device_release(device);
   SKIP_IF(heard.why_none());
   for (const std::string& text : heard.texts) ADD_FAILURE() << text;
 }

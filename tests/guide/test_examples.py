@@ -16,11 +16,15 @@ def load(path):
     return module
 
 
+def run(folder, name, *arguments, least_good_share=0.6, **options):
+    """Runs an example, which draws a picture; most of its measured pixels are good."""
+    assert load(EXAMPLES / f"{name}/{name}.py").run(folder, *arguments, **options) > least_good_share
+    assert (folder / f"{name}.png").stat().st_size > 1000
+
+
 def test_mujoco_wrist(tmp_path):
     pytest.importorskip("mujoco", reason="the package mujoco is not installed (pip install mujoco)")
-    good_share = load(EXAMPLES / "mujoco_wrist/mujoco_wrist.py").run(tmp_path, pictures=2, scale=0.25, samples=16)
-    assert good_share > 0.6
-    assert (tmp_path / "mujoco_wrist.png").stat().st_size > 1000
+    run(tmp_path, "mujoco_wrist", pictures=2, scale=0.25, samples=16)
 
 
 @pytest.mark.parametrize("simulator", ["newton", "mujoco", "mujoco_warp"])  # Genesis compiles for a minute
@@ -32,29 +36,20 @@ def test_gbuffers(simulator):
 
 def test_sapien_sensor(tmp_path):
     pytest.importorskip("sapien", reason="the package sapien is not installed (pip install sapien)")
-    good_share = load(EXAMPLES / "sapien_sensor/sapien_sensor.py").run(tmp_path, scale=0.25, samples=4, steps=150)
-    assert good_share > 0.6
-    assert (tmp_path / "sapien_sensor.png").stat().st_size > 1000
+    run(tmp_path, "sapien_sensor", scale=0.25, samples=4, steps=150)
 
 
 def test_mani_skill_depth(tmp_path):
     pytest.importorskip("mani_skill", reason="the package mani_skill is not installed (pip install mani_skill)")
     try:
-        good_share = load(EXAMPLES / "mani_skill_depth/mani_skill_depth.py").run(
-            tmp_path, "PickCube-v1", size=96, samples=4, steps=1
-        )
+        run(tmp_path, "mani_skill_depth", "PickCube-v1", size=96, samples=4, steps=1)
     except RuntimeError as error:
         pytest.skip(f"SAPIEN has no renderer here, which ManiSkill's cameras need: {error}")
-    assert good_share > 0.6
-    assert (tmp_path / "mani_skill_depth.png").stat().st_size > 1000
 
 
 def test_any_simulator(tmp_path):
-    good_share = load(EXAMPLES / "any_simulator/any_simulator.py").run(tmp_path, environments=2, pictures=2, samples=4)
-    assert good_share > 0.6
-    assert (tmp_path / "any_simulator.png").stat().st_size > 1000
+    run(tmp_path, "any_simulator", environments=2, pictures=2, samples=4)
 
 
 def test_grasp_task(tmp_path):
-    assert load(EXAMPLES / "grasp_task/grasp_task.py").run(tmp_path, environments=3, samples=1) > 0.95
-    assert (tmp_path / "grasp_task.png").stat().st_size > 1000
+    run(tmp_path, "grasp_task", least_good_share=0.95, environments=3, samples=1)

@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "capi/device/expect_error.h"
 #include "device/error.h"
 #include "io/load.h"
 #include "kuafu/io/loaded.h"
@@ -142,12 +141,6 @@ TEST(PlyFile, ColoursOfVerticesAreLinearAndShown) {
   EXPECT_EQ(loaded.scene.materials()[material].base_color, glm::vec4(1)) << "the grey of surfaces without a material would dim them";
 }
 
-TEST(ObjFile, NoFaceIsAnError) {
-  const Folder folder;
-  write_text(folder / "points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
-  EXPECT_ERROR(load_path(folder / "points.obj"), KS_ERROR_FILE, "points.obj");
-}
-
 TEST(StlFile, FacetsAreTrianglesOfTheDefaultMaterial) {
   const Folder folder;
   write_text(folder / "a.stl",
@@ -156,15 +149,6 @@ TEST(StlFile, FacetsAreTrianglesOfTheDefaultMaterial) {
   ASSERT_EQ(loaded.scene.instances().size(), 1u);
   EXPECT_EQ(loaded.scene.meshes()[0].indices.size(), 1u);
   EXPECT_EQ(loaded.scene.instances()[0].materials, std::vector<uint32_t>{none});
-}
-
-TEST(PlyFile, AsciiFacesArrive) {
-  const Folder folder;
-  write_text(folder / "a.ply",
-             "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list "
-             "uchar int "
-             "vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n");
-  EXPECT_EQ(load_path(folder / "a.ply").scene.meshes()[0].indices.size(), 2u);
 }
 
 TEST(ColladaFile, NodesCarryTheirTransformsUnitsAndUpAxis) {

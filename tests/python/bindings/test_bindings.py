@@ -143,59 +143,34 @@ def test_engine_parameters_by_name():
 
 
 def test_records_come_back_as_they_went_in(scene):
-    material = kuafu.Material(
-        name="m",
-        base_color=(0.1, 0.2, 0.3, 1.0),
-        metallic=0.25,
-        roughness=0.5,
-        ior=1.25,
-        ir_albedo=0.75,
-        emission=(1, 2, 3),
-        thin_walled=True,
-        clearcoat=0.5,
-        diffuse_transmission=0.25,
-        diffuse_transmission_color=(0.5, 1, 0.75),
-        ir_diffuse_transmission_color=0.875,
-        anisotropy=0.5,
-        anisotropy_rotation_rad=0.25,
-        sheen_color=(0.25, 0.5, 1),
-        sheen_roughness=0.75,
-        iridescence=1,
-        iridescence_thickness_nm=300,
-        dispersion=2,
-        sheen_color_texture=scene.add_texture(np.zeros((1, 1, 3), np.uint8)),
+    told = {
+        "name": "m",
+        "base_color": (0.1, 0.2, 0.3, 1.0),
+        "metallic": 0.25,
+        "roughness": 0.5,
+        "ior": 1.25,
+        "ir_albedo": 0.75,
+        "emission": (1, 2, 3),
+        "thin_walled": True,
+        "clearcoat": 0.5,
+        "diffuse_transmission": 0.25,
+        "diffuse_transmission_color": (0.5, 1, 0.75),
+        "ir_diffuse_transmission_color": 0.875,
+        "anisotropy": 0.5,
+        "anisotropy_rotation_rad": 0.25,
+        "sheen_color": (0.25, 0.5, 1),
+        "sheen_roughness": 0.75,
+        "iridescence": 1,
+        "iridescence_thickness_nm": 300,
+        "dispersion": 2,
+        "sheen_color_texture": scene.add_texture(np.zeros((1, 1, 3), np.uint8)),
+    }
+    material = kuafu.Material(**told)
+    untold = (
+        "ir_ior subsurface_radius_m ior_texture clearcoat_roughness sheen_roughness_texture iridescence_ior specular"
     )
     back = scene.get_material(scene.add_material(material))
-    for name in (
-        "name",
-        "thin_walled",
-        "ir_ior",
-        "subsurface_radius_m",
-        "ior_texture",
-        "clearcoat",
-        "clearcoat_roughness",
-        "diffuse_transmission",
-        "diffuse_transmission_color",
-        "ir_diffuse_transmission_color",
-        "anisotropy",
-        "anisotropy_rotation_rad",
-        "sheen_color",
-        "sheen_roughness",
-        "sheen_color_texture",
-        "sheen_roughness_texture",
-        "iridescence",
-        "iridescence_ior",
-        "iridescence_thickness_nm",
-        "dispersion",
-        "base_color",
-        "metallic",
-        "roughness",
-        "specular",
-        "ior",
-        "ir_albedo",
-        "emission",
-        "base_color_texture",
-    ):
+    for name in (*told, *untold.split(), "base_color_texture"):
         assert getattr(back, name) == getattr(material, name), name
     assert kuafu.Material().ir_albedo is None and kuafu.Material().normal_texture is None
     pose = np.eye(4)

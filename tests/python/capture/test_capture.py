@@ -288,12 +288,6 @@ ODD = [
 ]  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory):
-    world = make_world(tmp_path_factory.mktemp("world"), size=(32, 20), grid=1, bounces=0)
-    return Path(shutil.copytree(world.capture_path, tmp_path_factory.mktemp("copy") / "capture"))
-
-
 def places(value: Any, found: list[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
     """(container, key) of every value inside."""
     for key in list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
@@ -302,8 +296,8 @@ def places(value: Any, found: list[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
     return found
 
 
-def test_changed_values(capture):
-    text = (capture / "capture.json").read_text()
+def test_changed_values(folder):
+    text = (folder / "capture.json").read_text()
     dice = random.Random(1)
     refused = 0
     for _ in range(300):
@@ -314,12 +308,12 @@ def test_changed_values(capture):
                 container.pop(key, None)
             else:
                 container[key] = dice.choice(ODD)
-        refused += not _reads(capture, json.dumps(root))
+        refused += not _reads(folder, json.dumps(root))
     assert refused > 100, "the changes reach nothing that is checked"
 
 
-def test_changed_bytes(capture):
-    text = (capture / "capture.json").read_text()
+def test_changed_bytes(folder):
+    text = (folder / "capture.json").read_text()
     dice = random.Random(2)
     for _ in range(200):
         characters = list(text)
@@ -327,15 +321,15 @@ def test_changed_bytes(capture):
             characters[dice.randrange(len(characters))] = dice.choice('{}[]",:0-9e.\\ \x00')
         if dice.random() < 0.2:
             del characters[dice.randrange(len(characters)) :]
-        _reads(capture, "".join(characters))
+        _reads(folder, "".join(characters))
 
 
-def _reads(capture: Path, text: str) -> bool:
-    (capture / "capture.json").write_text(text)
+def _reads(folder: Path, text: str) -> bool:
+    (folder / "capture.json").write_text(text)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            read_capture(capture)
+            read_capture(folder)
         except CaptureError as error:
             assert "capture.json" in str(error)
             return False

@@ -161,6 +161,47 @@ def write_ros2(path, storage=StoragePlugin.SQLITE3, second_later_ns=0):
             writer.write(image, time_ns, store.serialize_cdr(message, image.msgtype))
 
 
+def write_lone_mcap(path, **more):
+    folder = path.with_name(f"whole_{path.stem}")
+    write_ros2(folder, StoragePlugin.MCAP, **more)
+    next(folder.glob("*.mcap")).rename(path)
+
+
+def write_lone_db3(path):
+    """One file without metadata.yaml, whose time begins at 0, images as PNG, the baseline as an option: librealsense's
+    since 2.58."""
+    store, folder = get_typestore(Stores.ROS2_HUMBLE), path.parent / "whole"
+    types = store.types
+    with Writer2(folder, version=8) as writer:
+        known = {}
+
+        def add(topic, kind, message, time_ns=0):
+            if topic not in known:
+                known[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(known[topic], time_ns, store.serialize_cdr(message, kind))
+
+        text = types["std_msgs/msg/String"]
+        add("/device_0/sensor_0/option/Stereo_Baseline/value", "std_msgs/msg/String", text("50.000000"))
+        add("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/msg/String", text("0.000500"))
+        for stream, topic in _TOPICS1.items():
+            for frame in range(2):
+                pixels, time_ns = images(frame)[stream], 1000 * stream + 33_000_000 * frame
+                add(f"{topic}/image/camera_info", "sensor_msgs/msg/CameraInfo", camera_info(store, 0.0), time_ns)
+                buffer = io.BytesIO()
+                Image.fromarray(pixels).save(buffer, "png")
+                content = (b"" if stream else bytes(12)) + buffer.getvalue()  # depth has a header of its own
+                header = image_message(store, pixels, time_ns).header
+                made = types["sensor_msgs/msg/CompressedImage"](header, "png", np.frombuffer(content, np.uint8))
+                add(f"{topic}/image/data/compressed", "sensor_msgs/msg/CompressedImage", made, time_ns)
+    next(folder.glob("*.db3")).rename(path)
+
+
+ORIGINS = [
+    (write_librealsense, "a.bag", 2, 0.0005), (write_ros2, "bag", 1, 0.001), (write_lone_mcap, "a.mcap", 1, 0.001),
+    (write_lone_db3, "a.db3", 2, 0.0005),
+]  # fmt: skip
+
+
 def check(path, frames, depth_scale, first):
     capture = read_capture(path)
     assert len(capture.frames) == frames
@@ -172,11 +213,28 @@ def check(path, frames, depth_scale, first):
     assert frame.depth_scale == pytest.approx(depth_scale) and frame.depth_path is not None
 
 
-def test_librealsenses_own_bag(tmp_path):
-    write_librealsense(tmp_path / "a.bag")
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 0
-    check(tmp_path / "capture", 2, 0.0005, images(0))
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bag", "capture"], "nothing else stays"
+def imported(path, *more):
+    """The capture of a recording, beside it."""
+    assert main(["import", str(path), "--out", str(path.parent / "capture"), *more]) == 0
+    return path.parent / "capture"
+
+
+def refusal(capsys, path, *more):
+    """The line that refuses to import a recording."""
+    assert main(["import", str(path), "--out", str(path.parent / "capture"), *more]) == 2
+    assert not (path.parent / "capture").exists()
+    return capsys.readouterr().err.strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize(("write", "name", "frames", "scale"), ORIGINS)
+def test_recordings_become_captures(tmp_path, write, name, frames, scale):
+    write(tmp_path / name)
+    before = (tmp_path / name).read_bytes() if (tmp_path / name).is_file() else b""
+    check(imported(tmp_path / name), frames, scale, images(0 if frames == 2 else 1))
+    assert not before or (tmp_path / name).read_bytes() == before
+    assert len(list(recorded_pairs(tmp_path / name))) == frames
+    left = {path.name for path in tmp_path.iterdir() if not path.name.startswith("whole")}
+    assert left == {name, "capture"}, "nothing else stays"
 
 
 def test_a_bag_is_shown_as_the_capture_that_it_becomes(tmp_path):
@@ -191,20 +249,13 @@ def test_a_bag_is_shown_as_the_capture_that_it_becomes(tmp_path):
     assert shown_path(args, ExitStack()) == tmp_path
 
 
-def test_a_bag_of_ros_2(tmp_path):
-    write_ros2(tmp_path / "bag")
-    assert main(["import", str(tmp_path / "bag"), "--out", str(tmp_path / "capture")]) == 0
-    check(tmp_path / "capture", 1, 0.001, images())
-
-
 @pytest.mark.parametrize(
     "skip, words", [((2,), "Infrared 2: no topic has its images"), (("tf",), "the baseline is nowhere in it")]
 )
 def test_what_a_bag_lacks_is_told(tmp_path, capsys, skip, words):
     write_librealsense(tmp_path / "a.bag", skip=skip)
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
-    error = capsys.readouterr().err.splitlines()[-1]
-    assert "a.bag" in error and words in error and not (tmp_path / "capture").exists()
+    error = refusal(capsys, tmp_path / "a.bag")
+    assert "a.bag" in error and words in error
 
 
 @pytest.mark.parametrize(
@@ -212,7 +263,7 @@ def test_what_a_bag_lacks_is_told(tmp_path, capsys, skip, words):
 )
 def test_librealsenses_own_sample_of_depth_and_colour_alone(tmp_path, capsys, encoding):
     write_librealsense(tmp_path / "a.bag", skip=(1, 2), color=encoding)
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 0
+    imported(tmp_path / "a.bag")
     said = capsys.readouterr().out
     assert "2 with depth, 2 with colour" in said and "colour and depth alone" in said and "assumed" not in said
     capture = read_capture(tmp_path / "capture")
@@ -230,9 +281,9 @@ def test_librealsenses_own_sample_of_depth_and_colour_alone(tmp_path, capsys, en
 
 def test_the_place_of_a_colour_camera_that_nothing_tells_is_assumed_and_said(tmp_path, capsys):
     write_librealsense(tmp_path / "a.bag", skip=(1, 2), color="rgb8", color_tf=False)
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 0
+    capture = imported(tmp_path / "a.bag")
     assert "assumed: colour is seen from depth's place" in capsys.readouterr().out
-    np.testing.assert_array_equal(read_capture(tmp_path / "capture").rig.color.left_to_color, np.eye(4))
+    np.testing.assert_array_equal(read_capture(capture).rig.color.left_to_color, np.eye(4))
 
 
 def test_depth_alone_is_a_capture_and_colour_beside_infrared_is_told_to_be_left_out(tmp_path, capsys):
@@ -247,9 +298,9 @@ def test_depth_alone_is_a_capture_and_colour_beside_infrared_is_told_to_be_left_
 
 def test_an_unknown_encoding_of_colour_is_told(tmp_path, capsys):
     write_librealsense(tmp_path / "a.bag", skip=(1, 2), color="bayer_rggb8")
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
-    error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert "a.bag: /device_0/sensor_1/Color_0/image/data: encoding is 'bayer_rggb8', expected one of rgb8" in error
+    assert "a.bag: /device_0/sensor_1/Color_0/image/data: encoding is 'bayer_rggb8', expected one of rgb8" in refusal(
+        capsys, tmp_path / "a.bag"
+    )
 
 
 def test_depth_that_ros_has_aligned_to_colour_lies_on_its_pixels(tmp_path):
@@ -265,8 +316,7 @@ def test_depth_that_ros_has_aligned_to_colour_lies_on_its_pixels(tmp_path):
                     message, encoding="rgb8", step=3 * _SIZE[1], data=np.frombuffer(pixels.tobytes(), np.uint8)
                 )
             writer.write(image, 10**18, store.serialize_cdr(message, image.msgtype))
-    assert main(["import", str(tmp_path / "bag"), "--out", str(tmp_path / "capture")]) == 0
-    capture = read_capture(tmp_path / "capture")
+    capture = read_capture(imported(tmp_path / "bag"))
     np.testing.assert_array_equal(capture.rig.color.K, capture.rig.left.K)
     np.testing.assert_allclose(capture.depth(capture.frames[0]), 0.001 * images()[0], rtol=1e-6)
 
@@ -274,21 +324,18 @@ def test_depth_that_ros_has_aligned_to_colour_lies_on_its_pixels(tmp_path):
 def test_a_bag_without_a_baseline_takes_that_of_the_option(tmp_path):
     write_librealsense(tmp_path / "a.bag", skip=("tf",))
     more = ["--baseline", str(_BASELINE_M)]
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture"), *more]) == 0
-    check(tmp_path / "capture", 2, 0.0005, images(0))
+    check(imported(tmp_path / "a.bag", *more), 2, 0.0005, images(0))
     assert main(["depth", str(tmp_path / "a.bag"), "--out", str(tmp_path / "depth"), *more]) == 0
 
 
 def test_a_bag_has_k_of_its_own(tmp_path, capsys):
     write_librealsense(tmp_path / "a.bag")
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture"), "--k", "1,1,1,1"]) == 2
-    assert "a.bag: has K of its own: leave out --k" in capsys.readouterr().err
+    assert "a.bag: has K of its own: leave out --k" in refusal(capsys, tmp_path / "a.bag", "--k", "1,1,1,1")
 
 
 def test_a_damaged_bag_is_one_line(tmp_path, capsys):
     (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
-    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
-    assert "a.bag: cannot be read as a bag" in capsys.readouterr().err
+    assert "a.bag: cannot be read as a bag" in refusal(capsys, tmp_path / "a.bag")
 
 
 @pytest.mark.parametrize(
@@ -335,56 +382,6 @@ def test_pairs_come_one_by_one_and_those_that_are_not_wanted_are_not_decoded(tmp
     ]
     device = read_calibration(tmp_path / name)
     assert device.extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(-_BASELINE_M)
-
-
-def write_lone_mcap(path, **more):
-    folder = path.with_name(f"whole_{path.stem}")
-    write_ros2(folder, StoragePlugin.MCAP, **more)
-    next(folder.glob("*.mcap")).rename(path)
-
-
-def test_a_lone_mcap_is_a_bag(tmp_path):
-    write_lone_mcap(tmp_path / "a.mcap")
-    assert main(["import", str(tmp_path / "a.mcap"), "--out", str(tmp_path / "capture")]) == 0
-    check(tmp_path / "capture", 1, 0.001, images())
-
-
-def write_lone_db3(path):
-    """One file without metadata.yaml, whose time begins at 0, images as PNG, the baseline as an option: librealsense's
-    since 2.58."""
-    store, folder = get_typestore(Stores.ROS2_HUMBLE), path.parent / "whole"
-    types = store.types
-    with Writer2(folder, version=8) as writer:
-        known = {}
-
-        def add(topic, kind, message, time_ns=0):
-            if topic not in known:
-                known[topic] = writer.add_connection(topic, kind, typestore=store)
-            writer.write(known[topic], time_ns, store.serialize_cdr(message, kind))
-
-        text = types["std_msgs/msg/String"]
-        add("/device_0/sensor_0/option/Stereo_Baseline/value", "std_msgs/msg/String", text("50.000000"))
-        add("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/msg/String", text("0.000500"))
-        for stream, topic in _TOPICS1.items():
-            for frame in range(2):
-                pixels, time_ns = images(frame)[stream], 1000 * stream + 33_000_000 * frame
-                add(f"{topic}/image/camera_info", "sensor_msgs/msg/CameraInfo", camera_info(store, 0.0), time_ns)
-                buffer = io.BytesIO()
-                Image.fromarray(pixels).save(buffer, "png")
-                content = (b"" if stream else bytes(12)) + buffer.getvalue()  # depth has a header of its own
-                header = image_message(store, pixels, time_ns).header
-                made = types["sensor_msgs/msg/CompressedImage"](header, "png", np.frombuffer(content, np.uint8))
-                add(f"{topic}/image/data/compressed", "sensor_msgs/msg/CompressedImage", made, time_ns)
-    next(folder.glob("*.db3")).rename(path)
-
-
-def test_a_lone_db3_of_librealsense_is_a_bag(tmp_path):
-    write_lone_db3(tmp_path / "a.db3")
-    before = (tmp_path / "a.db3").read_bytes()
-    assert main(["import", str(tmp_path / "a.db3"), "--out", str(tmp_path / "capture")]) == 0
-    check(tmp_path / "capture", 2, 0.0005, images(0))
-    assert len(list(recorded_pairs(tmp_path / "a.db3"))) == 2
-    assert (tmp_path / "a.db3").read_bytes() == before
 
 
 @pytest.mark.parametrize(

@@ -256,19 +256,7 @@ BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
 MERGES = "b0: &b0 {x: 1}\n" + "".join(f"b{n}: &b{n} {{<<: [{', '.join([f'*b{n - 1}'] * 9)}]}}\n" for n in range(1, 10))
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
-        "image_width",
-        "camera_matrix",
-        "distortion_model",
-        "distortion_coefficients",
-        "rectification_matrix",
-        "projection_matrix",
-        "camera_name",
-        "header",
-    ],
-)
+@pytest.mark.parametrize("key", ["header", *re.findall(r"^(\w+):", saved_by_ros("left"), re.M)])
 @pytest.mark.parametrize("value", ["*a9", "[*a9, *a9, *a9]", "{data: *a9}", "!!bool foo", '!!int ""', '!!float ""',
                                    "!!timestamp foo", "!!binary foo", "!!set [1]", "1:1:1:1", "2020-13-45", "!!null x",
                                    "!!python/name:os.system", "&r [*r]", '"\\UFFFFFFFF"', "0x" + 5000 * "f",

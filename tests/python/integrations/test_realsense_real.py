@@ -100,6 +100,21 @@ def test_align_is_the_real_one_in_nine_pixels_of_ten(pairs):
     assert (mine == theirs).mean() > 0.9
 
 
+def recorded(folder, whole):
+    """The real recorder's file of three framesets, whole(1) to whole(3)."""
+    device = SoftwareDevice([one.profile for one in whole(1)])
+    path = folder / f"recorded{SUFFIX}"
+    recorder = real.recorder(str(path), device.device)
+    for number in range(1, 4):
+        device.send(whole(number))
+        time.sleep(0.05)  # or the recorder drops frames
+    recorder.pause()
+    device.stop()
+    del recorder, device  # closes the file
+    gc.collect()
+    return path
+
+
 def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
     """Four streams of the simulated camera's shapes; since 2.58 recordings are .db3 files."""
     pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
@@ -118,16 +133,7 @@ def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
         pair = [rs.video_frame(p, s, number, 33.0 * number) for p, s in zip(pixels, streams)]
         return rs.composite_frame([*frameset(number), *pair])
 
-    device = SoftwareDevice([one.profile for one in whole(1)])
-    path = tmp_path / f"recorded{SUFFIX}"
-    recorder = real.recorder(str(path), device.device)
-    for number in range(1, 4):
-        device.send(whole(number))
-        time.sleep(0.05)  # or the recorder drops frames
-    recorder.pause()
-    device.stop()
-    del recorder, device  # closes the file
-    gc.collect()
+    path = recorded(tmp_path, whole)
     found, unit_m = extract_bag(path, tmp_path)
     assert unit_m == pytest.approx(0.001)
     assert -found.extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(baseline_m)
@@ -153,16 +159,7 @@ def test_what_the_real_recorder_writes_of_depth_and_colour_is_imported_with_its_
         pixels = np.random.default_rng(number).integers(0, 255, (48, 64, 3), np.uint8)
         return rs.composite_frame([frameset(number)[0], rs.video_frame(pixels, color, number, 33.0 * number)])
 
-    device = SoftwareDevice([one.profile for one in whole(1)])
-    path = tmp_path / f"recorded{SUFFIX}"
-    recorder = real.recorder(str(path), device.device)
-    for number in range(1, 4):
-        device.send(whole(number))
-        time.sleep(0.05)  # or the recorder drops frames
-    recorder.pause()
-    device.stop()
-    del recorder, device  # closes the file
-    gc.collect()
+    path = recorded(tmp_path, whole)
     assert has_color_depth_alone(path)
     found = read_color_depth_bag(path, tmp_path)
     np.testing.assert_allclose(found.color.left_to_color, place, atol=1e-5)

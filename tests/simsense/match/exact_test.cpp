@@ -81,31 +81,21 @@ TEST(matcher, winners_at_the_last_disparity_equal_the_reference) {
   }
 }
 
-TEST(matcher, byte_engine_equals_the_reference_at_its_limits) {
-  MatchParameters p;
-  p.p1 = 126;
-  p.p2 = 127;
-  p.max_disparity = 256;
-  p.census_width = 65;
-  p.census_height = 1;
-  compare(random_dots(97, 65, 12, 40, 3), p, 2);
-}
-
-TEST(matcher, widest_sums_equal_the_reference) {
-  MatchParameters p;
-  p.p2 = 223;
-  p.block_width = 15;
-  p.block_height = 17;
-  p.census_width = 65;
-  p.census_height = 1;
-  p.max_disparity = 40;
-  compare(random_dots(64, 48, 6, 60, 4), p, 2);
-}
-
-TEST(matcher, thousand_disparities_equal_the_reference) {
-  MatchParameters p;
-  p.max_disparity = 1024;
-  compare(random_dots(64, 32, 9, 10, 5), p, 1);
+TEST(matcher, equals_the_reference_at_its_limits) {
+  MatchParameters bytes;  // of the engine of bytes
+  bytes.p1 = 126, bytes.p2 = 127;
+  bytes.max_disparity = 256;
+  bytes.census_width = 65, bytes.census_height = 1;
+  compare(random_dots(97, 65, 12, 40, 3), bytes, 2);
+  MatchParameters sums;
+  sums.p2 = 223;
+  sums.block_width = 15, sums.block_height = 17;
+  sums.census_width = 65, sums.census_height = 1;
+  sums.max_disparity = 40;
+  compare(random_dots(64, 48, 6, 60, 4), sums, 2);
+  MatchParameters disparities;
+  disparities.max_disparity = 1024;
+  compare(random_dots(64, 32, 9, 10, 5), disparities, 1);
 }
 
 TEST(matcher, a_pair_of_the_sensors_width_equals_the_reference) {
