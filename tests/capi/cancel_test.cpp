@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -172,6 +173,7 @@ TEST(CancelOfSimsense, WhatFollowsHasTheBitsOfAnEngineThatWasNeverCancelled) {
   cancelled.desc.progress = [](void* user, float) -> int32_t { return --*static_cast<int*>(user) < 0; };
   cancelled.desc.progress_user = &left;
   EXPECT_EQ(simsense_engine_compute(cancelled.engine, &cancelled.desc), KS_ERROR_CANCELLED);
+  EXPECT_NE(std::string(simsense_last_error()).find(" of 4"), std::string::npos) << simsense_last_error();
   cancelled.desc.progress = nullptr;
   EXPECT_EQ(simsense_engine_compute(cancelled.engine, &cancelled.desc), KS_OK) << simsense_last_error();
   EXPECT_EQ(simsense_engine_compute(plain.engine, &plain.desc), KS_OK) << simsense_last_error();

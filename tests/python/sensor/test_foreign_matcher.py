@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from scipy.stats import norm
-from sensor_scenes import wall_scene
+from sensor_scenes import with_depth, wall_scene
 
 import kuafu
 from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
@@ -38,8 +38,7 @@ def wall():
 
 def test_a_function_s_disparities_become_depth_points_confidence_and_reasons(wall):
     with StereoDepthSensor(config(), wall, matcher=constant) as sensor:
-        sensor.take_picture()
-        sensor.compute_depth()
+        with_depth(sensor)
         disparity, settings = sensor.get_disparity(), sensor.get_config()
         assert (disparity[5:] == _DISPARITY_PX).all() and (disparity[:5] == -1).all()
         expected_m = settings.focal_baseline_px_m / _DISPARITY_PX
@@ -66,8 +65,7 @@ def test_a_batch_asks_the_matcher_once_for_all_pairs():
     batch = StereoDepthSensorBatch(config(), Mounts(scene, [np.eye(4)] * 2), matcher=matcher)
     for _ in range(2):  # what was read of the first picture is computed at once of the second
         asked.clear()
-        batch.take_picture(infrared_only=True)
-        batch.compute_depth()
+        with_depth(batch, infrared_only=True)
         assert (batch.get_disparity() == _DISPARITY_PX).all() and batch.get_disparity().ndim == 3
     assert asked == [(2, *config().ir_resolution[::-1])]
 
@@ -77,8 +75,7 @@ def test_opencv_s_matcher_and_simsense_s_agree_about_a_wall(wall):
     medians = []
     for name in ("simsense", "opencv"):
         with StereoDepthSensor(config(), wall, matcher=name) as sensor:
-            sensor.take_picture(infrared_only=True)
-            sensor.compute_depth()
+            with_depth(sensor, infrared_only=True)
             disparity = sensor.get_disparity()
             medians.append(np.median(disparity[disparity > 0]))
     assert medians[1] == pytest.approx(medians[0], abs=0.25)
@@ -94,8 +91,7 @@ def test_opencv_s_matcher_and_simsense_s_agree_about_a_wall(wall):
 def test_what_is_no_matcher_is_told(wall, matcher, told):
     with pytest.raises(ValueError, match=told):
         with StereoDepthSensor(config(), wall, matcher=matcher) as sensor:
-            sensor.take_picture(infrared_only=True)
-            sensor.compute_depth()
+            with_depth(sensor, infrared_only=True)
             sensor.get_disparity()
 
 

@@ -11,7 +11,7 @@ import kuafu
 from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.common.accuracy import accuracy_by_material
 from activestereo.common.pose import body_pose
-from sensor_scenes import light_of, wall_scene
+from sensor_scenes import light_of, with_depth, wall_scene
 
 
 @pytest.fixture(scope="module")
@@ -21,9 +21,7 @@ def table(table_top):
     config.samples_per_pixel, config.max_bounces = 4, 3
     scene = kuafu.Scene(kuafu.Device())
     scene.load(table_top)
-    sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
-    sensor.take_picture()
-    sensor.compute_depth()
+    sensor = with_depth(StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world)))
     return sensor
 
 
@@ -113,9 +111,7 @@ def test_a_wall_in_front_of_the_sensor_is_as_far_as_it_is(small_config):
     """The default pose looks along x. Nothing but axes, poses, projector, matcher and registration in their places
     gives this number."""
     small_config.max_bounces = 0
-    sensor = StereoDepthSensor(small_config, wall_scene(0.9))
-    sensor.take_picture()
-    sensor.compute_depth()
+    sensor = with_depth(StereoDepthSensor(small_config, wall_scene(0.9)))
     np.testing.assert_allclose(sensor.get_true_depth(), 0.9, rtol=1e-5)
     depth = sensor.get_depth()[20:-20, 40:-40]
     assert (depth > 0).mean() > 0.99
@@ -167,8 +163,7 @@ def test_same_seed_same_frame_and_a_new_frame_differs(small_config, table_top):
     frames = []
     for sensor, count in ((first, 2), (again, 1)):
         for _ in range(count):
-            sensor.take_picture(infrared_only=True)
-            sensor.compute_depth()
+            with_depth(sensor, infrared_only=True)
             frames.append(sensor.get_ir_measured()[0].copy())
     np.testing.assert_array_equal(frames[0], frames[2])
     assert not np.array_equal(frames[0], frames[1])
@@ -203,9 +198,7 @@ def test_imagers_of_a_preset_see_the_same_light_with_their_own_noise(small_confi
     noisy.ir_signal = "d435"
     images = []
     for config in (clean, noisy):
-        sensor = StereoDepthSensor(config, wall_scene(1.0))
-        sensor.take_picture(infrared_only=True)
-        sensor.compute_depth()
+        sensor = with_depth(StereoDepthSensor(config, wall_scene(1.0)), infrared_only=True)
         images.append(sensor.get_ir_measured()[0].astype(float))
     lit = (images[0] > 10) & (images[0] < 240)
     difference, light = (images[1] - images[0])[lit], images[0][lit].mean() - small_config.ir_black_level_dn
@@ -216,9 +209,7 @@ def test_imagers_of_a_preset_see_the_same_light_with_their_own_noise(small_confi
 
 def test_noise_free_pictures_are_of_the_imager_that_measures(small_config):
     small_config.ir_signal = {"bit_depth": 12, "gain": 6.0, "black_level_dn": 90.0}
-    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
-    sensor.take_picture(infrared_only=True)
-    sensor.compute_depth()
+    sensor = with_depth(StereoDepthSensor(small_config, wall_scene(1.0)), infrared_only=True)
     measured = sensor.get_ir_measured()[0]
     assert measured.dtype == np.uint16
     np.testing.assert_allclose(4095 * sensor.get_ir()[0], measured, atol=0.51)
@@ -250,16 +241,13 @@ def test_progress_of_a_picture_rises_to_one_and_its_exceptions_come_through(smal
 
 
 def test_a_cancelled_picture_is_none(small_config):
-    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
-    sensor.take_picture()
-    sensor.compute_depth()
+    sensor = with_depth(StereoDepthSensor(small_config, wall_scene(1.0)))
     with pytest.raises(kuafu.CancelledError):
         sensor.take_picture(progress=lambda fraction: fraction > 0.6)  # within the infrared pair
     for get in (sensor.compute_depth, sensor.get_depth, sensor.get_ir, sensor.get_rgb, sensor.get_true_depth):
         with pytest.raises(RuntimeError, match="take_picture|compute_depth"):
             get()
-    sensor.take_picture()
-    sensor.compute_depth()
+    with_depth(sensor)
     again = StereoDepthSensor(small_config, wall_scene(1.0))
     for _ in range(2):
         again.take_picture()
@@ -296,9 +284,9 @@ def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
     scene.load(table_top)
     small_config.max_bounces, small_config.ir_speckle_of_laser, small_config.ir_ambient_radiance = 0, True, 0.1
     small_config.ir_signal = {"speckle_shape": 4.0, "speckle_scale": 0.25, "bit_depth": 16, "gain": 100.0}
-    sensor = StereoDepthSensor(small_config, scene, pose=body_pose(scene.camera(0).camera_to_world))
-    sensor.take_picture(infrared_only=True)
-    sensor.compute_depth()
+    sensor = with_depth(
+        StereoDepthSensor(small_config, scene, pose=body_pose(scene.camera(0).camera_to_world)), infrared_only=True
+    )
     c = sensor.get_config()
     counts_per_radiance = 100.0 * c.ir_camera_exposure * c.ir_camera_gain * c.ir_responsivity_dn
     for got, clean, all_light, laser in zip(sensor.get_ir_measured(), sensor.get_ir(), *light_of(sensor), strict=True):

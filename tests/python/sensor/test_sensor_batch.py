@@ -10,7 +10,7 @@ from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSens
 from activestereo.effects import builtin
 from activestereo.sensor.mounts import SensorPoseError
 from activestereo.model import Quantity, SensorModel
-from sensor_scenes import walls
+from sensor_scenes import with_depth, walls
 
 FORWARD = [0, 0, 0, 1, 0, 0, 0]
 
@@ -31,8 +31,7 @@ def test_a_batch_of_one_is_one_sensor_to_the_bit(config):
     sensor = StereoDepthSensor(config, Mount(walls([0.8])))
     for _ in range(2):
         for one in (batch, sensor):
-            one.take_picture()
-            one.compute_depth()
+            with_depth(one)
         for name in ("get_depth", "get_disparity", "get_true_depth", "get_rgb", "get_rgba8", "get_instance_ids"):
             np.testing.assert_array_equal(getattr(batch, name)()[0], getattr(sensor, name)(), err_msg=name)
         np.testing.assert_array_equal(batch.get_ir_measured()[1][0], sensor.get_ir_measured()[1])
@@ -41,13 +40,9 @@ def test_a_batch_of_one_is_one_sensor_to_the_bit(config):
 def test_a_devices_preset_is_exposed_in_each_environment_as_alone():
     config = StereoDepthSensorConfig("D435").scaled(0.25)  # settles its exposure, has speckle of the laser alone
     config.samples_per_pixel = 4
-    batch = StereoDepthSensorBatch(config, Mounts(walls([0.4, 1.5], 2), [FORWARD] * 2))
-    batch.take_picture()
-    batch.compute_depth()
+    batch = with_depth(StereoDepthSensorBatch(config, Mounts(walls([0.4, 1.5], 2), [FORWARD] * 2)))
     for k, distance in enumerate((0.4, 1.5)):
-        sensor = StereoDepthSensor(config, walls([distance]))
-        sensor.take_picture()
-        sensor.compute_depth()
+        sensor = with_depth(StereoDepthSensor(config, walls([distance])))
         counts, alone = batch.get_ir_measured()[0][k], sensor.get_ir_measured()[0]
         assert counts.mean() == pytest.approx(alone.mean(), rel=0.03)
         assert median(batch.get_depth()[k]) == pytest.approx(median(sensor.get_depth()), rel=0.01)
@@ -57,9 +52,7 @@ def test_a_devices_preset_is_exposed_in_each_environment_as_alone():
 
 
 def test_each_environment_is_seen_by_its_own_sensor(config):
-    batch = StereoDepthSensorBatch(config, Mounts(walls([0.6, 0.8, 1.0], 3), [FORWARD] * 3))
-    batch.take_picture()
-    batch.compute_depth()
+    batch = with_depth(StereoDepthSensorBatch(config, Mounts(walls([0.6, 0.8, 1.0], 3), [FORWARD] * 3)))
     depth = batch.get_depth()
     assert depth.shape == (3, 120, 212) and depth.dtype == np.float32
     for image, truth, distance in zip(depth, batch.get_true_depth(), (0.6, 0.8, 1.0), strict=True):
@@ -73,9 +66,9 @@ def test_each_environment_is_seen_by_its_own_sensor(config):
 
 def test_environments_that_look_alike_differ_in_noise_and_repeat_under_a_seed(config):
     def taken():
-        batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 0.8], 2), [FORWARD] * 2))
-        batch.take_picture(infrared_only=True)
-        batch.compute_depth()
+        batch = with_depth(
+            StereoDepthSensorBatch(config, Mounts(walls([0.8, 0.8], 2), [FORWARD] * 2)), infrared_only=True
+        )
         return batch.get_ir_measured()[0]
 
     first, again = taken(), taken()
@@ -107,18 +100,14 @@ def test_each_environment_has_the_noise_of_its_own_seed(config):
 
 def test_several_sensors_in_each_environment(config):
     poses = np.array([[FORWARD, [0.2, 0, 0, 1, 0, 0, 0]]] * 2, float)
-    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), poses))
-    batch.take_picture()
-    batch.compute_depth()
+    batch = with_depth(StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), poses)))
     assert batch.shape == (2, 2) and batch.get_depth().shape == (2, 2, 120, 212)
     truth = [[median(batch.get_true_depth()[e, s]) for s in range(2)] for e in range(2)]
     np.testing.assert_allclose(truth, [[0.8, 0.6], [1.0, 0.8]], rtol=0.02)
 
 
 def test_what_is_read_late_is_of_the_same_picture(config):
-    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), [FORWARD] * 2))
-    batch.take_picture(infrared_only=True)
-    batch.compute_depth()
+    batch = with_depth(StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), [FORWARD] * 2)), infrared_only=True)
     late = batch.get_depth_map("confidence"), batch.get_disparity()
     batch.compute_depth()  # now all at once
     np.testing.assert_array_equal(late[0], batch.get_depth_map("confidence"))
@@ -130,8 +119,7 @@ def test_poses_of_torch_go_in_and_depth_goes_out_without_a_copy(config):
     mounts = Mounts(walls([0.8, 1.0], 2), torch.tensor([FORWARD] * 2, dtype=torch.float32))
     batch = StereoDepthSensorBatch(config, mounts)
     mounts.poses = mounts.poses + torch.tensor([0.1, 0, 0, 0, 0, 0, 0])
-    batch.take_picture()
-    batch.compute_depth()
+    with_depth(batch)
     depth = torch.from_numpy(batch.get_depth())
     assert depth.data_ptr() == batch.get_depth().ctypes.data and tuple(depth.shape) == (2, 120, 212)
     assert torch.from_dlpack(batch.get_depth()).data_ptr() == depth.data_ptr()
@@ -229,8 +217,7 @@ def test_a_models_effects_are_each_sensors_own(config: StereoDepthSensorConfig, 
     batch = StereoDepthSensorBatch(config, Mounts(walls([0.8], 1), [FORWARD]), model=model)
     sensor = StereoDepthSensor(config, Mount(walls([0.8])), model=model)
     for one in (plain, batch, sensor):
-        one.take_picture(infrared_only=True)
-        one.compute_depth()
+        with_depth(one, infrared_only=True)
     for one, alone in zip(batch.get_ir_measured(), sensor.get_ir_measured(), strict=True):
         np.testing.assert_array_equal(one[0], alone)
     np.testing.assert_array_equal(batch.get_depth()[0], sensor.get_depth())
@@ -257,8 +244,7 @@ def test_a_batchs_points_and_cameras_are_its_sensors(config: StereoDepthSensorCo
     batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), there))
     sensor = StereoDepthSensor(config, Mount(walls([0.8])), pose=turned)
     for one in (batch, sensor):
-        one.take_picture()
-        one.compute_depth()
+        with_depth(one)
     points = batch.get_pointcloud(with_rgb=True)
     assert points.shape == (2, 1, 120, 212, 6)
     np.testing.assert_array_equal(points[..., 2], batch.get_depth())

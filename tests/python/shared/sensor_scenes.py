@@ -18,6 +18,13 @@ def wall_scene(distance_m: float) -> kuafu.Scene:
     return scene
 
 
+def with_depth(sensor, infrared_only=False):
+    """The sensor, or batch, after a picture and its depth."""
+    sensor.take_picture(infrared_only=infrared_only)
+    sensor.compute_depth()
+    return sensor
+
+
 def light_of(sensor: StereoDepthSensor) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
     """The last pair of radiance, left and right, and what of it the laser has; None where all of it has speckle."""
     picture = sensor._engine.picture()

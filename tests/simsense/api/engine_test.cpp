@@ -247,23 +247,6 @@ TEST(Engine, TellsTheRectifiedCalibrationAndItsStages) {
   EXPECT_FALSE(contains(stage_names(engine), "registration")) << "only what the outputs need is run";
 }
 
-TEST(Engine, CanBeCancelledAndUsedAgain) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, small_rig(2), small_parameters());
-  const std::vector<uint8_t> images(2 * width * height, 9);
-  std::vector<float> depth(2 * width * height);
-  const simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {2, height, width}));
-  simsense_compute_desc desc = simsense_compute_desc_init();
-  desc.left = desc.right = host_image(images, {2, height, width});
-  desc.outputs = &output;
-  desc.output_count = 1;
-  desc.progress = [](void*, float fraction) -> int32_t { return fraction >= 0.5f; };
-  EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_ERROR_CANCELLED);
-  EXPECT_NE(std::string(simsense_last_error()).find("pair 2 of 2"), std::string::npos) << simsense_last_error();
-  desc.progress = nullptr;
-  EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_OK) << simsense_last_error();
-}
-
 TEST(Engine, RefusesASecondCallWhileOneIsUnderWay) {
   const Device device = open_device();
   const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
