@@ -142,6 +142,7 @@ MATCHERS: dict[str, Matcher] = {
     "simsense, depth --profile active": ours(**PROFILES["active"]),
     "simsense, depth --profile passive": ours(**PROFILES["passive"]),  # of 8 bit
     "OpenCV SGBM HH4, block 7": sgbm(HH4, 7),
+    "OpenCV SGBM HH4, block 3, uniqueness 5": sgbm(HH4, 3, 5),
     "OpenCV SGBM 3WAY, block 7": sgbm(THREE_WAY, 7),
 }
 
