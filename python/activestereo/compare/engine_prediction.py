@@ -4,6 +4,7 @@ simsense. Effects behind the lens change no ray, so they take the base model's l
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -40,13 +41,17 @@ def engines_of(
 
 def engine_images(
     capture: Capture, device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
-) -> Callable[[Model], Mapping[ImageKey, NDArray[np.float32]]]:
+) -> Callable[..., Mapping[ImageKey, NDArray[np.float32]]]:
     """Returns a function that renders the light of a capture's train frames under a model (a Rendering of
     diagnose/refit.py), and stores it in the user's cache of renders. A search compares images with the same random
     numbers, so it takes an eighth of the samples. Arguments are those of engines_of()."""
-    samples = max(1, (samples_per_pixel or usual_samples(capture)) // 8)
-    renderer, cache = CaptureRenderer(device, samples, max_bounces, seed), LayerCache()
-    return lambda model: kept_lights(capture, renderer, cache, model, capture.split("train"))
+    usual, cache = max(1, (samples_per_pixel or usual_samples(capture)) // 8), LayerCache()
+    renderer = functools.cache(lambda samples: CaptureRenderer(device, usual * samples, max_bounces, seed))
+
+    def images(model: Model, samples: int = 1) -> Mapping[ImageKey, NDArray[np.float32]]:
+        return kept_lights(capture, renderer(samples), cache, model, capture.split("train"))
+
+    return images
 
 
 def kept_lights(

@@ -13,6 +13,7 @@ fitted beside the formula that found it.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -29,8 +30,9 @@ from activestereo.diagnose.selection import Candidate
 from activestereo.effects import Effect, Light, Model, Stage, View, known_differences
 
 # Rounds of rendering and fitting, and steps of each fit. A difference steps by this share of the typical value or of
-# the parameter's own distance. A round moves a parameter by at most so many steps, and is the last below a half.
-_RENDER_ROUNDS, _RENDER_STEPS = 2, 4
+# the parameter's own distance. A round moves a parameter by at most so many steps, and is the last below a half. Then
+# so many times the samples render the effect once more: the noise of few is an error that all views share.
+_RENDER_ROUNDS, _RENDER_STEPS, _LAST_SAMPLES = 2, 4, 4
 _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
 _TRUSTED, _SETTLED = 6.0, 0.5
 _Images = Mapping[ImageKey, np.ndarray]
@@ -45,10 +47,10 @@ _UNMEASURED = 1.0 / 3.0
 
 
 class Rendering(Protocol):
-    """Renders a capture's train frames under a model, with the same random numbers in every call: light (direct,
-    indirect, ambient), float32 [3][height][width]."""
+    """Renders a capture's train frames under a model, with the same random numbers in every call of as many samples:
+    light (direct, indirect, ambient), float32 [3][height][width]. samples: times the usual number."""
 
-    def __call__(self, model: Model, /) -> _Images: ...
+    def __call__(self, model: Model, samples: int = 1, /) -> _Images: ...
 
 
 @dataclass(frozen=True)
@@ -88,31 +90,37 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
     """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the new
     fit, or `start` if it is no better."""
     effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
-    without = rendering(Model())
+    without = cache(lambda samples: rendering(Model(), samples))
 
-    def change(values: np.ndarray) -> _Images:
+    def change(values: np.ndarray, samples: int = 1) -> _Images:
         named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
-        images = rendering(Model().with_effect(effect, **named))
-        return {key: image - without[key] for key, image in images.items()}
+        images = rendering(Model().with_effect(effect, **named), samples)
+        return {key: image - without(samples)[key] for key, image in images.items()}
 
-    best, theta, phi = start, start.theta, start.phi
-    for _ in range(_RENDER_ROUNDS):
-        here, steps = change(theta[own]), _steps(effect, theta[own])
-        slopes: list[_Images] = []
-        for j, step in enumerate(steps):
-            there = change(np.where(np.arange(len(steps)) == j, theta[own] + step, theta[own])) if step else {}
-            slopes.append({key: (image - here[key]) / step for key, image in there.items()})
-        emulated = _Rendered(effect, theta[own].copy(), here, tuple(slopes)).emulated()
+    def fitted(values: np.ndarray, here: _Images, slopes: Sequence[_Images], near: Solution) -> Solution:
+        emulated = _Rendered(effect, values.copy(), here, tuple(slopes)).emulated()
         pairs = tuple((emulated if e.id == emulated.id else e, p) for e, p in start.space.pairs)
-        solution = fitter.refine(replace(start.space, pairs=pairs), theta, phi, _RENDER_STEPS)
+        theta = np.concatenate([near.theta[: own.start], values])
+        return fitter.refine(replace(start.space, pairs=pairs), theta, near.phi, _RENDER_STEPS)
+
+    best = solution = start
+    theta, slopes = start.theta[own], list[_Images]()
+    for _ in range(_RENDER_ROUNDS):
+        here, steps = change(theta), _steps(effect, theta)
+        slopes = []
+        for j, step in enumerate(steps):
+            there = change(np.where(np.arange(len(steps)) == j, theta + step, theta)) if step else {}
+            slopes.append({key: (image - here[key]) / step for key, image in there.items()})
+        solution = fitted(theta, here, slopes, solution)
         best = min(best, solution, key=lambda s: s.sums.total)
         reach = np.abs(steps)
-        moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
-        is_settled = (np.abs(moved - theta[own]) <= _SETTLED * reach).all()
-        theta, phi = np.concatenate([solution.theta[: own.start], moved]), solution.phi
+        moved = np.clip(solution.theta[own], theta - _TRUSTED * reach, theta + _TRUSTED * reach)
+        is_settled = (np.abs(moved - theta) <= _SETTLED * reach).all()
+        theta = moved
         if is_settled:
             break
-    return best
+    finer = fitted(theta, change(theta, _LAST_SAMPLES), slopes, solution)
+    return min(best, finer, key=lambda s: s.sums.total)
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:

@@ -124,9 +124,12 @@ def subsurface(inputs: EngineInputs, fraction: float, length_m: float, core: flo
 
 
 @engine_effect(
-    stage=Stage.SURFACE, family="surface", moves=("materials.ir_transmission", "materials.thin_walled"),
+    stage=Stage.SURFACE, family="surface", moves=(
+        "materials.ir_albedo", "materials.ir_transmission", "materials.ir_transmission_roughness",
+        "materials.thin_walled",
+    ),
     finding="Surfaces let light through",
-    source="KHR_materials_transmission: a share of the diffuse light goes through instead",
+    source="KHR_materials_transmission: a share of the light goes through instead of being scattered back",
     parameters=[
         Parameter("fraction", "1", high=1.0, typical=0.2),
         Parameter("behind", "1", neutral=0.5, high=1.0, typical=0.3, in_engine=None,
@@ -135,8 +138,15 @@ def subsurface(inputs: EngineInputs, fraction: float, length_m: float, core: flo
     ],
 )  # fmt: skip
 def transmission(inputs: EngineInputs, fraction: float, behind: float, surfaces: float) -> None:
-    """Surfaces reflect less light and let the background show through. Its ambient light passes, its dots do not."""
+    """Surfaces are panes that reflect less light and show what lies behind them clearly, in its own brightness where no
+    texture gives their albedo. The formula lets its ambient light pass, not its dots."""
     inputs.unrendered["behind"] = behind
     for material in inputs.surfaces(surfaces):
+        has_texture = material.ir_albedo_texture is not None or material.base_color_texture is not None
         material.ir_transmission = fraction
+        if not has_texture:  # glTF multiplies both reflected and transmitted light by the albedo
+            albedo = material.base_color[0] if material.ir_albedo is None else material.ir_albedo
+            material.ir_albedo = (1.0 - fraction) * albedo + fraction
+            material.ir_transmission = fraction / max(material.ir_albedo, 1e-6)
+        material.ir_transmission_roughness = 0.0
         material.thin_walled = True

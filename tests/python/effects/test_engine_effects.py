@@ -104,6 +104,16 @@ def test_neutral_parameters_move_nothing(e):
     assert fields_of(inputs) == fields_of(untouched)
 
 
+@pytest.mark.parametrize("fraction", [0.2, 0.9])
+def test_a_pane_shows_a_share_of_what_is_behind_it_whatever_its_own_albedo(fraction):
+    inputs = engine_inputs()
+    EFFECTS["transmission"].engine(inputs, fraction=fraction, behind=0.5, surfaces=0.0)
+    pane = inputs.material(0)
+    assert pane.ir_albedo * pane.ir_transmission == pytest.approx(fraction)  # glTF colours what goes through
+    assert pane.ir_albedo * (1.0 - pane.ir_transmission) == pytest.approx((1.0 - fraction) * 0.5)
+    assert pane.ir_transmission_roughness == 0.0 and pane.thin_walled
+
+
 def test_an_effect_is_written_once():
     twice = [e.id for e in MAPPED if e.apply.__module__ != engine_effect.__module__]
     assert not twice, "images of an effect with engine fields follow from these fields"
