@@ -163,6 +163,10 @@ def flicker_banding(
     return replace(light, ambient=light.ambient * gain[:, None])
 
 
+# A light farther than 1000 km lights a scene as the sun does; kuafu's numbers end at 1e12 m.
+_SUN_PER_M = 1e-6
+
+
 @engine_effect(
     stage=Stage.SURFACE, family="ambient light", starts=lamp_starts, moves=("lights",),
     finding="A lamp shines on the scene that the scene file lacks",
@@ -185,9 +189,10 @@ def external_light(
     the rig moves."""
     if strength == 0.0:
         return
-    place = lamp_pose(azimuth_rad, elevation_rad, nearness_per_m)
+    is_sun = nearness_per_m < _SUN_PER_M
+    place = lamp_pose(azimuth_rad, elevation_rad, 0.0 if is_sun else nearness_per_m)
     intensity = np.pi * strength * inputs.ambient_radiance
-    if nearness_per_m == 0.0:
+    if is_sun:
         inputs.add_light(on_rig=False, kind="directional", name="sun", light_to_world=place, ir_intensity=intensity)
     else:
         intensity /= nearness_per_m**2

@@ -114,6 +114,14 @@ def test_a_pane_shows_a_share_of_what_is_behind_it_whatever_its_own_albedo(fract
     assert pane.ir_transmission_roughness == 0.0 and pane.thin_walled
 
 
+@pytest.mark.parametrize(("nearness", "kind"), [(0.0, "directional"), (1e-14, "directional"), (1e-3, "point")])
+def test_a_lamp_as_far_as_no_number_can_tell_is_a_sun(nearness, kind):
+    inputs = engine_inputs()
+    values = {"strength": 1.0, "azimuth_rad": 0.3, "elevation_rad": 0.5, "nearness_per_m": nearness}
+    EFFECTS["external_light"].engine(inputs, **values)
+    assert inputs.lights[-1].kind == kind and np.abs(inputs.lights[-1].light_to_world).max() <= 1e12
+
+
 def test_an_effect_is_written_once():
     twice = [e.id for e in MAPPED if e.apply.__module__ != engine_effect.__module__]
     assert not twice, "images of an effect with engine fields follow from these fields"
