@@ -25,8 +25,10 @@ float cell_step(ivec2 cell) {
       product = product + push.cells.at[at];
       texture = texture + push.cells.at[at + 1u];
     }
-  precise float sure = texture + REFINE_CELL_PRIOR;
-  return step_of(product, sure);
+  precise float weighted = product * texture;
+  precise float squared = texture * texture;
+  precise float sure = squared + REFINE_CELL_PRIOR * REFINE_CELL_PRIOR;
+  return step_of(weighted, sure);
 }
 
 float between(float a, float b, float t) {

@@ -11,7 +11,7 @@
 #define REFINE_WINDOW_PRIOR 3872.0f       // 1/2 DN^2/px^2 per pixel: where the texture has no more, it decides by half
 #define REFINE_CELL 16                    // px; of its rows every second one is read
 #define REFINE_CELL_SHARE 0.0078125f      // 1 / 128
-#define REFINE_CELL_PRIOR 400.0f          // 0.005 DN^2/px^2 per pixel of 3 x 3 cells
+#define REFINE_CELL_PRIOR 400.0f          // 0.005 DN^2/px^2 per pixel of 3 x 3 cells: as REFINE_WINDOW_PRIOR
 #define REFINE_LARGEST_STEP 0.5f          // px
 
 #ifdef __cplusplus

@@ -5,6 +5,7 @@
 // by a fraction of a pixel would fold over, so that the fraction does not pull; interpolating filters do. W is the right spline at the
 // pixel's match, e = W - left spline, w = dW/dx, g = the left image's slope over five columns. Where all of a window is s px off, e = s w:
 //   s = (sum g e - sum g sum e / n) / (sum g w - sum g sum w / n + prior n);  the subtraction lets the two images differ by a constant.
+// A sum of cells with texture t weighs its step by t^2 / (t^2 + prior^2): t / (t + prior) left a fifth of the pull on faint walls.
 // Vignetting stands still in both images, a pattern of disparity 0: the slope over nine columns is taken from g, so that brightness which
 // varies slowly has no say. Noise of g and w is not common to both, so that it does not make the step too short. Each pixel is looked at
 // where its own disparity says, so that a window that sees two surfaces corrects both. First s is found for cells of 16 x 16 px, summed

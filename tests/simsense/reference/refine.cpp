@@ -113,7 +113,8 @@ class Refinement {
         float p = 0, t = 0;
         for (size_t y = cy - (cy > 0); y < std::min(rows, cy + 2); ++y)
           for (size_t x = cx - (cx > 0); x < std::min(columns, cx + 2); ++x) p += product.at(x, y), t += texture.at(x, y);
-        cell_steps_.at(cx, cy) = step(p, t + REFINE_CELL_PRIOR);
+        const float squared = t * t;
+        cell_steps_.at(cx, cy) = step(p * t, squared + REFINE_CELL_PRIOR * REFINE_CELL_PRIOR);
       }
   }
 

@@ -168,7 +168,8 @@ float cell_step(const std::vector<float>& cells, size_t columns, size_t rows, si
       product += cells[2 * (y * columns + x)];
       texture += cells[2 * (y * columns + x) + 1];
     }
-  return std::clamp(product / (6.0f * (texture + REFINE_CELL_PRIOR)), -REFINE_LARGEST_STEP, REFINE_LARGEST_STEP);
+  const float sure = texture * texture + REFINE_CELL_PRIOR * REFINE_CELL_PRIOR;
+  return std::clamp(product * texture / (6.0f * sure), -REFINE_LARGEST_STEP, REFINE_LARGEST_STEP);
 }
 
 }  // namespace
