@@ -18,7 +18,7 @@ from figures import PAGE, ROOT, figures_page
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
 CHAPTERS = {
-    "Rendering": ("first_image", "render", "mitsuba", "cancel"),
+    "Rendering": ("first_image", "render", "mitsuba", "denoise", "cancel"),
     "Matching": ("matcher", "matcher_vulkan", "accuracy", "pairs", "subpixel", "invented"),
     "Sensor": ("sensor", "gbuffer", "gbuffer_gpu", "camera", "realism", "noise_profiles", "generate"),
     "Calibration": ("calibrate", "materials"),
@@ -31,6 +31,7 @@ HEAD = """# Benchmarks
 PICTURES = {
     "accuracy": "![Rendered](accuracy_rendered.png) ![Real](accuracy_real.png) ![Pixel locking](pixel_locking.png)",
     "subpixel": "![Bias by fraction](subpixel.png)",
+    "denoise": "![2 and 32 plain samples, 2 filtered, 256](denoise.png)",
 }
 
 

@@ -3,7 +3,7 @@
 // filtered as they are. Light is filtered over albedo; noise is known from the pixel's own samples.
 // Sources: the filter, its taps and its stopping at normals and positions are of Dammertz, Sewtz, Hanika and Lensch, Edge-Avoiding A-Trous Wavelet Transform,
 // HPG 2010; that the variance of the samples scales how far levels may differ is of Schied et al., Spatiotemporal Variance-Guided Filtering, HPG 2017
-// (section 4.4). Numbers without a source are tuned.
+// (section 4.4). Numbers without a source are tuned: tests/bench/bench_denoise.py has the errors of four scenes to change them by.
 
 // Levels are compared in standard deviations of their noise. Schied 2017 lets pixels themselves mix up to 4; here means of 3 x 3 of them are compared, which
 // have about a third of the noise.

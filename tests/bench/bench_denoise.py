@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many samples the denoiser is worth: error of 2 filtered samples per pixel beside that of 2 and 32 plain ones,
+against 4096; and whether 128 filtered samples are better than 128 plain ones.
+
+Prints relative errors (root of the mean square over the mean) of all light but the projectors' direct one, and their
+ratio; how much of the dots' contrast stays; and milliseconds. Open Image Denoise stands beside it where its library is
+found. usage: PYTHONPATH=build/python python3 tests/bench/bench_denoise.py [--picture out.png] [--reference 4096]
+"""
+
+import argparse
+import time
+
+import numpy as np
+
+import kuafu
+
+WIDTH, HEIGHT, FOCAL_PX = 212, 120, 190.0
+OUTPUTS = ("radiance", "ambient", "projector_direct", "projector_indirect")
+SEEDS = range(4)
+METAL_ROUGHNESS = {"brushed metal": (0.5, 0.4, 0.6), "polished metal": (0.25, 0.05, 0.5)}
+KINDS = ("diffuse", *METAL_ROUGHNESS, "glass")
+
+
+def pose(x, y, z, yaw=0.0):
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, 0, s, x], [0, 1, 0, y], [-s, 0, c, z], [0, 0, 0, 1.0]])
+
+
+def quad(centre, a, b):
+    centre, a, b = (np.asarray(v, float) for v in (centre, a, b))
+    corners = np.array([centre - a - b, centre + a - b, centre + a + b, centre - a + b], np.float32)
+    return corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+
+
+def sphere(radius, rings=32):
+    columns = 2 * rings
+    theta, phi = np.meshgrid(
+        np.pi * np.arange(rings + 1) / rings, 2 * np.pi * (np.arange(columns + 1) % columns) / columns, indexing="ij"
+    )
+    normals = (
+        np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
+        .reshape(-1, 3)
+        .astype(np.float32)
+    )
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(rings), np.arange(columns), indexing="ij"))
+    a = i * (columns + 1) + j
+    down = a + columns + 1
+    triangles = np.concatenate(
+        [np.stack([a, down, a + 1], -1)[i > 0], np.stack([a + 1, down, down + 1], -1)[i + 1 < rings]]
+    )
+    return normals * np.float32(radius), triangles.astype(np.uint32), normals
+
+
+def box(half):
+    corners, triangles = [], []
+    for axis in range(3):
+        for side in (-1, 1):
+            centre, a, b = np.zeros(3), np.zeros(3), np.zeros(3)
+            centre[axis] = side * half[axis]
+            a[(axis + 1) % 3] = half[(axis + 1) % 3]
+            b[(axis + 2) % 3] = side * half[(axis + 2) % 3]
+            p, t = quad(centre, a, b)
+            triangles.append(t + 4 * len(corners))
+            corners.append(p)
+    return np.concatenate(corners), np.concatenate(triangles)
+
+
+def objects(kind):
+    """Materials of the large ball, the small ball and the box."""
+    material = kuafu.Material
+    if kind == "diffuse":
+        return [material(base_color=(*c, 1), specular=0.0) for c in ((0.8, 0.3, 0.2), (0.2, 0.5, 0.8), (0.5, 0.8, 0.3))]
+    if kind in METAL_ROUGHNESS:
+        colors = (0.95, 0.8, 0.5), (0.9, 0.9, 0.9), (0.9, 0.6, 0.5)
+        return [material(base_color=(*c, 1), metallic=1.0, roughness=r) for c, r in zip(colors, METAL_ROUGHNESS[kind])]
+    return [
+        material(transmission=1.0, roughness=0.0, ior=1.5),
+        material(base_color=(0.9, 1, 0.95, 1), transmission=1.0, roughness=0.0, ior=1.33),
+        material(base_color=(0.5, 0.8, 0.3, 1), roughness=0.3),
+    ]
+
+
+def table_top(device, kind):
+    """A checkered table, a wall, two balls and a box; a lamp, dots, and the sky."""
+    rng = np.random.default_rng(3)
+    scene = kuafu.Scene(device)
+    cells = np.kron(rng.uniform(0.3, 0.9, (24, 24, 3)), np.ones((4, 4, 1))).astype(np.float32)
+    gloss = dict(specular=0.0) if kind == "diffuse" else dict(specular=0.5, roughness=0.6)
+    table = scene.add_material(
+        kuafu.Material(base_color=(0.7, 0.65, 0.6, 1), base_color_texture=scene.add_texture(cells), **gloss)
+    )
+    wall = scene.add_material(kuafu.Material(base_color=(0.6, 0.7, 0.75, 1), specular=0.0))
+    large, small, block = (scene.add_material(m) for m in objects(kind))
+    uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+    scene.add_instance(scene.add_mesh(*quad((0, 0.25, 1.0), (0.8, 0, 0), (0, 0, -0.6)), uvs=uvs), [table])
+    scene.add_instance(scene.add_mesh(*quad((0, -0.1, 1.5), (-1.0, 0, 0), (0, 0.6, 0))), [wall])
+    for radius, material, place in ((0.13, large, (-0.2, 0.12, 0.95)), (0.09, small, (0.12, 0.16, 0.8))):
+        positions, triangles, normals = sphere(radius)
+        scene.add_instance(
+            scene.add_mesh(positions, triangles, normals=normals), [material], local_to_world=pose(*place)
+        )
+    scene.add_instance(scene.add_mesh(*box((0.08, 0.12, 0.08))), [block], local_to_world=pose(0.28, 0.13, 1.1, 0.5))
+    down = np.array([[1, 0, 0, 0.3], [0, 0, 1, -0.8], [0, -1, 0, 0.9], [0, 0, 0, 1.0]])
+    scene.add_light(
+        kuafu.Light(kind="rectangle", intensity=(4, 4, 4), ir_intensity=4.0, size_m=(0.4, 0.3), light_to_world=down)
+    )
+    dots = scene.add_texture((rng.random((240, 424)) < 0.08).astype(np.float32))
+    k = [[400, 0, 211.5], [0, 400, 119.5], [0, 0, 1]]
+    scene.add_light(kuafu.Light(kind="projector", texture=dots, k=k, ir_intensity=8.0, light_to_world=pose(0.03, 0, 0)))
+    scene.set_environment((0.3, 0.35, 0.4), 0.3)
+    return scene
+
+
+def indirect(images):
+    return images["ambient"].astype(np.float64) + images["projector_indirect"]
+
+
+def error(image, truth):
+    return np.sqrt(np.mean((image - truth) ** 2)) / truth.mean()
+
+
+def dot_contrast(images):
+    """Standard deviation of the image's dots: what of it the projector's direct light explains."""
+    dots = images["projector_direct"].astype(np.float64) - images["projector_direct"].mean()
+    return float((images["radiance"] * dots).mean() / np.sqrt((dots**2).mean()))
+
+
+def has_oidn(renderer, scene, camera):
+    try:
+        renderer.render(scene, camera, spp=1, denoise="oidn")
+    except kuafu.Error:
+        return False
+    return True
+
+
+def measure(device, kind, reference_spp):
+    scene, renderer = table_top(device, kind), kuafu.Renderer(device)
+    camera = kuafu.Camera(WIDTH, HEIGHT, [[FOCAL_PX, 0, 105.5], [0, FOCAL_PX, 59.5], [0, 0, 1]], pose(0, -0.05, 0))
+
+    def take(spp, seed, denoise="none"):
+        start = time.perf_counter()
+        images = renderer.render(scene, camera, OUTPUTS, spp=spp, seed=seed, denoise=denoise)
+        return {name: image[0, ..., 0].copy() for name, image in images.items()}, 1e3 * (time.perf_counter() - start)
+
+    truth = take(reference_spp, 77)[0]
+    out = {"truth": indirect(truth)}
+    runs = [("plain 2", 2, "none"), ("plain 32", 32, "none"), ("filtered 2", 2, "atrous")]
+    runs += [("plain 128", 128, "none"), ("filtered 128", 128, "atrous")]
+    for name, spp, denoise in runs + ([("OIDN 2", 2, "oidn")] if has_oidn(renderer, scene, camera) else []):
+        take(spp, 0, denoise)
+        taken = [take(spp, 100 + seed, denoise) for seed in SEEDS]
+        out[name] = {
+            "all": np.mean([error(indirect(images), out["truth"]) for images, _ in taken]),
+            "ambient": np.mean([error(images["ambient"], truth["ambient"]) for images, _ in taken]),
+            "contrast": np.mean([dot_contrast(images) for images, _ in taken]),
+            "ms": min(ms for _, ms in taken),
+            "image": indirect(taken[0][0]),
+        }
+    return out
+
+
+def picture(results, path, reference_spp):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    columns = ("plain 2", "plain 32", "filtered 2", "truth")
+    figure, axes = plt.subplots(
+        len(results), len(columns), figsize=(4 * len(columns), 2.4 * len(results)), squeeze=False
+    )
+    for row, (kind, result) in zip(axes, results.items()):
+        for axis, name in zip(row, columns):
+            image = result[name] if name == "truth" else result[name]["image"]
+            axis.imshow(np.clip(image, 0, 1) ** (1 / 2.2), cmap="gray", vmin=0, vmax=1)
+            axis.set_title(f"{kind}: {name} spp" if name != "truth" else f"{kind}: {reference_spp} spp", fontsize=9)
+            axis.axis("off")
+    figure.tight_layout()
+    figure.savefig(path, dpi=55, pil_kwargs={"optimize": True})
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--picture", help="where to write before, after and truth")
+    parser.add_argument("--reference", type=int, default=4096, help="samples per pixel of the truth")
+    arguments = parser.parse_args()
+    device = kuafu.Device()
+    print(f"{device.info.name}; {WIDTH}x{HEIGHT}, infrared")
+    print(
+        "| scene | light | 2 spp | 32 spp | 2 spp filtered | filtered / 32 spp | OIDN / 32 spp | dot contrast "
+        "kept | at 128 spp, filtered / plain | ms, 2 / 32 / filtered |\n|--|--|--|--|--|--|--|--|--|--|"
+    )
+    results = {}
+    for kind in KINDS:
+        r = results[kind] = measure(device, kind, arguments.reference)
+        plain, many, filtered = r["plain 2"], r["plain 32"], r["filtered 2"]
+        times = f"{plain['ms']:.0f} / {many['ms']:.0f} / {filtered['ms']:.0f}"
+        for light in ("all", "ambient"):
+            ratio = filtered[light] / many[light]
+            kept = f"{100 * filtered['contrast'] / plain['contrast']:.1f} %" if light == "all" else ""
+            oidn = f"{r['OIDN 2'][light] / many[light]:.2f}" if "OIDN 2" in r else ""
+            errors = f"{plain[light]:.4f} | {many[light]:.4f} | {filtered[light]:.4f} | {ratio:.2f} | {oidn}"
+            converged = f"{r['filtered 128'][light] / r['plain 128'][light]:.2f}"
+            print(f"| {kind} | {light} | {errors} | {kept} | {converged} | {times if kept else ''} |", flush=True)
+    if arguments.picture:
+        picture(results, arguments.picture, arguments.reference)
+
+
+if __name__ == "__main__":
+    main()
