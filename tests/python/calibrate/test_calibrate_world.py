@@ -5,6 +5,7 @@ recordings on which nothing can be measured are refused with their reason."""
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -176,6 +177,26 @@ def test_what_cannot_be_measured_is_refused(tmp_path, what, said):
         assert "camera" in read_capture(tmp_path / "capture").measured
 
 
+def test_a_board_that_moved_between_views_is_told_from_views_apart(tmp_path):
+    class Moving(Room):
+        def write(self, folder):
+            super().write(folder)
+            texture = cv2.GaussianBlur(np.random.default_rng(0).normal(size=(230, 220)), (0, 0), 2.0)
+            board = np.clip(60 + 250 * texture, 5, 200).astype(np.uint8)
+            for k, x in enumerate((60, 230)):
+                depth = 1e4 * F * BASELINE_M / 26
+                for name, at, drawn in (("left", x, board), ("right", x - 26, board), ("depth", x, depth)):
+                    path = str(folder / name / f"{k:03d}.png")
+                    image = cv2.imread(path, cv2.IMREAD_UNCHANGED)
+                    image[20:250, at : at + 220] = drawn
+                    cv2.imwrite(path, image)
+            return folder
+
+    rec = recording(tmp_path, Moving(turns_deg=((0, 0), (6, 0)), exposures=(1.0, 1.0)))
+    with pytest.raises(ValueError, match=r"the scene moves: [3-7]\d % of what frames 0 and 1 both see lies elsewhere"):
+        calibrate_world(rec, tmp_path / "capture", steps=["poses"])
+
+
 def test_gaps_of_dead_dots_that_ride_along_are_no_place(tmp_path):
     room = Room(turns_deg=((0, 0), (10, 3)), exposures=(1.0, 1.0))
     views, _ = read_views(read_capture(recording(tmp_path, room)))
@@ -187,6 +208,13 @@ def test_gaps_of_dead_dots_that_ride_along_are_no_place(tmp_path):
     assert groups == [[0, 1]]
     truth = np.linalg.inv(room.pose(1)) @ room.pose(0)
     assert np.allclose(overlaps[0].a_to_b, truth, atol=5e-3)
+
+
+def test_views_of_which_much_is_saturated_are_told(tmp_path):
+    capture = read_capture(recording(tmp_path, Room(turns_deg=((0, 0), (10, 0)), exposures=(1.0, 6.0))))
+    views, lines = read_views(capture)
+    assert len(views) == 2 and len(lines) == 1
+    assert re.fullmatch(r"\d+ % of frame 1's left image is saturated \(255 DN\) .* less exposure, .*", lines[0])
 
 
 def test_one_saturated_view_is_left_out_and_told(tmp_path):

@@ -32,6 +32,8 @@ _REACH_M = (0.15, 0.15, 0.08, 0.08, 0.05, 0.05, 0.03, 0.03, 0.03, 0.03)
 _ROBUST_M = 0.004
 # Views overlap if this share of the samples finds a surface, and this share of those lies on it within the reach.
 _LEAST_SEEN, _LEAST_ON = 0.12, 0.7
+# Views whose features match, but of whose samples only this share lies on the surface, show a scene that moved.
+MOVED_ON = 0.2
 
 
 @dataclass(frozen=True)
@@ -74,13 +76,15 @@ def surface_of(view: SceneView, K: NDArray[np.float64], rng: np.random.Generator
     return Surface(view, points, normals_of(points), known, pick, features)
 
 
-def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64]) -> Overlap | None:
+def find_overlap(
+    a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64], least_on: float = _LEAST_ON
+) -> Overlap | None:
     """Estimates the motion between two views and returns their Overlap; None if they show different places. a, b: the
-    views' indices; first, second: their surfaces."""
+    views' indices; first, second: their surfaces. least_on: the least `on` of an overlap."""
     for ratio, (here, there) in product(_RATIOS, list(zip(first.features, second.features, strict=True))):
         start, matches = _by_features(here, there, K, ratio)
         overlap = None if start is None else _icp(a, b, first, second, start, K)
-        if overlap is not None and overlap.seen > _LEAST_SEEN and overlap.on > _LEAST_ON:
+        if overlap is not None and overlap.seen > _LEAST_SEEN and overlap.on > least_on:
             if matches >= _SURE_MATCHES or _correlation_of_light(first, second, overlap, K) > _SAME_LIGHT:
                 return overlap
     return None

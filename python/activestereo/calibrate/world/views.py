@@ -26,7 +26,8 @@ EDGE_PX = 7
 _HIGH_PASS_PX = 3.0
 # The images correlate 0.85 to 0.94 at the depth of a laser or of the device itself, at most 0.21 at foreign depth.
 _LEAST_AGREEMENT = 0.4
-_MOST_CLIPPED = 0.2
+# Saturated share of a view that is refused, and that is told.
+_MOST_CLIPPED, _MUCH_CLIPPED = 0.2, 0.05
 _LEAST_DEPTH = 0.2
 
 
@@ -46,8 +47,9 @@ class SceneView:
 def read_views(
     capture: Capture, progress: Callable[[float], object] | None = None
 ) -> tuple[list[SceneView], list[str]]:
-    """Returns (a capture's usable views, a line for each refused frame with the reason and the remedy). Raises
-    ValueError with the first reason if fewer than two views are usable."""
+    """Returns (a capture's usable views, a line for each frame that is refused or much saturated, with the reason and
+    the remedy). Raises ValueError with the first reason if fewer than two views are
+    usable."""
     where = capture.path
     if not any(frame.depth_path for frame in capture.frames):
         raise ValueError(f"{where}: no frame has depth: record the depth stream, too, or a laser's depth of each view")
@@ -70,7 +72,19 @@ def read_views(
         raise ValueError(
             f"{where}: one view with depth: record two or more that overlap, from places the camera turned to"
         )
-    return views, [f"left out: {reason}" for reason in refused]
+    bright = {view.frame.id: clipped_share(view.left, capture.rig.max_dn) for view in views}
+    bright_lines = [
+        f"{100 * share:.0f} % of frame {frame}'s left image is saturated ({capture.rig.max_dn} DN) and tells nothing: "
+        "record with less exposure, gain or laser power"
+        for frame, share in bright.items()
+        if share > _MUCH_CLIPPED
+    ]
+    return views, [f"left out: {reason}" for reason in refused] + bright_lines
+
+
+def clipped_share(image: Image, max_dn: int) -> float:
+    """Returns the share of an image's pixels that are saturated."""
+    return float((image >= max_dn).mean())
 
 
 def _read(capture: Capture, frame: Frame) -> SceneView:
@@ -78,7 +92,7 @@ def _read(capture: Capture, frame: Frame) -> SceneView:
     depth = capture.depth(frame)
     assert depth is not None
     name = f"{capture.path}: frame {frame.id}"
-    clipped = float((left >= capture.rig.max_dn).mean())
+    clipped = clipped_share(left, capture.rig.max_dn)
     if clipped > _MOST_CLIPPED:
         raise ValueError(
             f"{name}: {100 * clipped:.0f} % of the left image is saturated ({capture.rig.max_dn} DN): record with less "

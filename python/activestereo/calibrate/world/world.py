@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -32,7 +33,7 @@ from activestereo.calibrate.world.light import (
 )
 from activestereo.calibrate.world.masks import known_masks
 from activestereo.calibrate.world.mesh import write_scene
-from activestereo.calibrate.world.overlaps import Overlap, Surface
+from activestereo.calibrate.world.overlaps import MOVED_ON, Overlap, Surface, find_overlap
 from activestereo.calibrate.world.pair_geometry import pair_geometry
 from activestereo.calibrate.world.pattern import PatternEstimate, recover_pattern
 from activestereo.calibrate.world.pictures import exposure_picture, poses_picture, scene_pictures
@@ -185,6 +186,9 @@ def _camera(world: World, seed: int, folder: Path, progress: Progress) -> None:
 def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
     group = world.groups[0]
     if len(group) < 2:
+        for (a, first), (b, second) in combinations(enumerate(world.surfaces), 2):
+            if overlap := find_overlap(a, b, first, second, world.K, MOVED_ON):
+                raise _moves(world, overlap)
         raise ValueError(
             f"{world.where}: no two of its {len(world.views)} views overlap: record views of one scene that share a "
             "third of the picture, and let nothing move"
@@ -192,11 +196,7 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
     estimate = solve_poses(world.surfaces, world.overlaps, group, world.K, _HELD)
     for overlap in estimate.overlaps:
         if overlap.on < _LEAST_ON:
-            a, b = (world.views[i].frame.id for i in (overlap.a, overlap.b))
-            raise ValueError(
-                f"{world.where}: the scene moves: {100 * (1 - overlap.on):.0f} % of what frames {a} and {b} both see "
-                "lies elsewhere: record a static scene, or leave one of them out"
-            )
+            raise _moves(world, overlap)
     nearest = min(float(np.median(world.views[i].depth_m[world.views[i].depth_m > 0])) for i in group)
     if max(_turn(overlap.a_to_b, nearest) for overlap in estimate.overlaps) * world.K[0, 0] < (
         _LEAST_TURN * world.views[0].left.shape[1]
@@ -232,6 +232,14 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
         "distance_m": estimate.distance_m,
     }
     world.note("poses", values, line)
+
+
+def _moves(world: World, overlap: Overlap) -> ValueError:
+    a, b = (world.views[i].frame.id for i in (overlap.a, overlap.b))
+    return ValueError(
+        f"{world.where}: the scene moves: {100 * (1 - overlap.on):.0f} % of what frames {a} and {b} both see lies "
+        "elsewhere: record a static scene, or leave one of them out"
+    )
 
 
 def _poses_joint(estimate: PoseEstimate, frames: Sequence[int], camera: Any, f_px: float) -> dict[str, Any]:
