@@ -44,7 +44,7 @@ def test_many_diagnoses_with_many_processes_give_one_result(hazy):
     def result(workers):
         renderer = CaptureRenderer("auto", 1, 2, 0)
 
-        def rendering(model):
+        def rendering(model, samples=1):
             renders.append(model)
             lights = renderer.lights(hazy.capture, model, hazy.capture.split("train"))
             return {key: np.stack((o.direct, o.indirect, o.ambient)) for key, o in lights.items()}
