@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from wall_worlds import WallWorld
 
 import kuafu
-from activestereo.calibrate.noise import Repeats
-from activestereo.calibrate.noise import calibrate_noise
-from activestereo.calibrate.noise_fit import GammaModel, ShotModel
+from activestereo.calibrate.noise import NoiseModel, calibrate_noise
 from activestereo.calibrate.pattern import calibrate_pattern
+from activestereo.calibrate.repeats import Repeats
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.model.diagnosed import calibrated
 
@@ -32,13 +31,11 @@ SIZE = (40, 64)
 WALLS = ((1.0, 0.0), (1.7, 0.1))  # metres, yaw
 
 
-def drawn(
-    noise_model: GammaModel | ShotModel, repeats: int, rng: np.random.Generator, is_dark: bool = False
-) -> NDArray[np.uint8]:
+def drawn(noise_model: NoiseModel, repeats: int, rng: np.random.Generator, is_dark: bool = False) -> NDArray[np.uint8]:
     """Repeats of blocks of all levels of an 8-bit camera, or of none."""
     clean = np.zeros(SIZE) if is_dark else np.exp(rng.uniform(np.log(0.4), np.log(110.0), SIZE))
     shape = (repeats, *SIZE)
-    if noise_model.name == "gamma":
+    if noise_model.kind == "gamma":
         light = clean * rng.gamma(noise_model.shape, 1.0 / noise_model.shape, shape)
     else:
         light = noise_model.shape * rng.poisson(clean / noise_model.shape, shape)
@@ -54,13 +51,13 @@ def models(draws: int, with_dark: bool) -> None:
         # Deviations of 0.5 to 3 DN at half of the range, by either model.
         at_middle = np.exp(rng.uniform(np.log(0.5), np.log(3.0)))
         if number % 2:
-            noise_model: GammaModel | ShotModel = GammaModel((55.0 / at_middle) ** 2, sigma, black)
+            noise_model = NoiseModel("gamma", (55.0 / at_middle) ** 2, sigma, black)
         else:
-            noise_model = ShotModel(at_middle**2 / 55.0, sigma, black)
+            noise_model = NoiseModel("shot", at_middle**2 / 55.0, sigma, black)
         dark = [Repeats("dark", drawn(noise_model, 12, rng, is_dark=True))] if with_dark else []
         found = calibrate_noise([Repeats("view", drawn(noise_model, 20, rng))], dark, seed=number)
-        right += found.chosen == noise_model.name
-        if found.chosen != noise_model.name:
+        right += found.chosen == noise_model.kind
+        if found.chosen != noise_model.kind:
             print(f"draw {number}: {noise_model} was named {found.chosen}")
     print(
         f"the right noise model in {right} of {draws}, {'with' if with_dark else 'without'} dark frames; "

@@ -2,8 +2,7 @@
 """Measures a real camera: each part turns frames of something known into one section of model.json. README.md has the
 commands and figures.
 
-    noise     repeats of a static view      -> imager      calibrate/noise.py
-              even light by EMVA 1288       -> imager      calibrate/emva1288.py
+    noise     frames of static views        -> imager      calibrate/noise.py
     pattern   frames of a flat wall         -> pattern     calibrate/pattern.py
     rig       frames of a calibration board -> rig         calibrate/rig.py
 

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from activestereo.calibrate import wall as walls_light
 from activestereo.calibrate.least_squares import INTERVAL_90, difference
-from activestereo.calibrate.noise import LEAST_REPEATS, Repeats, check_still
+from activestereo.calibrate.repeats import LEAST_REPEATS, Repeats, check_still
 from activestereo.calibrate.wall import ProjectorView, Spots, Wall, find_spots, find_wall, power_factor, wall_points
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig

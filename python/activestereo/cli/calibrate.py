@@ -36,23 +36,19 @@ activestereo calibrate noise --help tells more.
 
 _NOISE = """\
 The imager's temporal noise from repeats. Two models are fitted, the paper's gamma
-factor with Gaussian noise, and shot noise with read noise; the one that gives
-pixels it was not fitted to the higher density is chosen.
+factor with Gaussian noise, and shot noise with read noise; the one that makes
+the pixels' counts more probable is chosen.
 
 FRAMES is a folder of PNG files of one static view (10 or more), a folder of such
-folders, a .npy stack uint8 or uint16 [frame][height][width], or a capture with
-repeat groups. Groups of several exposures give a photon transfer table and the
-black level. Bright and dark regions in one view are best: k shows where it is
-bright, sigma and black where it is dark. --dark: frames with the lens covered;
-shot noise alone cannot tell black from read noise.
+folders (two frames or more each, such as steps of even light), a .npy stack uint8 or
+uint16 [frame][height][width], or a capture with repeat groups. Groups of several
+exposures give a photon transfer table and the black level. Bright and dark regions in
+one view are best: k shows where it is bright, sigma and black where it is dark. --dark:
+frames with the lens covered; shot noise alone cannot tell black from read noise.
 
 Static speckle is the same in every repeat: it never shows in repeats.
 
-Frames of even light by EMVA 1288 give more: gain, dark noise, DSNU, PRNU and defects,
-as imager and effects of the model (the package emva1288 prints the standard's own
-table). FRAMES is then the standard's descriptor file (lines v, n, b, d, i; EMVA1288_Data.txt of its
-reference sets), or a folder of folders, one for each step of light, of 2 frames
-each, of 3 or more one; --dark: frames with the lens covered.
+A .txt file is a descriptor of EMVA 1288, which lists steps of light and dark frames.
 
 examples:
   activestereo calibrate noise wall/ --dark covered/ -o model.json
@@ -240,12 +236,8 @@ def _run_section(args: argparse.Namespace) -> None:
 
 
 def _noise(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
-    from activestereo.calibrate.emva1288 import calibrate_emva1288, is_emva1288
     from activestereo.calibrate.noise import calibrate_noise
 
-    if is_emva1288(args.frames):
-        camera = calibrate_emva1288(args.frames, args.dark, bar)
-        return camera.model(), camera.summary()
     noise = calibrate_noise(args.frames, args.dark, args.seed, bar)
     return noise.model(), noise.summary()
 

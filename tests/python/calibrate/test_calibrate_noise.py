@@ -8,10 +8,9 @@ import pytest
 import simsense
 
 from activestereo import StereoDepthSensorConfig
-from activestereo.calibrate.noise import Repeats
+from activestereo.calibrate.noise import NoiseModel, calibrate_noise
+from activestereo.calibrate.repeats import Repeats
 from activestereo.model.write import replace_sections
-from activestereo.calibrate.noise import calibrate_noise
-from activestereo.calibrate.noise_fit import GammaModel, ShotModel
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
@@ -26,26 +25,31 @@ def clean_image(seed: int, low: float = 0.4, high: float = 110.0, size: tuple[in
     return np.exp(rng.uniform(np.log(low), np.log(high), size))
 
 
-def drawn(noise_model: GammaModel | ShotModel, clean: np.ndarray, repeats: int, seed: int) -> np.ndarray:
+def drawn(noise_model: NoiseModel, clean: np.ndarray, repeats: int, seed: int) -> np.ndarray:
     """Repeats by NumPy's own generators."""
     rng, shape, k = np.random.default_rng(seed), (repeats, *clean.shape), noise_model.shape
-    is_gamma = noise_model.name == "gamma"
+    is_gamma = noise_model.kind == "gamma"
     light = clean * rng.gamma(k, 1.0 / k, shape) if is_gamma else k * rng.poisson(clean / k, shape)
     counts = np.rint(light + noise_model.black_dn + rng.normal(0.0, noise_model.sigma_dn, shape))
     return counts.clip(0, 255).astype(np.uint8)
 
 
-def views(noise_model: GammaModel | ShotModel, repeats: int, seed: int = 0, **more: float) -> list[Repeats]:
+def views(noise_model: NoiseModel, repeats: int, seed: int = 0, **more: float) -> list[Repeats]:
     return [Repeats("view", drawn(noise_model, clean_image(seed, **more), repeats, seed + 1))]
 
 
-def dark(noise_model: GammaModel | ShotModel, seed: int = 7) -> list[Repeats]:
+def dark(noise_model: NoiseModel, seed: int = 7) -> list[Repeats]:
     return [Repeats("dark", drawn(noise_model, np.full(_SIZE, 1e-9), 12, seed))]
 
 
 @pytest.mark.parametrize(
     "noise_model",
-    [GammaModel(4.0, 0.8, 5.0), GammaModel(40.0, 0.5, -0.4), ShotModel(0.3, 0.6, 5.0), ShotModel(2.0, 0.4, 3.0)],
+    [
+        NoiseModel("gamma", 4.0, 0.8, 5.0),
+        NoiseModel("gamma", 40.0, 0.5, -0.4),
+        NoiseModel("shot", 0.3, 0.6, 5.0),
+        NoiseModel("shot", 2.0, 0.4, 3.0),
+    ],
 )
 def test_a_table_is_the_histogram_of_draws(noise_model):
     """10^5 draws of NumPy's generators at two levels: chi-square of the counts with enough expected."""
@@ -71,49 +75,97 @@ def test_the_paper_law_of_simsense_is_read_back():
     engine.set_parameters(frame_index=0)
     noise = calibrate_noise([Repeats("simsense", engine.compute(stack, stack, ("ir_left",))["ir_left"].copy())])
     assert noise.chosen == "gamma" and noise.margin_nats[0] > 5.0 * noise.margin_nats[1]
-    noise_model = noise.fit.noise_model
+    noise_model = noise.noise_model
     assert noise_model.shape == pytest.approx(3.98, rel=0.03)
     # Without dark frames its own error is 1.4 %.
-    assert noise_model.sigma_dn == pytest.approx(0.83, rel=0.03 + 1.6 * noise.fit.error[1])
-    assert noise_model.black_dn == pytest.approx(-0.231, abs=0.05 + 1.6 * noise.fit.error[2])
+    assert noise_model.sigma_dn == pytest.approx(0.83, rel=0.03 + 1.6 * noise.error[1])
+    assert noise_model.black_dn == pytest.approx(-0.231, abs=0.05 + 1.6 * noise.error[2])
     assert noise.model().imager.relative.value == pytest.approx(1.0 / noise_model.shape)
 
 
-@pytest.mark.parametrize("noise_model", [ShotModel(0.4, 0.7, 5.0), GammaModel(30.0, 0.7, 5.0)])
+@pytest.mark.parametrize("noise_model", [NoiseModel("shot", 0.4, 0.7, 5.0), NoiseModel("gamma", 30.0, 0.7, 5.0)])
 def test_with_dark_frames_the_asked_figures_hold(noise_model):
     noise = calibrate_noise(views(noise_model, 40), dark(noise_model), seed=1)
-    assert noise.chosen == noise_model.name
-    fit = noise.fit
-    assert fit.noise_model.shape == pytest.approx(noise_model.shape, rel=0.03)
-    assert fit.noise_model.sigma_dn == pytest.approx(noise_model.sigma_dn, rel=0.03)
-    assert fit.noise_model.black_dn == pytest.approx(noise_model.black_dn, abs=0.05)
+    assert noise.chosen == noise_model.kind
+    assert noise.noise_model.shape == pytest.approx(noise_model.shape, rel=0.03)
+    assert noise.noise_model.sigma_dn == pytest.approx(noise_model.sigma_dn, rel=0.03)
+    assert noise.noise_model.black_dn == pytest.approx(noise_model.black_dn, abs=0.05)
     for name in ("shape", "sigma_dn", "black_dn"):
-        low, high = fit.interval(name)
+        _, low, high = noise.interval(name)
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         assert abs(getattr(noise_model, name) - middle) < 2.5 * half  # a 90 % interval, 4 standard errors
 
 
 def test_clipped_counts_are_censored():
     """A quarter of the pixels lie where many counts clip at 255."""
-    noise_model = GammaModel(10.0, 0.8, 5.0)
+    noise_model = NoiseModel("gamma", 10.0, 0.8, 5.0)
     noise = calibrate_noise(views(noise_model, 30, low=40.0, high=260.0), dark(noise_model))
     assert noise.clipped_share > 0.05
-    assert noise.fit.noise_model.shape == pytest.approx(10.0, rel=0.03)
+    assert noise.noise_model.shape == pytest.approx(10.0, rel=0.03)
 
 
 def test_exposures_tell_black_and_photon_transfer():
-    noise_model, clean = ShotModel(0.4, 0.7, 6.0), clean_image(2, 4.0, 50.0)
+    noise_model, clean = NoiseModel("shot", 0.4, 0.7, 6.0), clean_image(2, 4.0, 50.0)
     frames = [
         Repeats(f"exposure {t}", drawn(noise_model, t * clean, 30, 10 + t), 0.001 * t, "one view") for t in (1, 2, 4)
     ]
     noise = calibrate_noise(frames)
     assert noise.black_from == "the exposures' intercept"
-    assert noise.fit.noise_model.black_dn == pytest.approx(6.0, abs=0.05)
-    assert noise.chosen == "shot" and noise.fit.noise_model.shape == pytest.approx(0.4, rel=0.03)
-    assert [p.exposure_gain for p in noise.transfer] == [0.001, 0.002, 0.004]
-    first, _, last = noise.transfer
-    slope = (last.variance_dn2 - first.variance_dn2) / (last.mean_dn - first.mean_dn)
-    assert slope == pytest.approx(0.4, rel=0.03)
+    assert noise.noise_model.black_dn == pytest.approx(6.0, abs=0.05)
+    assert noise.chosen == "shot" and noise.noise_model.shape == pytest.approx(0.4, rel=0.03)
+    exposures, means, variances = np.transpose(noise.transfer)
+    assert list(exposures) == [0.001, 0.002, 0.004]
+    assert np.polyfit(means, variances, 1)[0] == pytest.approx(0.4, rel=0.03)
+
+
+GAIN, SIGMA, BLACK, DSNU = 0.1, 3.0, 29.4, 1.5
+
+
+@pytest.fixture(scope="module")
+def steps(tmp_path_factory):
+    """Pairs of evenly lit frames of a 12-bit camera with unequal pixels in one folder each, dark ones, and a descriptor
+    of EMVA 1288 that lists them."""
+    folder, rng, size = tmp_path_factory.mktemp("steps"), np.random.default_rng(8), (64, 96)
+    uneven, offset = 1.0 + 0.006 * rng.standard_normal(size), BLACK + DSNU * rng.standard_normal(size)
+    lines = ["# drawn", "v 3.1", "n 12 96 64"]
+    for place, electrons in enumerate((*np.linspace(2e3, 3.8e4, 12), 0.0)):
+        own = folder / (f"lit/{place:02d}" if electrons else "dark")
+        own.mkdir(parents=True)
+        lines.append(f"b 1000000.0 {2 * electrons:.1f}" if electrons else "d 1000000.0")
+        for number in range(2):
+            dn = GAIN * rng.poisson(electrons * uneven) + rng.normal(0.0, SIGMA, size) + offset
+            write_gray(own / f"{number}.png", np.rint(dn).clip(0, 4095).astype(np.uint16))
+            lines.append(f"i {own.relative_to(folder)}/{number}.png".replace("/", "\\"))
+    (folder / "EMVA1288_Data.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize("words", [["EMVA1288_Data.txt"], ["lit", "--dark", "dark"]])
+def test_pairs_at_steps_of_light_tell_gain_and_dark_noise(words, steps, tmp_path, capsys):
+    out, words = tmp_path / "model.json", [word if word == "--dark" else str(steps / word) for word in words]
+    assert main(["calibrate", "noise", *words, "-o", str(out), "--verbose"]) == 0
+    model, text = read_model(out), capsys.readouterr().out
+    assert model.imager.shot.value == pytest.approx(GAIN, rel=0.03) and model.imager.relative.value == 0.0
+    assert np.sqrt(model.imager.offset.value - 1.0 / 12.0) == pytest.approx(SIGMA, rel=0.03)
+    assert model.nuisances["black_dn"].value == pytest.approx(BLACK, abs=0.15)
+    for truth, q in ((GAIN, model.imager.shot), (SIGMA**2 + 1.0 / 12.0, model.imager.offset)):
+        assert abs(truth - 0.5 * (q.low + q.high)) < 1.25 * (q.high - q.low)  # a 90 % interval, 4 standard errors
+    assert float(text.split("DSNU")[1].split()[0]) == pytest.approx(DSNU, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "old, new, says",
+    [
+        ("d 1000000.0", "# d", "or no dark frames: cover the lens"),
+        ("v 3.1", "what is this", ":2: is 'what is this', expected a line"),
+        ("i lit\\00\\1.png", "", ":4: has 1 of two frames"),
+        ("i lit\\00\\1.png", "i none.png", "none.png"),
+    ],
+)
+def test_bad_descriptors_are_refused_in_one_line(old, new, says, steps, tmp_path, capsys):
+    path = steps / "bad.txt"
+    path.write_text((steps / "EMVA1288_Data.txt").read_text().replace(old, new, 1))
+    assert says in refused(["calibrate", "noise", path, "-o", tmp_path / "model.json"], capsys)
 
 
 @pytest.fixture
@@ -121,7 +173,7 @@ def folder(tmp_path):
     """12 frames of a view as PNG files."""
     path = tmp_path / "view"
     path.mkdir()
-    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 12, 4)):
+    for i, image in enumerate(drawn(NoiseModel("gamma", 5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 12, 4)):
         write_gray(path / f"{i:03d}.png", image)
     return path
 
@@ -141,7 +193,7 @@ def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
 def test_the_sensor_takes_what_was_measured(tmp_path):
     """Through the file into the sensor's configuration: the noise model that was drawn from, read noise without
     rounding's."""
-    noise_model = GammaModel(4.0, 0.8, 5.0)
+    noise_model = NoiseModel("gamma", 4.0, 0.8, 5.0)
     out = tmp_path / "model.json"
     replace_sections(out, calibrate_noise(views(noise_model, 20), dark(noise_model)).model())
     config = StereoDepthSensorConfig.from_model(read_model(out))
@@ -152,7 +204,7 @@ def test_the_sensor_takes_what_was_measured(tmp_path):
 
 def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     out, files = tmp_path / "model.json", [folder / f"{i:03d}.png" for i in range(12)]
-    ask, model, clean = ["calibrate", "noise", folder, "-o", out], GammaModel(400.0, 0.5, 5.0), clean_image(3)
+    ask, model, clean = ["calibrate", "noise", folder, "-o", out], NoiseModel("gamma", 400.0, 0.5, 5.0), clean_image(3)
     for file in files[:3]:
         file.unlink()
     assert "9 repeats, at least 10" in refused(ask, capsys)
@@ -173,7 +225,7 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     out.write_text("{}")
     folder2 = tmp_path / "again"
     folder2.mkdir()
-    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 10, 4)):
+    for i, image in enumerate(drawn(NoiseModel("gamma", 5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 10, 4)):
         write_gray(folder2 / f"{i}.png", image)
     assert "give another file to -o" in refused(["calibrate", "noise", folder2, "-o", out], capsys)
     assert out.read_text() == "{}"

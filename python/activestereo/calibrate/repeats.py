@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads frames of static views: repeats, pairs at steps of light, dark frames; refuses those that move or drift."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.capture.capture import SIDES, read_capture
+from activestereo.capture.images import read_gray
+from activestereo.common.input_files import checked_file, read_text
+from activestereo.common.rounding import ROUNDING_VARIANCE
+
+LEAST_REPEATS = 10
+_LARGEST_DRIFT, _LARGEST_EXCESS = 0.005, 2.0
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Exposures of one static view. counts: [n, height, width], uint8 or uint16. exposure_gain: seconds x gain, None if
+    unknown. view: names the scene and pose; repeats of one view at several exposures share it."""
+
+    name: str
+    counts: np.ndarray
+    exposure_gain: float | None = None
+    view: str = ""
+
+
+def read_repeats(path: Path) -> list[Repeats]:
+    """Reads every static view under `path`. Raises ValueError if there is none, if one has a single frame, or if sizes
+    differ."""
+    if path.suffix == ".npy":
+        try:
+            # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
+            counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError, OverflowError, EOFError) as error:
+            raise ValueError(f"{path}: cannot be read as a .npy stack: {error}") from error
+        if counts.ndim != 3 or counts.dtype not in (np.uint8, np.uint16):
+            kind = f"{counts.dtype} {list(counts.shape)}"
+            raise ValueError(f"{path}: is {kind}, expected uint8 or uint16 [frame][height][width]")
+        views = [Repeats(path.name, np.array(counts), None, path.name)]
+    elif path.name == "capture.json" or (path / "capture.json").is_file():
+        views = _read_capture(path)
+    elif path.is_dir():
+        views = []
+        for folder in [path, *sorted(child for child in path.iterdir() if child.is_dir())]:
+            files = sorted(folder.glob("*.png"))
+            images = [read_gray(file, key="image") for file in files]
+            kinds = [f"{image.shape[1]}x{image.shape[0]} {image.dtype}" for image in images]
+            for file, kind in zip(files, kinds, strict=True):
+                if kind != kinds[0]:
+                    raise ValueError(f"{file}: is {kind}, {files[0].name} is {kinds[0]}")
+            if images:
+                views.append(Repeats(str(folder), np.stack(images), None, str(folder)))
+    else:
+        raise ValueError(f"{path}: is no folder, no .npy stack and no capture")
+    if not views:
+        raise ValueError(f"{path}: holds no PNG files: give a folder of frames of one static view, or of such folders")
+    for view in views:
+        if len(view.counts) < 2:
+            raise ValueError(f"{view.name}: 1 frame: record two of each step of light, ten or more of a single view")
+    return views
+
+
+def _read_capture(path: Path) -> list[Repeats]:
+    capture = read_capture(path)
+    views = []
+    for group, frames in capture.repeats().items():
+        for side in SIDES:
+            name = f"{capture.path}: repeat group {group}, {side}"
+            if len({frame.exposure_gain for frame in frames}) > 1:
+                told = "exposure x gain differs between the repeats: give each exposure a group of its own"
+                raise ValueError(f"{name}: {told}")
+            counts = np.stack([read_gray(frame.path(side), key=f"frames[id={frame.id}].{side}") for frame in frames])
+            view = f"{side} {frames[0].camera_to_world.tobytes()!r} {frames[0].projector_power}"
+            views.append(Repeats(name, counts, frames[0].exposure_gain, view))
+    if not views:
+        told = f"no frames share a repeat_group: record {LEAST_REPEATS} or more frames of each static view"
+        raise ValueError(f"{capture.path}: {told}")
+    return views
+
+
+def read_steps(path: Path) -> tuple[list[Repeats], list[Repeats]]:
+    """Reads two frames of each step of even light, and of dark ones, that a descriptor file of EMVA 1288 lists ("b
+    EXPOSURE PHOTONS" or "d EXPOSURE", each followed by its frames, "i IMAGE"). Leaves out steps above 70 % of
+    saturation (Release 4.0 Linear, 6.6). Raises ValueError with file, line and remedy."""
+    steps: dict[str, list[tuple[str, list[Path]]]] = {"b": [], "d": []}
+    lit: list[Repeats] = []
+    dark: list[Repeats] = []
+    files: list[Path] = []
+    for number, line in enumerate(read_text(path, errors="replace").splitlines(), 1):
+        head, _, rest = line.strip().partition(" ")
+        if head in steps:
+            files = []
+            steps[head].append((f"{path}:{number}", files))
+        elif head == "i":
+            files.append(path.parent / rest.strip().replace("\\", "/"))
+        elif head[:1] not in ("v", "n", "#", ""):
+            told = f"is {line[:60]!r}, expected a line 'v', 'n', 'b', 'd' or 'i' of EMVA 1288"
+            raise ValueError(f"{path}:{number}: {told}")
+    if not (steps["b"] and steps["d"]):
+        raise ValueError(f"{path}: lists no steps of light, or no dark frames: cover the lens and record two")
+    for head, views in (("b", lit), ("d", dark)):
+        for name, own in steps[head]:
+            if len(own) < 2:
+                raise ValueError(f"{name}: has {len(own)} of two frames of each step")
+            views.append(Repeats(name, np.stack([read_gray(file, key=name) for file in own[:2]])))
+    most = 0.7 * max(view.counts.mean() for view in lit)
+    return [view for view in lit if view.counts.mean() < most], dark
+
+
+def bit_depth(views: list[Repeats]) -> int:
+    """Returns the bit depth of the views' counts: 8, or as many bits as the largest count in 16-bit files needs."""
+    if all(view.counts.dtype == np.uint8 for view in views):
+        return 8
+    return max(8, max(int(view.counts.max()) for view in views).bit_length())
+
+
+def check_still(view: Repeats) -> None:
+    """Raises ValueError if the repeats' content moves or their brightness drifts."""
+    counts = view.counts.astype(np.float32)
+    half = len(counts) // 2
+    first, second = counts[:half].mean(axis=0), counts[half:].mean(axis=0)
+    # Take the noise from consecutive frames, so that a slow movement does not count as noise.
+    variance = 0.5 * np.mean((counts[1:] - counts[:-1]) ** 2, axis=0) + ROUNDING_VARIANCE
+    scale = variance * (1.0 / half + 1.0 / (len(counts) - half))
+    means = counts.mean(axis=(1, 2))
+    error = np.sqrt(variance.mean() / variance.size)
+    drift = abs(float(second.mean() - first.mean()))
+    if drift > max(_LARGEST_DRIFT * float(means.mean()), 6.0 * error):
+        raise ValueError(
+            f"{view.name}: the mean brightness drifts by {drift:.2f} DN of {means.mean():.1f}: hold exposure, gain and "
+            "light, and let the camera warm up"
+        )
+    excess = float(np.mean((second - first) ** 2 / scale))
+    if excess > _LARGEST_EXCESS:
+        raise ValueError(
+            f"{view.name}: the repeats move: their halves differ by {excess:.1f} times what noise gives: keep camera "
+            "and scene still and record again"
+        )
