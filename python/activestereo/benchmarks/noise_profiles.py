@@ -5,11 +5,9 @@ simulators' own files, and measures how far they are from the sensor in rooms th
 from __future__ import annotations
 
 import json
-import time
-from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +24,17 @@ from activestereo.scene_io.bodies import add_mesh
 from activestereo.sensor.depth_modes import IsaacSettings, isaac
 from activestereo.sensor.sensor import StereoDepthSensor
 
-_UP = np.array([0.0, 0.0, 1.0])
+# Errors are clipped to this: mismatches of tens of pixels, which no noise model has, would outweigh all others.
+_MOST_PX = 2.0
+_QUANTILES = (np.arange(1000) + 0.5) / 1000.0
+# The fit takes so many of so many rows, enough for noise that reaches few rows.
+_BAND, _PERIOD = 8, 64
+_MOST_EVALUATIONS = 120
+_ROOMS = 6
+# First seed of the rooms that no fit saw; rooms of the fit have seeds from 0.
+_HELD_OUT_SEED = 2**40
+
+Depths = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -35,9 +43,9 @@ class Views:
     width] metres, 0 = no surface, or not measured. gray: float32 of the same shape, 0..1, the surfaces' reflectance.
     near_m, far_m: the sensor's range of depth."""
 
-    truth_m: NDArray[np.float32]
-    found_m: NDArray[np.float32]
-    gray: NDArray[np.float32]
+    truth_m: Depths
+    found_m: Depths
+    gray: Depths
     k: NDArray[np.float64]
     baseline_m: float
     near_m: float
@@ -114,16 +122,10 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
     power = random.uniform(0.1, 1.5)
     scene.add_light(kuafu.Light(kind="point", intensity=(power,) * 3, light_to_world=lamp_to_world))
     eye = np.array([random.uniform(-0.4, 0.0), random.uniform(-0.2, 0.2), random.uniform(0.4, 1.0)])
-    return look_at(eye, np.array([far_m, random.uniform(-0.3, 0.3), random.uniform(0.1, 0.5)]), _UP)
+    return look_at(eye, np.array([far_m, random.uniform(-0.3, 0.3), random.uniform(0.1, 0.5)]), np.eye(3)[2])
 
 
-# Errors are clipped to this: mismatches of tens of pixels, which no noise model has, would outweigh all others.
-_MOST_PX = 2.0
-_QUANTILES = (np.arange(1000) + 0.5) / 1000.0
-
-
-@dataclass(frozen=True)
-class Distance:
+class Distance(NamedTuple):
     """How much the errors of two kinds of depth differ. error_px: 1-Wasserstein distance between the distributions of
     their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their shares of pixels
     without depth."""
@@ -131,13 +133,8 @@ class Distance:
     error_px: float
     holes: float
 
-    @property
-    def total(self) -> float:
-        """Returns error_px + holes: a pixel without depth weighs as much as an error of 1 px."""
-        return self.error_px + self.holes
 
-
-def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
+def distance(views: Views, depth_m: Depths) -> Distance:
     """Returns the Distance between depth_m and the views' measured depth, as a mean over the rooms. depth_m: [rooms,
     height, width] metres, 0 = none."""
     rooms = []
@@ -149,60 +146,24 @@ def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
             px = views.focal_baseline_px_m * (1.0 / image[is_valid].astype(np.float64) - 1.0 / truth[is_valid])
             errors.append(np.quantile(np.clip(px, -_MOST_PX, _MOST_PX), _QUANTILES) if px.size else np.zeros(1000))
             holes.append(1.0 - is_valid.sum() / max(int(is_there.sum()), 1))
-        rooms.append((float(np.mean(np.abs(errors[0] - errors[1]))), float(abs(holes[0] - holes[1]))))
-    error_px, difference = np.mean(rooms, axis=0)
-    return Distance(float(error_px), float(difference))
-
-
-_BAND, _PERIOD = 8, 64
-_MOST_EVALUATIONS = 120
-
-
-@dataclass(frozen=True)
-class Profile(ABC):
-    """A simulator's noise model for depth, with its parameters. Without arguments it has the simulator's default
-    parameters."""
-
-    FILE: ClassVar[str]
-    LACKS: ClassVar[tuple[str, ...]]  # properties without a parameter in the model, one line each
-    # Parameters that are fitted: {name: (low, high, start)}.
-    FITTED: ClassVar[dict[str, tuple[float, float, float]]]
-
-    @abstractmethod
-    def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
-        """Returns the views' true depth with the model's noise, [rooms, height, width] metres, 0 = none."""
-
-    @classmethod
-    @abstractmethod
-    def known(cls, views: Views) -> Profile:
-        """Returns the profile with the parameters that need no fit, such as range and geometry, taken from the
-        views."""
-
-    @abstractmethod
-    def file_text(self, views: Views) -> str:
-        """Returns the text of the simulator's own file."""
-
-
-def clipped(truth_m: NDArray[np.float32], noisy_m: NDArray[Any], near_m: float, far_m: float) -> NDArray[np.float32]:
-    """Returns noisy_m, made positive, where the true depth lies in the range, else 0."""
-    is_kept = (truth_m >= near_m) & (truth_m <= far_m)
-    return np.where(is_kept, np.maximum(noisy_m, 1e-3), 0.0).astype(np.float32)
+        rooms.append((np.mean(np.abs(errors[0] - errors[1])), abs(holes[0] - holes[1])))
+    return Distance(*map(float, np.mean(rooms, axis=0)))
 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:
-    """Fits a model's parameters to the sensor's views by minimising distance()'s total, and returns the profile."""
-    is_kept = np.arange(views.truth_m.shape[1]) % _PERIOD < _BAND  # enough for noise that reaches few rows
+    """Fits a model's parameters to the sensor's views: the least sum of distance()'s two, so that a pixel without depth
+    weighs as much as an error of 1 px. Range and geometry are the views'."""
+    is_kept = np.arange(views.truth_m.shape[1]) % _PERIOD < _BAND
     rows = replace(views, **{name: getattr(views, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
-    start = kind.known(views)
-    low, high, first = (np.array(values) for values in zip(*kind.FITTED.values(), strict=True))
+    low, high, first = np.transpose(list(kind.FITTED.values()))
 
     def made(unit: NDArray[np.float64]) -> Profile:
         values = low + np.clip(unit, 0.0, 1.0) * (high - low)
-        return replace(start, **dict(zip(kind.FITTED, map(float, values), strict=True)))
+        return kind(**dict(zip(kind.FITTED, map(float, values), strict=True)), **kind.known(views))
 
     def loss(unit: NDArray[np.float64]) -> float:
         outside = float(np.sum(np.abs(unit - np.clip(unit, 0.0, 1.0))))
-        return distance(rows, made(unit).apply(rows, np.random.default_rng(0))).total + outside
+        return sum(distance(rows, made(unit).apply(rows, np.random.default_rng(0)))) + outside
 
     begin = (first - low) / (high - low)
     simplex = np.vstack([begin, begin + 0.3 * np.where(begin < 0.5, 1.0, -1.0) * np.eye(len(begin))])
@@ -211,8 +172,9 @@ def fitted(kind: type[Profile], views: Views) -> Profile:
 
 
 @dataclass(frozen=True)
-class Isaac(Profile):
-    """The noise model of Isaac Sim's single-view depth sensor, written as a USD layer.
+class Isaac:
+    """The noise model of Isaac Sim's single-view depth sensor, written as a USD layer; without arguments with its
+    default parameters, as all profiles.
 
     The attributes, their meaning and their defaults are from NVIDIA, ovrtx 0.7.0, "Camera single-view stereo depth
     model" (pages "USD Attributes" and "Tune Noise, Quantization and Confidence"), and from the example of
@@ -223,12 +185,13 @@ class Isaac(Profile):
     confidence: 0.7 by default, which drops surfaces without texture; 0 drops nothing.
     """
 
-    FILE = "isaac.usda"
-    LACKS = (
+    FILE: ClassVar = "isaac.usda"
+    LACKS: ClassVar = (
         "bias: noise has no mean, noiseMean being the step of disparity",
         "holes of dark, glossy and saturated surfaces: with confidenceThreshold 0 holes come from occlusion and range",
         "errors that neighbours share, and that grow where the pattern is dim",
     )
+    # {name: (low, high, start)} of the parameters that are fitted.
     FITTED: ClassVar = {"step_px": (0.01, 1.0, 0.1), "sigma_px": (0.0, 1.5, 0.3)}
 
     step_px: float = 0.25
@@ -238,16 +201,15 @@ class Isaac(Profile):
     max_distance_m: float = 9999.9
     confidence: float = 0.7
 
-    @classmethod
-    def known(cls, views: Views) -> Isaac:
-        return cls(
-            max_disparity_px=views.focal_baseline_px_m / views.near_m,
-            min_distance_m=views.near_m,
-            max_distance_m=views.far_m,
-            confidence=0.0,
-        )
+    @staticmethod
+    def known(views: Views) -> dict[str, float]:
+        """Returns the parameters that need no fit."""
+        most = views.focal_baseline_px_m / views.near_m
+        own = {"max_disparity_px": most, "min_distance_m": views.near_m, "max_distance_m": views.far_m}
+        return own | {"confidence": 0.0}
 
-    def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
+    def apply(self, views: Views, random: np.random.Generator) -> Depths:
+        """Returns the views' true depth with the model's noise, [rooms, height, width] metres, 0 = none."""
         near = np.where(views.truth_m <= self.max_distance_m, views.truth_m, np.float32(0.0))
         settings = IsaacSettings(
             self.step_px, self.sigma_px, self.max_disparity_px, self.min_distance_m, self.confidence > 0.0
@@ -255,41 +217,41 @@ class Isaac(Profile):
         return isaac(near, views.gray, float(views.k[0, 0]), views.baseline_m, settings, random)
 
     def file_text(self, views: Views) -> str:
+        """Returns the text of the simulator's own file."""
         values = {
-            "baselineMM": views.baseline_m * 1000.0,
-            "focalLengthPixel": float(views.k[0, 0]),
-            "sensorSizePixel": float(views.truth_m.shape[2]),
-            "maxDisparityPixel": self.max_disparity_px,
-            "noiseMean": self.step_px,
-            "noiseSigma": self.sigma_px,
-            "noiseDownscaleFactorPixel": 1.0,
-            "confidenceThreshold": self.confidence,
-            "minDistance": self.min_distance_m,
+            "baselineMM": views.baseline_m * 1000.0, "focalLengthPixel": float(views.k[0, 0]),
+            "sensorSizePixel": float(views.truth_m.shape[2]), "maxDisparityPixel": self.max_disparity_px,
+            "noiseMean": self.step_px, "noiseSigma": self.sigma_px, "noiseDownscaleFactorPixel": 1.0,
+            "confidenceThreshold": self.confidence, "minDistance": self.min_distance_m,
             "maxDistance": self.max_distance_m,
-        }
+        }  # fmt: skip
+        lines = ["#usda 1.0"]
+        for head, schema, space in (
+            ('RenderProduct "DepthSensor"', "OmniSensorDepthSensorSingleViewAPI", "omni:rtx:post:depthSensor"),
+            ('Camera "DepthCamera"', "OmniSensorGenericDepthSensorSingleViewAPI", "omni:sensor:depthSensor"),
+        ):
+            lines += ["", f"def {head} (", f'    prepend apiSchemas = ["{schema}"]', ")", "{"]
+            lines += [f"    bool {space}:enabled = 1"] * head.startswith("RenderProduct")
+            lines += [*(f"    float {space}:{key} = {value:.6g}" for key, value in values.items()), "}"]
+        return "\n".join([*lines, ""])
 
-        def prim(kind: str, name: str, schema: str, space: str) -> list[str]:
-            head = [f'def {kind} "{name}" (', f'    prepend apiSchemas = ["{schema}"]', ")", "{"]
-            enabled = [f"    bool {space}:enabled = 1"] if kind == "RenderProduct" else []
-            return [*head, *enabled, *(f"    float {space}:{key} = {value:.6g}" for key, value in values.items()), "}"]
 
-        product = prim(
-            "RenderProduct", "DepthSensor", "OmniSensorDepthSensorSingleViewAPI", "omni:rtx:post:depthSensor"
-        )
-        camera = prim("Camera", "DepthCamera", "OmniSensorGenericDepthSensorSingleViewAPI", "omni:sensor:depthSensor")
-        return "\n".join(["#usda 1.0", "", *product, "", *camera, ""])
+def _clipped(views: Views, noise_m: NDArray[Any], near_m: float, far_m: float) -> Depths:
+    """Returns the true depth with the noise, made positive, where the true depth lies in the range, else 0."""
+    is_kept = (views.truth_m >= near_m) & (views.truth_m <= far_m)
+    return np.where(is_kept, np.maximum(views.truth_m + noise_m, 1e-3), 0.0).astype(np.float32)
 
 
 @dataclass(frozen=True)
-class Gazebo(Profile):
+class Gazebo:
     """The noise model of Gazebo's depth camera, written as SDF.
 
     SDFormat's <camera> has <clip> and one additive Gaussian <noise> of mean and stddev, the same at all depths
     (gz-sensors, ImageGaussianNoiseModel; gz-sensors#416 asks for more). Without <noise> depth is exact.
     """
 
-    FILE = "gazebo.sdf"
-    LACKS = (
+    FILE: ClassVar = "gazebo.sdf"
+    LACKS: ClassVar = (
         "noise that grows with depth: one stddev in metres is too much near by and too little far away",
         "holes, other than what is nearer or farther than the clip planes",
         "steps of disparity, and errors that neighbours share",
@@ -301,13 +263,13 @@ class Gazebo(Profile):
     near_m: float = 0.1
     far_m: float = 100.0
 
-    @classmethod
-    def known(cls, views: Views) -> Gazebo:
-        return cls(near_m=views.near_m, far_m=views.far_m)
+    @staticmethod
+    def known(views: Views) -> dict[str, float]:
+        return {"near_m": views.near_m, "far_m": views.far_m}
 
-    def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
+    def apply(self, views: Views, random: np.random.Generator) -> Depths:
         noise = self.mean_m + self.stddev_m * random.standard_normal(views.truth_m.shape, np.float32)
-        return clipped(views.truth_m, views.truth_m + noise, self.near_m, self.far_m)
+        return _clipped(views, noise, self.near_m, self.far_m)
 
     def file_text(self, views: Views) -> str:
         height, width = views.truth_m.shape[1:]
@@ -332,7 +294,7 @@ class Gazebo(Profile):
 
 
 @dataclass(frozen=True)
-class ElevationMapping(Profile):
+class ElevationMapping:
     """elevation_mapping's variances of a depth camera's points, written as its YAML file.
 
     Its structured-light sensor (Nguyen, Izadi and Lovell, 3DIMPVT 2012; ANYbotics/elevation_mapping,
@@ -340,8 +302,8 @@ class ElevationMapping(Profile):
     across it, lateral_factor z, and cutoffs of depth. The defaults are its realsense_d435.yaml.
     """
 
-    FILE = "elevation_mapping.yaml"
-    LACKS = (
+    FILE: ClassVar = "elevation_mapping.yaml"
+    LACKS: ClassVar = (
         "holes: it takes the points that there are",
         "bias, steps of disparity, and errors that neighbours share: variances of points are added as if independent",
         "the spread across the ray is not fitted: lateral_factor is a pixel's width",
@@ -355,88 +317,51 @@ class ElevationMapping(Profile):
     near_m: float = 0.35
     far_m: float = 3.0
 
-    @classmethod
-    def known(cls, views: Views) -> ElevationMapping:
-        return cls(lateral_factor=1.0 / float(views.k[0, 0]), near_m=views.near_m, far_m=views.far_m)
+    @staticmethod
+    def known(views: Views) -> dict[str, float]:
+        return {"lateral_factor": 1.0 / float(views.k[0, 0]), "near_m": views.near_m, "far_m": views.far_m}
 
-    def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
+    def apply(self, views: Views, random: np.random.Generator) -> Depths:
         sigma_m = self.a + self.b * (views.truth_m - self.c) ** 2
-        noisy = views.truth_m + sigma_m * random.standard_normal(views.truth_m.shape, np.float32)
-        return clipped(views.truth_m, noisy, self.near_m, self.far_m)
+        noise = sigma_m * random.standard_normal(views.truth_m.shape, np.float32)
+        return _clipped(views, noise, self.near_m, self.far_m)
 
     def file_text(self, views: Views) -> str:
-        values = {
-            "cutoff_min_depth": self.near_m,
-            "cutoff_max_depth": self.far_m,
-            "normal_factor_a": self.a,
-            "normal_factor_b": self.b,
-            "normal_factor_c": self.c,
-            "normal_factor_d": 0,
-            "normal_factor_e": 1,
-            "lateral_factor": self.lateral_factor,
-        }
-        lines = [f"sensor_processor/{name}: {value:.8g}" for name, value in values.items()]
-        return "\n".join(["sensor_processor/type: structured_light", *lines, ""])
+        return f"""sensor_processor/type: structured_light
+sensor_processor/cutoff_min_depth: {self.near_m:.8g}
+sensor_processor/cutoff_max_depth: {self.far_m:.8g}
+sensor_processor/normal_factor_a: {self.a:.8g}
+sensor_processor/normal_factor_b: {self.b:.8g}
+sensor_processor/normal_factor_c: {self.c:.8g}
+sensor_processor/normal_factor_d: 0
+sensor_processor/normal_factor_e: 1
+sensor_processor/lateral_factor: {self.lateral_factor:.8g}
+"""
 
 
-PROFILES: dict[str, type[Profile]] = {
-    "isaac": Isaac,
-    "gazebo": Gazebo,
-    "elevation_mapping": ElevationMapping,
-}
-
-
-_ROOMS = 6
-# First seed of the rooms that no fit saw; rooms of the fit have seeds from 0.
-_HELD_OUT_SEED = 2**40
-
-
-@dataclass(frozen=True)
-class Exported:
-    """A fitted noise model and its file. default_distance, distance: distances of the unfitted and the fitted model
-    from the sensor, in rooms outside the fit; None without such rooms."""
-
-    profile: Profile
-    file: Path
-    seconds: float
-    default_distance: Distance | None
-    distance: Distance | None
+Profile = Isaac | Gazebo | ElevationMapping
+PROFILES: dict[str, type[Profile]] = {"isaac": Isaac, "gazebo": Gazebo, "elevation_mapping": ElevationMapping}
 
 
 def export(
     config: StereoDepthSensorConfig, model: SensorModel | None, names: list[str], out: Path, held_out: int = 0,
     seed: int = 0, device: str | int = "auto", progress: Progress | None = None,
-) -> dict[str, Exported]:  # fmt: skip
-    """Fits the named PROFILES to the sensor, writes their files and returns {name: Exported}; profiles.json has the
-    parameters and distances. held_out: number of rooms outside the fit. progress: called with the fraction of the views
-    taken, which is nearly all of the time."""
-    start = time.perf_counter()
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Fits the named PROFILES to the sensor, writes their files and returns what profiles.json says of each: file,
+    parameters, what the model lacks, distances of the unfitted and the fitted model from the sensor in rooms outside
+    the fit. held_out: number of these rooms. progress: called with the fraction of the views taken, which is nearly all
+    of the time."""
     views = take_views(config, model, _ROOMS, seed, device, progress)
-    views_s = time.perf_counter() - start
-    fits: dict[str, tuple[Profile, float]] = {}
-    for name in names:
-        start = time.perf_counter()
-        fits[name] = fitted(PROFILES[name], views), views_s + time.perf_counter() - start
-        write_text(out / PROFILES[name].FILE, fits[name][0].file_text(views))
     others = take_views(config, model, held_out, _HELD_OUT_SEED + seed, device, progress) if held_out else None
     found = {}
-    for name, (profile, seconds) in fits.items():
-        before, after = (
-            None if others is None else distance(others, one.apply(others, np.random.default_rng(1)))
-            for one in (type(profile)(), profile)
-        )
-        found[name] = Exported(profile, out / profile.FILE, seconds, before, after)
-    text = json.dumps({name: profile_json(one) for name, one in found.items()}, indent=1)
-    write_text(out / "profiles.json", text + "\n")
+    for name in names:
+        profile = fitted(PROFILES[name], views)
+        write_text(out / profile.FILE, profile.file_text(views))
+        far = {} if others is None else {
+            kind: distance(others, one.apply(others, np.random.default_rng(1)))._asdict()
+            for kind, one in (("default", PROFILES[name]()), ("exported", profile))
+        }  # fmt: skip
+        told = {"file": profile.FILE, "parameters": asdict(profile), "lacks": list(profile.LACKS), "held_out": far}
+        found[name] = told
+    write_text(out / "profiles.json", json.dumps(found, indent=1) + "\n")
     return found
-
-
-def profile_json(one: Exported) -> dict[str, Any]:
-    """Returns one profile's part of profiles.json."""
-    distances = {"default": one.default_distance, "exported": one.distance}
-    return {
-        "file": one.file.name,
-        "parameters": asdict(one.profile),
-        "lacks": list(one.profile.LACKS),
-        "held_out": {k: {"error_px": d.error_px, "holes": d.holes} for k, d in distances.items() if d is not None},
-    }

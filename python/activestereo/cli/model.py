@@ -145,7 +145,7 @@ def run_diff(args: argparse.Namespace) -> None:
 
 
 def run_export(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.noise_profiles import export, profile_json
+    from activestereo.benchmarks.noise_profiles import export
     from activestereo.compare.model_file import library
     from activestereo.model import read_model
 
@@ -157,16 +157,16 @@ def run_export(args: argparse.Namespace) -> None:
     with ProgressBar("simulating the sensor") as bar:
         found = export(config, model, args.to, args.out, args.held_out, args.seed, args.device, bar)
     if args.json:
-        cli.print_json({name: profile_json(one) for name, one in found.items()})
+        cli.print_json(found)
         return
     left_out = sorted({e.effect.id for e in model.effects if e.surfaces}) if model is not None else []
     if left_out:
         print(f"left out, for they are on surfaces of a capture: {', '.join(left_out)}")
-    for name, one in found.items():
-        values = ", ".join(f"{key} {value:.4g}" for key, value in vars(one.profile).items())
-        print(f"{name}: {one.file} after {one.seconds:.0f} s: {values}")
-        for line in one.profile.LACKS:
+    for name, told in found.items():
+        values = ", ".join(f"{key} {value:.4g}" for key, value in told["parameters"].items())
+        print(f"{name}: {args.out / told['file']}: {values}")
+        for line in told["lacks"]:
             print(f"  cannot express {line}")
-        if one.default_distance is not None and one.distance is not None:
-            far = (f"{d.error_px:.3f} px and {d.holes:.3f} of holes" for d in (one.default_distance, one.distance))
+        if told["held_out"]:
+            far = ("{error_px:.3f} px and {holes:.3f} of holes".format(**d) for d in told["held_out"].values())
             print("  from the sensor in other rooms: default {}, this profile {}".format(*far))
