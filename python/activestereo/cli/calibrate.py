@@ -150,7 +150,7 @@ example:
   activestereo diagnose capture
 """
 _STEPS = {
-    "camera": "focal length, centre, baseline and rows from overlapping views, or a board that stands in them",
+    "camera": "focal length, centre, baseline and rows from overlapping views",
     "poses": "where overlapping views were taken from, by their depth",
     "dots": "the projector's dots and place from any scenes with depth",
     "exposure": "each frame's exposure, the black level and the lens's falloff from views of known poses",
@@ -292,16 +292,13 @@ def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
 
 
 def _run_scene(args: argparse.Namespace) -> None:
-    from activestereo.calibrate.height_field import NOTE, height_field, write_height_field
+    from activestereo.calibrate.height_field import NOTE, write_height_field
 
     if args.out.suffix not in (".gltf", ".glb"):
         raise cli.CommandError(f"{args.out}: -o is the name of a .gltf or .glb file")
     cli.check_out_file(args.out)
-    capture = read_capture(args.capture)
-    field = height_field(capture, args.frame, args.step)
-    write_height_field(args.out, field, capture)
-    triangles = len(field.mesh.indices.reshape(-1, 3))
-    found = f"{triangles} triangles from {field.frames} frames: {100 * field.share:.0f} % of the image is a surface"
+    triangles, share, frames = write_height_field(args.out, read_capture(args.capture), args.frame, args.step)
+    found = f"{triangles} triangles from {frames} frames: {100 * share:.0f} % of the image is a surface"
     step = command("simulate", args.out, "-o", args.out.with_suffix(""))
     print(screen(f"{args.out}: {found}.", (), [NOTE], [step]))
 

@@ -42,29 +42,21 @@ def write_scene(
     triangles = 0
     for k, (view, pose, texture) in enumerate(zip(views, poses, textures, strict=True)):
         fresh = ~_already_seen(view, pose, views[:k], poses[:k], camera.K)
-        mesh = _mesh(view, fresh, camera.K, pose, max(step, 2))
+        depth = closed_depth(view.depth_m)
+        mesh = surface_mesh(depth, depth, fresh, camera.K, pose, max(step, 2))
         if mesh is None:
             continue
-        name = f"view {view.frame.id}"
-        clamp = (CLAMP, CLAMP)
+        name, clamp = f"view {view.frame.id}", (CLAMP, CLAMP)
+        albedo = writer.add_texture(_png(albedo_scale * texture.albedo), name, clamp)
+        room = writer.add_texture(_png(room_scale * texture.room), f"{name}: room light", clamp)
+        matt = {"baseColorTexture": {"index": albedo}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
         material = writer.add_material(
-            name,
-            pbrMetallicRoughness={
-                "baseColorTexture": {"index": writer.add_texture(_png(albedo_scale * texture.albedo), name, clamp)},
-                "metallicFactor": 0.0,
-                "roughnessFactor": 1.0,
-            },
-            emissiveTexture={
-                "index": writer.add_texture(_png(room_scale * texture.room), f"{name}: room light", clamp)
-            },
-            emissiveFactor=[1.0, 1.0, 1.0],
-            doubleSided=True,
-            extensions={"KHR_materials_specular": {"specularFactor": 0.0}},
-        )
+            name, pbrMetallicRoughness=matt, emissiveTexture={"index": room}, emissiveFactor=[1.0, 1.0, 1.0],
+            doubleSided=True, extensions={"KHR_materials_specular": {"specularFactor": 0.0}},
+        )  # fmt: skip
         writer.add_placed_mesh(name, mesh, material, np.eye(4))
         triangles += len(mesh.indices.reshape(-1, 3))
-    angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
-    writer.add_camera("first view", poses[0], angle, camera.width / camera.height)
+    add_camera(writer, "first view", poses[0], camera)
     writer.write(path)
     return triangles
 
@@ -109,19 +101,23 @@ def _already_seen(
     return had
 
 
-def _mesh(view: SceneView, fresh: Mask, K: NDArray[np.float64], pose: Pose, step: int) -> Mesh | None:
-    """Makes a mesh, in the world's frame, of a view's surface in the pixels of the mask `fresh`; None if nothing is
-    left. step: pixels between vertices."""
-    depth = closed_depth(view.depth_m)
-    points = points_of(depth, K)
+def surface_mesh(
+    depth: Image, solid: Image, wanted: Mask, K: NDArray[np.float64], pose: Pose, step: int
+) -> Mesh | None:
+    """Makes a mesh, in the world's frame, of a depth image's surface around the pixels of a mask; None if nothing is
+    left. solid: the depth with its holes filled, for the normals. step: pixels between vertices."""
     row, column = np.mgrid[0 : depth.shape[0] : step, 0 : depth.shape[1] : step]
-    z, wanted = depth[row, column], fresh[row, column]
-    triangles = depth_triangles(z, _JUMP * step, wanted)
+    triangles = depth_triangles(depth[row, column], _JUMP * step, wanted[row, column])
     if not len(triangles):
         return None
     used, triangles = np.unique(triangles, return_inverse=True)
     row, column = row.ravel()[used], column.ravel()[used]
-    positions = points[row, column].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
-    normals = normals_of(points)[row, column].astype(np.float64) @ pose[:3, :3].T
+    positions = points_of(depth, K)[row, column].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+    normals = normals_of(points_of(solid, K))[row, column].astype(np.float64) @ pose[:3, :3].T
     uvs = np.stack([(column + 0.5) / depth.shape[1], (row + 0.5) / depth.shape[0]], axis=-1)
     return Mesh.from_arrays(positions, normals, uvs, triangles.reshape(-1, 3))
+
+
+def add_camera(writer: GltfWriter, name: str, pose: Pose, camera: Camera) -> None:
+    angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
+    writer.add_camera(name, pose, angle, camera.width / camera.height)

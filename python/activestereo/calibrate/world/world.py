@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps
+from activestereo.calibrate.world.camera import CameraEstimate, camera_from_overlaps
 from activestereo.calibrate.world.joint import block, read_covariance
 from activestereo.calibrate.world.light import (
     BLACK_BY_EXPOSURES_DN,
@@ -39,14 +39,11 @@ from activestereo.calibrate.world.pattern import PatternEstimate, recover_patter
 from activestereo.calibrate.world.pictures import exposure_picture, poses_picture, scene_pictures
 from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
 from activestereo.calibrate.world.views import SceneView, read_views
-from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
+from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.common.output_files import write_png
 from activestereo.common.progress_bar import part_of
 
-STEPS = ("camera", "poses", "pattern", "exposure", "albedo")
-# Steps that compare the surfaces of all views.
-_OF_SURFACES = ("camera", "poses")
 # Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
 _HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
 _LEAST_ON = 0.85
@@ -114,11 +111,11 @@ class World:
 
 
 def calibrate_world(
-    recording: Path, out: Path, steps: Sequence[str] = STEPS, test: Sequence[int] = (), seed: int = 0,
+    recording: Path, out: Path, steps: Sequence[str] | None = None, test: Sequence[int] = (), seed: int = 0,
     progress: Progress = None,
 ) -> list[str]:  # fmt: skip
-    """Measures a recording (a capture folder of views with depth) by some of STEPS. Writes the capture `out`, with
-    pictures of each step in `out`/measured. Returns the findings, a line each.
+    """Measures a recording (a capture folder of views with depth) by some of STEPS, None: all. Writes the
+    capture `out`, with pictures of each step in `out`/measured. Returns the findings, a line each.
 
     test: ids of frames to hold out; their pose and exposure are measured, but they inform nothing else. Raises
     ValueError, one line, if a recording is unusable, with the remedy; the parts that could be measured are written all
@@ -126,22 +123,22 @@ def calibrate_world(
     capture = read_capture(recording)
     unknown = sorted(set(test) - {frame.id for frame in capture.frames})
     if unknown:
-        raise ValueError(
-            f"{recording}: there is no frame {unknown[0]} to hold out: its frames are {_ids(capture.frames)}"
-        )
+        ids = ", ".join(str(frame.id) for frame in capture.frames)
+        raise ValueError(f"{recording}: there is no frame {unknown[0]} to hold out: its frames are {ids}")
     frames = tuple(replace(f, split="test" if f.id in test or f.split == "test" else "train") for f in capture.frames)
     capture = replace(capture, frames=frames)
     views, refused = read_views(capture, part_of(progress, 0.0, 0.1))
     pattern = np.rint(255 * capture.rig.projector.pattern()).astype(np.uint8)
     world = World(capture, views, pattern, refused)
     failed: ValueError | None = None
-    if not set(_OF_SURFACES).isdisjoint(steps):
+    steps = tuple(STEPS) if steps is None else steps
+    if "camera" in steps or "poses" in steps:  # which compare the surfaces of all views
         world.surfaces, world.overlaps, world.groups = group_views(views, world.K, seed, part_of(progress, 0.1, 0.35))
     with TemporaryDirectory() as temporary:
-        for step in (s for s in STEPS if s in steps):
-            if failed is None or step == "pattern":  # which needs no step before it
+        for step, (measure, *share) in STEPS.items():
+            if step in steps and (failed is None or step == "pattern"):  # which needs no step before it
                 try:
-                    _STEP[step](world, seed, Path(temporary), part_of(progress, *_SHARE[step]))
+                    measure(world, seed, Path(temporary), part_of(progress, *share))
                 except ValueError as error:
                     failed = failed or error
         if failed is not None and world.capture.measured == capture.measured:
@@ -159,16 +156,14 @@ def _camera(world: World, seed: int, folder: Path, progress: Progress) -> None:
         for group in world.groups
         if len(group) > 1
     ]
-    estimate = camera_from_overlaps([f.camera for f in found]) or camera_from_boards(world.views, world.capture.rig)
-    rig = world.capture.rig
+    estimate, rig = camera_from_overlaps([f.camera for f in found]), world.capture.rig
     if estimate is None:
         estimate = CameraEstimate(
             np.array([rig.left.K[0, 0], rig.left.K[0, 2], rig.left.K[1, 2]]), np.diag([np.inf] * 3), "nominal",
-            "camera: nominal: no two views overlap and differ, and fewer than 4 show a chessboard",
+            "camera: nominal: no two views overlap and differ: 'calibrate rig' measures it from a board",
         )  # fmt: skip
-    shift = estimate.K - rig.left.K
     left = replace(rig.left, K=estimate.K)
-    right = replace(rig.right, K=rig.right.K + shift)
+    right = replace(rig.right, K=rig.right.K + estimate.K - rig.left.K)
     pair = pair_geometry(world.views, replace(rig, left=left, right=right))
     left_to_right = rig.left_to_right.copy()
     left_to_right[:3, 3] *= pair.baseline_m / rig.baseline_m
@@ -226,12 +221,7 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
     )
     if others:
         line += f"; frames {', '.join(map(str, others))} show other scenes and tell of camera and pattern alone"
-    values = {
-        "frames": list(pose_of),
-        "joint": joint,
-        "distance_m": estimate.distance_m,
-    }
-    world.note("poses", values, line)
+    world.note("poses", {"frames": list(pose_of), "joint": joint, "distance_m": estimate.distance_m}, line)
 
 
 def _moves(world: World, overlap: Overlap) -> ValueError:
@@ -293,13 +283,12 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
             f"pattern: the views share no dots (r {dots.r_median():.2f} in the median): each view's own stand in, at "
             "the projector's stated place"
         )
-        world.note("pattern", values, line)
-        return
-    line = (
-        f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
-        f"{dots.r_median():.2f} in the median ({min(dots.r.values()):.2f} to {max(dots.r.values()):.2f}) with what the "
-        "others predict"
-    )
+    else:
+        line = (
+            f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
+            f"{dots.r_median():.2f} in the median ({min(dots.r.values()):.2f} to {max(dots.r.values()):.2f}) with what "
+            "the others predict"
+        )
     world.note("pattern", values, line)
 
 
@@ -404,26 +393,20 @@ def _train(world: World) -> list[int]:
     return train
 
 
-_STEP = {
-    "camera": _camera,
-    "poses": _poses,
-    "pattern": _pattern,
-    "exposure": _exposure,
-    "albedo": _albedo,
-}
-_SHARE = {
-    "camera": (0.35, 0.45),
-    "poses": (0.45, 0.5),
-    "pattern": (0.5, 0.85),
-    "exposure": (0.85, 0.9),
-    "albedo": (0.9, 1.0),
+# {step: (function, where its share of the progress begins, where it ends)}, in order.
+STEPS: dict[str, tuple[Callable[[World, int, Path, Progress], None], float, float]] = {
+    "camera": (_camera, 0.35, 0.45),
+    "poses": (_poses, 0.45, 0.5),
+    "pattern": (_pattern, 0.5, 0.85),
+    "exposure": (_exposure, 0.85, 0.9),
+    "albedo": (_albedo, 0.9, 1.0),
 }
 
 
 def _write(world: World, out: Path, folder: Path) -> None:
     capture, whole = world.capture, read_capture(world.capture.path)
     dtype = np.uint8 if capture.rig.bit_depth <= 8 else np.uint16
-    frames: Sequence[Frame] = [f for f in capture.frames if f.has_infrared]
+    frames = [f for f in capture.frames if f.has_infrared]
     images = {(f.id, side): whole.ir(f, side).astype(dtype) for f in frames for side in SIDES}
     known = {(f.id, side): mask for f in frames for side in SIDES if (mask := whole.known(f, side)) is not None}
     depths, colors = {}, {}
@@ -433,12 +416,7 @@ def _write(world: World, out: Path, folder: Path) -> None:
             depths[frame.id] = np.rint(depth / frame.depth_scale).astype(np.uint16)
         if color is not None:
             colors[frame.id] = color
-    named = replace(capture, name=out.name)
-    write_capture(out, named, images, world.pattern, depths, colors, known | world.masks)
+    write_capture(out, replace(capture, name=out.name), images, world.pattern, depths, colors, known | world.masks)
     (out / "measured").mkdir()
     for name, picture in world.pictures.items():
         write_png(out / "measured" / f"{name}.png", picture)
-
-
-def _ids(frames: Sequence[Frame]) -> str:
-    return ", ".join(str(frame.id) for frame in frames)
