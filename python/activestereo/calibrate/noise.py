@@ -124,7 +124,7 @@ class _Evidence:
         top = 1.1 * max(float(self.means.max()) - model.black_dn, 1.0)
         top += 6.0 * np.sqrt(model.variance(self.means.max()) / repeats)
         grid, at = [], 0.0
-        while at < top:
+        while at < top or len(grid) < 2:
             step = _STEP * np.sqrt((model.variance(at) + self.bin_dn**2 / 12.0) / repeats)
             grid.append(at + 0.5 * step)
             at += step
@@ -160,7 +160,7 @@ class _Evidence:
         shape = np.median(signal**2 / variance if kind == "gamma" else variance / signal) if bright.any() else 1.0
         first = np.array([np.log(shape), np.log(self.dark_dn[1]), black])[: 3 if self.black_dn is None else 2]
         scale = 1.0 / float(self.histograms.sum())
-        options = {"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40}
+        options = {"eps": 1e-3, "ftol": 1e-8, "gtol": 1e-5, "maxiter": 40}
         x = minimize(lambda x: scale * cost(x), first, method="L-BFGS-B", options=options).x
         return model_of(x), x, cost
 

@@ -35,59 +35,50 @@ activestereo calibrate noise --help tells more.
 """
 
 _NOISE = """\
-The imager's temporal noise from repeats. Two models are fitted, the paper's gamma
-factor with Gaussian noise, and shot noise with read noise; the one that makes
-the pixels' counts more probable is chosen.
+The imager's temporal noise: the paper's gamma factor with Gaussian noise, or shot
+noise with read noise, whichever makes the pixels' counts more probable.
 
 FRAMES is a folder of PNG files of one static view (10 or more), a folder of such
 folders (two frames or more each, such as steps of even light), a .npy stack uint8 or
-uint16 [frame][height][width], or a capture with repeat groups. Groups of several
-exposures give a photon transfer table and the black level. Bright and dark regions in
-one view are best: k shows where it is bright, sigma and black where it is dark. --dark:
-frames with the lens covered; shot noise alone cannot tell black from read noise.
-
-Static speckle is the same in every repeat: it never shows in repeats.
-
-A .txt file is a descriptor of EMVA 1288, which lists steps of light and dark frames.
+uint16 [frame][height][width], a capture with repeat groups, or a descriptor file of
+EMVA 1288 (.txt). Groups of several exposures give a photon transfer table and the black
+level. Bright and dark regions in one view are best. --dark: frames with the lens
+covered; shot noise alone cannot tell black from read noise. Static speckle is the same
+in every repeat: it never shows in repeats.
 
 examples:
   activestereo calibrate noise wall/ --dark covered/ -o model.json
   activestereo calibrate noise EMVA1288_Data.txt -o model.json
-  activestereo calibrate noise stack.npy -o model.json
 """
 
 _PATTERN = """\
-The projector's dots, each with direction and power, from frames of a flat, matt
-wall, and the projector's place.
+The projector's dots, each with direction and power, and the projector's place, from
+frames of a flat, matt wall.
 
 WALL_FRAMES is a capture: 10 or more repeats of the wall in one repeat group per
 distance, both cameras, rectified, projector on, no dot clipped. Two distances, the
-second 1.5 times as far or more, tell where the projector stands; with one its
-nominal place is kept. The nearest wall stands as near as things will. K and the
-baseline are those of FILE's rig where it has one, which calibrate rig measures, else
-the capture's; the projector's K and nominal place are the capture's.
+second 1.5 times as far or more, tell where the projector stands; with one its nominal
+place is kept. The nearest wall stands as near as things will. K and the baseline are
+those of FILE's rig where it has one, else the capture's, as all else is.
 
 example:
   activestereo calibrate pattern walls/ -o model.json
 """
 
 _RIG = """\
-Both infrared cameras' calibration from pairs of frames of a board, projector off:
-K, lens, the place of the right camera, all with 90 % intervals, and a picture of
-where corners were seen (FILE's name with .coverage.png). 15 boards or more,
-tilted up to 40 degrees and into every corner of the picture.
+Both infrared cameras' calibration from pairs of frames of a board, projector off: K,
+lens, the place of the right camera, all with 90 % intervals, and a picture of where
+corners were seen (FILE's name with .coverage.png). 15 boards or more, tilted up to 40
+degrees and into every corner of the picture. With --robot the camera's place on the
+gripper follows, as .hand_eye.json; the CSV names the frames as the PNG files do.
 
 BOARD is one of
   9x6:0.03                   chessboard, 9x6 inner corners, squares of 0.03 m
   charuco:9x6:0.03:0.022     ChArUco, 9x6 squares of 0.03 m, markers (5x5) of 0.022 m
   apriltag:6x4:0.04:0.01     6x4 AprilTags (36h11) of 0.04 m, 0.01 m apart
 
-With --robot the camera's place on the gripper follows, by least squares over all
-poses; it goes into FILE's name with .hand_eye.json. The CSV names the frames as the PNG files do.
-
-examples:
-  activestereo calibrate rig boards/ --board 9x6:0.03 -o model.json
-  activestereo calibrate rig boards/ --board charuco:9x6:0.03:0.022 --robot poses.csv -o model.json
+example:
+  activestereo calibrate rig boards/ --board 9x6:0.03 --robot poses.csv -o model.json
 """
 
 _DRIFT = """\
@@ -97,9 +88,8 @@ pair's centres and focal length, the laser's power, the pattern's size. No scene
 measured, and lamps and the mount may change.
 
 FRAMES is a capture: import's folders on/ and off/, for some frames must have the
-projector off. Temperatures are the frames' own (temperature_c) or --temperatures,
-a CSV of seconds,celsius, such as a D4xx's ASIC or projector temperature; names of
-images hold the same times in milliseconds (left_1712345678901.png).
+projector off. Temperatures are the frames' own (temperature_c) or --temperatures, such
+as a D4xx's ASIC; names of images hold the same times (left_1712345678901.png).
 
 example:
   activestereo import warm_up/ --calibration d435.txt -o captures/warm_up
@@ -108,11 +98,10 @@ example:
 
 _MATERIALS = """\
 What an object of the capture's scene is made of: roughness, metallic, specular,
-transmission and infrared albedo of each of its parts, into the section materials of
-model.json under the materials' names. The object's pose must be known (look with view);
-what lies around it, such as the table, keeps the scene's materials, which tell how
-bright the lights are. Rig and pattern are those of model.json, where it has them
-already. Put lamps whose place you measured into the capture's "lights".
+transmission and infrared albedo of each of its parts, under the materials' names. The
+object's pose must be known (look with view); what lies around it keeps the scene's
+materials, which tell how bright the lights are. Rig and pattern are those of model.json,
+where it has them. Put lamps whose place you measured into the capture's "lights".
 
 Infrared images with the projector on are needed; with it off, and colour images, tell
 more. What the pictures do not determine is named and not written. The clean way: two
@@ -124,8 +113,7 @@ example:
 
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
-a mesh with one albedo, and the camera. Its repeats give the median. The command warns
-of what such a scene cannot tell: place the parts that you have CAD files of.
+a mesh with one albedo, and the camera. Its repeats give the median.
 
 example:
   activestereo calibrate scene captures/desk -o desk.gltf
@@ -146,8 +134,6 @@ example:
   activestereo import views/ --sensor d415 --k 899.5,899.5,639.5,359.5 \\
       --baseline 0.055 --depth laser --depth-scale 0.001 -o rec
   activestereo calibrate world rec --test 2 -o capture
-  activestereo compare capture
-  activestereo diagnose capture
 """
 _STEPS = {
     "camera": "focal length, centre, baseline and rows from overlapping views",
@@ -167,8 +153,7 @@ def add_parser(commands: cli.Commands) -> None:
     noise = _section_part(parts, "noise", "the imager's temporal noise from repeats", _NOISE, "imager", _noise)
     noise.add_argument("frames", type=Path, metavar="FRAMES", help="repeats of static views")
     noise.add_argument("--dark", type=Path, metavar="FRAMES", help="repeats without light")
-    text = "the projector's dots from frames of a flat wall"
-    pattern = _section_part(parts, "pattern", text, _PATTERN, "pattern", _pattern)
+    pattern = _section_part(parts, "pattern", "the projector's dots from a wall", _PATTERN, "pattern", _pattern)
     pattern.add_argument("frames", type=Path, metavar="WALL_FRAMES", help="capture whose repeat groups look at a wall")
     rig = _section_part(parts, "rig", "both cameras' calibration from frames of a board", _RIG, "rig", _rig)
     text = "folder with left/ and right/, PNG files of equal names"
@@ -179,8 +164,7 @@ def add_parser(commands: cli.Commands) -> None:
     rig.add_argument("--rectified", action="store_true", help="the images are rectified: no lens distortion is fitted")
     text = "the device's own K of both rectified cameras, held"
     rig.add_argument("--k", type=cli.camera_matrix, metavar="FX,FY,CX,CY", help=text)
-    text = "what moves with temperature, from frames of a warm-up"
-    drift = _section_part(parts, "drift", text, _DRIFT, "effects", _drift)
+    drift = _section_part(parts, "drift", "what moves while it warms up", _DRIFT, "effects", _drift)
     drift.add_argument("frames", type=Path, metavar="FRAMES", help="capture of a still scene, some frames without dots")
     drift.add_argument("--temperatures", type=Path, metavar="FILE", help="CSV of seconds,celsius")
     scene = cli.add_command(parts, "scene", "a measured depth map as a scene", _SCENE, _run_scene)
