@@ -123,7 +123,7 @@ class _Evidence:
         repeats = self.histograms.sum(axis=1).max()
         top = 1.1 * max(float(self.means.max()) - model.black_dn, 1.0)
         top += 6.0 * np.sqrt(model.variance(self.means.max()) / repeats)
-        grid, at = [], 0.0
+        grid, at = list[float](), 0.0
         while at < top or len(grid) < 2:
             step = _STEP * np.sqrt((model.variance(at) + self.bin_dn**2 / 12.0) / repeats)
             grid.append(at + 0.5 * step)
