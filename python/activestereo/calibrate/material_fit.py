@@ -229,10 +229,6 @@ class Residuals:
     def loss(self) -> float:
         return float(np.mean(self.first * self.second))
 
-    @property
-    def mean(self) -> NDArray[np.float64]:
-        return 0.5 * (self.first + self.second)
-
 
 class MaterialFit:
     """Computes residuals of candidate materials. A candidate theta holds the values of `parameters`, pairs (material's

@@ -306,14 +306,12 @@ def _start(
     for side in SIDES:
         seen = [view for view in views if side in view.corners]
         points, pixels = ([view.corners[side][k].astype(np.float32) for view in seen] for k in (0, 1))
+        K[side], lenses[side] = np.array(np.eye(3) if known_K is None else known_K, dtype=np.float64), np.zeros(5)
         if known_K is None:
-            _, K[side], lens, turns, places = cv2.calibrateCamera(points, pixels, size, None, None, flags=flags)
+            K[side], lens = cv2.calibrateCamera(points, pixels, size, None, None, flags=flags)[1:3]
             lenses[side] = np.ravel(lens)[:5]
-        else:
-            K[side], lenses[side] = np.array(known_K, dtype=np.float64), np.zeros(5)
-            solved = [cv2.solvePnP(p, q, K[side], lenses[side])[1:] for p, q in zip(points, pixels, strict=True)]
-            turns, places = zip(*solved, strict=True)
-        poses[side] = {v.name: motion(np.concatenate([r, t])) for v, r, t in zip(seen, turns, places, strict=True)}
+        solved = [cv2.solvePnP(p, q, K[side], lenses[side])[1:] for p, q in zip(points, pixels, strict=True)]
+        poses[side] = {v.name: motion(np.concatenate(pose)) for v, pose in zip(seen, solved, strict=True)}
     both = poses["left"].keys() & poses["right"].keys()
     between = [vector(poses["right"][name] @ np.linalg.inv(poses["left"][name])) for name in sorted(both)]
     left_to_right = motion(np.median(between, axis=0))
