@@ -2,7 +2,6 @@
 // Frames per second of what the renderer is asked for, on any Vulkan device, each beside the target (which is for an NVIDIA H200). Wall
 // time from call to return, and the device's own time where its queue has timestamps; least of some repetitions. Usage: bench_render [full
 // | small]   small: an eighth of the sides and few environments, to see that it works on a CPU device
-#include <functional>
 
 #include "render_bench.h"
 

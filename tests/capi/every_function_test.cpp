@@ -125,7 +125,10 @@ class EveryFunction : public testing::Test {
   Objects objects_;
 };
 
-TEST_F(EveryFunction, RefusesAHandleThatIsNull) { expect_all_refuse({}); }
+TEST_F(EveryFunction, RefusesAHandleThatIsNull) {
+  expect_all_refuse({});
+  for (const std::string said : {kuafu_last_error(), simsense_last_error()}) EXPECT_NE(said.find(" is NULL"), std::string::npos) << said;
+}
 
 TEST_F(EveryFunction, RefusesAHandleOfAnotherKind) {
   SKIP_IF(objects_.render.device ? "" : kuafu_last_error());
@@ -139,6 +142,10 @@ TEST_F(EveryFunction, RefusesAHandleOfAnotherKind) {
   other.engines_buffer = reinterpret_cast<simsense_buffer>(good.buffer);
   other.engine = reinterpret_cast<simsense_engine>(good.engines_device);
   expect_all_refuse(other);
+  ks_device_info info = ks_device_info_init();
+  (void)kuafu_device_get_info(other.device, &info), (void)simsense_device_get_info(other.engines_device, &info);
+  for (const std::string said : {kuafu_last_error(), simsense_last_error()})
+    EXPECT_NE(said.find("no such handle"), std::string::npos) << said;
   objects_.render.expect_works();
   EXPECT_EQ(simsense_engine_compute(objects_.match.engine, &objects_.match.desc), KS_OK) << simsense_last_error();
 }

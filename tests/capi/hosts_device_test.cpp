@@ -5,10 +5,8 @@
 
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <cstring>
 #include <thread>
-#include <vector>
 
 #include "capi/library_pair.h"
 #include "capi/vulkan_host.h"

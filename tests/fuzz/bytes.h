@@ -2,7 +2,6 @@
 // A string of bytes as a source of choices, for programs that make calls of it. When it ends, every choice is 0.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>

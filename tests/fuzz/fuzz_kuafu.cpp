@@ -57,22 +57,10 @@ class Calls {
   }
 
   void call() {
-    switch (bytes_.below(8)) {
-      case 0:
-        return about_buffers();
-      case 1:
-        return about_device();
-      case 2:
-        return about_objects();
-      case 3:
-        return about_light();
-      case 4:
-        return about_ids();
-      case 5:
-        return about_handles();
-      default:
-        return about_renders();
-    }
+    static constexpr void (Calls::*kinds[])() = {&Calls::about_buffers, &Calls::about_device, &Calls::about_objects,
+                                                 &Calls::about_light,   &Calls::about_ids,    &Calls::about_handles,
+                                                 &Calls::about_renders, &Calls::about_renders};
+    (this->*kinds[bytes_.below(8)])();
   }
 
   kuafu_device device() { return bytes_.below(16) == 0 ? nullptr : device_; }
@@ -267,22 +255,11 @@ class Calls {
   void about_ids() {
     kuafu_camera_desc camera = kuafu_camera_desc_init();
     kuafu_scene_summary summary = kuafu_scene_summary_init();
-    switch (bytes_.below(8)) {
-      case 0:
-        (void)kuafu_scene_remove_mesh(scene(), id());
-        break;
-      case 1:
-        (void)kuafu_scene_remove_texture(scene(), id());
-        break;
-      case 2:
-        (void)kuafu_scene_remove_material(scene(), id());
-        break;
-      case 3:
-        (void)kuafu_scene_remove_instance(scene(), id());
-        break;
-      case 4:
-        (void)kuafu_scene_remove_light(scene(), id());
-        break;
+    static constexpr std::array removals{kuafu_scene_remove_mesh, kuafu_scene_remove_texture, kuafu_scene_remove_material,
+                                         kuafu_scene_remove_instance, kuafu_scene_remove_light};
+    const uint32_t kind = bytes_.below(8);
+    if (kind < removals.size()) return void(removals[kind](scene(), id()));
+    switch (kind) {
       case 5:
         (void)kuafu_scene_instance_name(scene(), id()), (void)kuafu_scene_material_name(scene(), id());
         break;

@@ -34,20 +34,10 @@ class Calls {
 
  private:
   void call() {
-    switch (bytes_.below(8)) {
-      case 0:
-        return create_engine(false);
-      case 1:
-        return set_parameters();
-      case 2:
-        return set_signal();
-      case 3:
-        return about_handles();
-      case 4:
-        return about_results();
-      default:
-        return compute();
-    }
+    static constexpr void (Calls::*kinds[])() = {&Calls::create_any_engine, &Calls::set_parameters, &Calls::set_signal,
+                                                 &Calls::about_handles,     &Calls::about_results,  &Calls::compute,
+                                                 &Calls::compute,           &Calls::compute};
+    (this->*kinds[bytes_.below(8)])();
   }
 
   simsense_device device() { return bytes_.below(16) == 0 ? nullptr : device_; }
@@ -68,6 +58,7 @@ class Calls {
     if (camera.height > 64 && camera.height < 1u << 20) camera.height = 64;
   }
 
+  void create_any_engine() { create_engine(false); }
   void create_engine(bool plain) {
     simsense_rig_desc rig = simsense_rig_desc_init();
     for (simsense_camera* camera : {&rig.left, &rig.right}) {

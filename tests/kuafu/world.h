@@ -9,6 +9,7 @@
 #include <cstring>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "kuafu/kuafu.h"
@@ -314,8 +315,14 @@ class World {
     }
     return images;
   }
-  Pixels radiance(const kuafu_view_desc& view) { return render({view}, {KUAFU_OUTPUT_RADIANCE})[KUAFU_OUTPUT_RADIANCE]; }
+  /// samples of a pixel, bounces of a path: of all images from now on.
+  Pixels radiance(const kuafu_view_desc& view, std::optional<uint32_t> samples = {}, std::optional<uint32_t> bounces = {}) {
+    desc_.samples_per_pixel = samples.value_or(desc_.samples_per_pixel), desc_.max_bounces = bounces.value_or(desc_.max_bounces);
+    return render({view}, {KUAFU_OUTPUT_RADIANCE})[KUAFU_OUTPUT_RADIANCE];
+  }
 
+  /// The same for all kinds of images.
+  void take(uint32_t samples, uint32_t bounces) { desc_.samples_per_pixel = samples, desc_.max_bounces = bounces; }
   kuafu_render_desc& desc() { return desc_; }
   [[nodiscard]] kuafu_scene scene() const { return scene_; }
   [[nodiscard]] kuafu_renderer renderer() const { return renderer_; }

@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "device/buffer.h"
-
+// Buffers of a device: memory, bounds, mapping, sharing with other devices.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cstring>
+#include <filesystem>
 #include <limits>
 #include <numeric>
 
 #include "capi/device/devices.h"
 #include "capi/device/expect_error.h"
+#include "device/buffer.h"
+#include "device/compute.h"
 
 namespace ks {
 namespace {
@@ -123,6 +129,156 @@ TEST(Buffer, KeepsItsDeviceAlive) {
   EXPECT_FALSE(watch.expired());
   buffer.reset();
   EXPECT_TRUE(watch.expired());
+}
+
+size_t open_fd_count() {
+  return static_cast<size_t>(std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator{}));
+}
+
+// An exported descriptor whose fd is closed at the end, as its caller must.
+struct Exported {
+  explicit Exported(const Buffer& buffer) : desc(buffer.export_as(KS_MEMORY_OPAQUE_FD)) {}
+  ~Exported() { close(static_cast<int>(desc.handle)); }
+  ks_buffer_desc desc;
+};
+
+class SharingTest : public testing::Test {
+ protected:
+  std::shared_ptr<Device> exporter_ = test::cpu_device(), importer_ = test::cpu_device();
+  std::shared_ptr<Buffer> source_ = exporter_ ? Buffer::create(exporter_, 1000, KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE) : nullptr;
+};
+
+TEST_F(SharingTest, OpaqueFdIsTheSameMemory) {
+  const Exported exported(*source_);
+  EXPECT_NE(exported.desc.dedicated, 0u);
+  const auto copy = Buffer::import(importer_, exported.desc);
+  EXPECT_EQ(copy->size_bytes(), 1000u);
+  std::strcpy(static_cast<char*>(source_->mapped()) + 900, "mark");
+  EXPECT_STREQ(static_cast<char*>(copy->mapped()) + 900, "mark");
+  std::strcpy(static_cast<char*>(copy->mapped()), "back");
+  EXPECT_STREQ(static_cast<char*>(source_->mapped()), "back");
+  EXPECT_EQ(exporter_->copied_bytes() + importer_->copied_bytes(), 0u);
+}
+
+TEST(DeviceLocalSharing, OpaqueFdIsTheSameMemoryOnTheBestDevice) {
+  const auto exporter = test::best_device(), importer = test::best_device();
+  const auto source = Buffer::create(exporter, 1000, KS_BUFFER_EXPORTABLE);
+  const Exported exported(*source);
+  const auto view = Buffer::import(importer, exported.desc);
+  uint32_t value = 0xfeed;
+  source->write(996, &value, 4);
+  value = 0;
+  view->read(996, &value, 4);
+  EXPECT_EQ(value, 0xfeedu);
+}
+
+TEST(DeviceLocalSharing, HostMemoryIsImportedByTheBestDevice) {
+  const auto device = test::best_device();
+  const auto source = Buffer::create(test::host_device(), 5000, 0);
+  const auto view = Buffer::import(device, source->export_as(KS_MEMORY_HOST));
+  Commands commands(device);
+  commands.fill(*view, 4096, 4, 0xfeed);
+  commands.flush();
+  uint32_t value = 0;
+  source->read(4096, &value, 4);
+  EXPECT_EQ(value, 0xfeedu);
+}
+
+TEST_F(SharingTest, ImportOutlivesExporter) {
+  std::shared_ptr<Buffer> copy;
+  {
+    const Exported exported(*source_);
+    copy = Buffer::import(importer_, exported.desc);
+  }
+  std::strcpy(static_cast<char*>(source_->mapped()), "mark");
+  source_.reset();
+  exporter_.reset();
+  EXPECT_STREQ(static_cast<char*>(copy->mapped()), "mark");
+}
+
+TEST_F(SharingTest, FdsAreClosedOnExecAndNoneLeaks) {
+  const size_t before = open_fd_count();
+  {
+    const Exported exported(*source_);
+    EXPECT_TRUE(fcntl(static_cast<int>(exported.desc.handle), F_GETFD) & FD_CLOEXEC);
+    const auto copy = Buffer::import(importer_, exported.desc);
+    ks_buffer_desc wrong = exported.desc;
+    wrong.size_bytes = wrong.allocation_bytes = 500;
+    EXPECT_ERROR(Buffer::import(importer_, wrong), KS_ERROR_INVALID_ARGUMENT, "dedicated");
+  }
+  EXPECT_EQ(open_fd_count(), before);
+}
+
+TEST_F(SharingTest, EveryWrongFieldOfADescriptorIsRefused) {
+  const Exported exported(*source_);
+  const auto refused = [&](auto&& spoil, const char* part) {
+    ks_buffer_desc desc = exported.desc;
+    spoil(desc);
+    EXPECT_ERROR(Buffer::import(importer_, desc), KS_ERROR_INVALID_ARGUMENT, part);
+  };
+  refused([](auto& d) { d.device_uuid[3] ^= 1; }, "UUID");
+  refused([](auto& d) { d.driver_uuid[3] ^= 1; }, "UUID");
+  refused([](auto& d) { d.memory_type_index = 31; }, "memory type 31");
+  refused([](auto& d) { d.memory_type_index = 4000000000u; }, "memory type");
+  refused([](auto& d) { d.size_bytes = 0; }, "size_bytes is 0");
+  refused([](auto& d) { d.size_bytes = d.allocation_bytes + 1; }, "leave the allocation");
+  refused([](auto& d) { d.offset_bytes = UINT64_MAX; }, "leave the allocation");
+  refused([](auto& d) { d.offset_bytes = 16, d.size_bytes = 16; }, "does not fit");
+  refused([](auto& d) { d.dedicated = 0, d.offset_bytes = 1, d.size_bytes = 16; }, "does not fit");
+  refused([](auto& d) { d.allocation_bytes = d.size_bytes = 1 << 20; }, "holds");
+  refused([](auto& d) { d.handle = 123456; }, "fd 123456");
+  refused([](auto& d) { d.handle = UINT64_MAX; }, "fd 1844");
+  refused([](auto& d) { d.memory = 9; }, "memory is 9");
+}
+
+TEST_F(SharingTest, AForeignFileIsRefused) {
+  const Exported exported(*source_);
+  const int file = memfd_create("not device memory", MFD_CLOEXEC);
+  ASSERT_EQ(ftruncate(file, 1 << 16), 0);
+  ks_buffer_desc desc = exported.desc;
+  desc.handle = static_cast<uint64_t>(file);
+  EXPECT_ERROR(Buffer::import(importer_, desc), KS_ERROR_INVALID_ARGUMENT, "VK_ERROR_INVALID_EXTERNAL_HANDLE");
+  close(file);
+}
+
+TEST_F(SharingTest, OnlyExportableBuffersAreExported) {
+  EXPECT_ERROR(Buffer::create(exporter_, 64, 0)->export_as(KS_MEMORY_OPAQUE_FD), KS_ERROR_INVALID_STATE, "KS_BUFFER_EXPORTABLE");
+  EXPECT_ERROR(source_->export_as(7), KS_ERROR_INVALID_ARGUMENT, "memory is 7");
+  EXPECT_ERROR(Buffer::create(test::host_device(), 64, KS_BUFFER_EXPORTABLE), KS_ERROR_UNSUPPORTED, "KS_MEMORY_HOST");
+}
+
+TEST_F(SharingTest, HostPointerIsTheSameMemoryOnEveryPairOfDevices) {
+  const auto host = test::host_device();
+  for (const auto& from : {exporter_, host})
+    for (const auto& to : {importer_, host}) {
+      const auto source = Buffer::create(from, 5000, KS_BUFFER_HOST_VISIBLE);
+      const auto copy = Buffer::import(to, source->export_as(KS_MEMORY_HOST));
+      EXPECT_EQ(copy->mapped(), source->mapped());
+      uint32_t value = 0xfeed;
+      source->write(4096, &value, 4);
+      value = 0;
+      copy->read(4096, &value, 4);
+      EXPECT_EQ(value, 0xfeedu) << from->info().name << " to " << to->info().name;
+    }
+}
+
+TEST_F(SharingTest, PartOfHostMemoryIsImportedWhereAlignmentPermits) {
+  const auto host = test::host_device();
+  const auto source = Buffer::create(host, 3 * 4096, 0);
+  ks_buffer_desc desc = source->export_as(KS_MEMORY_HOST);
+  desc.offset_bytes = 4096;
+  desc.size_bytes = 256;
+  for (const auto& to : {importer_, host}) EXPECT_EQ(Buffer::import(to, desc)->mapped(), static_cast<char*>(source->mapped()) + 4096);
+  desc.offset_bytes = 4097;
+  EXPECT_ERROR(Buffer::import(importer_, desc), KS_ERROR_INVALID_ARGUMENT, "aligned");
+  EXPECT_NO_THROW(Buffer::import(host, desc));
+  desc.offset_bytes = 3 * 4096;
+  EXPECT_ERROR(Buffer::import(host, desc), KS_ERROR_INVALID_ARGUMENT, "leave the allocation");
+  desc = source->export_as(KS_MEMORY_HOST);
+  desc.handle = 0;
+  EXPECT_ERROR(Buffer::import(host, desc), KS_ERROR_INVALID_ARGUMENT, "host pointer 0x0");
+  desc.handle = UINT64_MAX;
+  EXPECT_ERROR(Buffer::import(host, desc), KS_ERROR_INVALID_ARGUMENT, "host pointer");
 }
 
 }  // namespace

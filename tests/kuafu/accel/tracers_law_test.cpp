@@ -43,8 +43,7 @@ void furnish(World& world, bool glossy) {
 Pixels image_by(uint32_t tracer, bool glossy) {
   World world(tracer);
   furnish(world, glossy);
-  world.desc().samples_per_pixel = 64;
-  return world.radiance(view);
+  return world.radiance(view, 64);
 }
 
 double relative_difference(const Pixels& a, const Pixels& b) {

@@ -324,29 +324,5 @@ TEST(LiveScene, ScenesAndRenderersInThreadsGiveWhatTheyGiveAlone) {
   for (size_t i = 0; i < 4; ++i) EXPECT_EQ(alone[i], together[i]) << i;
 }
 
-TEST(LiveScene, ADeviceIsChosenByIndexOrUuid) {
-  uint32_t count = 0;
-  ok(kuafu_device_enumerate(nullptr, &count));
-  std::vector<ks_device_info> infos(count, ks_device_info_init());
-  ok(kuafu_device_enumerate(infos.data(), &count));
-  for (const ks_device_info& wanted : infos) {
-    if (!wanted.usable) continue;
-    ks_device_desc by_index = ks_device_desc_init(), by_uuid = ks_device_desc_init();
-    by_index.select = KS_SELECT_INDEX;
-    by_index.index = wanted.index;
-    by_uuid.select = KS_SELECT_UUID;
-    std::memcpy(by_uuid.uuid, wanted.device_uuid, sizeof by_uuid.uuid);
-    for (const ks_device_desc& desc : {by_index, by_uuid}) {
-      kuafu_device device = nullptr;
-      ok(kuafu_device_create(&desc, &device));
-      ks_device_info info = ks_device_info_init();
-      ok(kuafu_device_get_info(device, &info));
-      EXPECT_EQ(std::memcmp(info.device_uuid, wanted.device_uuid, sizeof info.device_uuid), 0);
-      EXPECT_STREQ(info.name, wanted.name);
-      kuafu_device_release(device);
-    }
-  }
-}
-
 }  // namespace
 }  // namespace laws

@@ -112,12 +112,10 @@ INSTANTIATE_TEST_SUITE_P(, Denoise, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_T
 
 Pixels clean_image(World& world, uint32_t band) {
   furnish(world);
-  world.desc().samples_per_pixel = 2;
-  world.desc().max_bounces = 3;
   world.desc().denoise = KUAFU_DENOISE_ATROUS;
   kuafu_view_desc of = view();
   of.band = band;
-  return world.radiance(of);
+  return world.radiance(of, 2, 3);
 }
 
 TEST(Denoiser, host_stages_and_compute_agree_in_colour) {
@@ -207,8 +205,7 @@ TEST(Temporal, what_appears_starts_anew) {
   world.add(quad({0, 0, 2}, {-9, 0, 0}, {0, 9, 0}), lambert(0.5f));
   const uint32_t lamp = world.add(quad({0, 0, 1}, {-0.2, 0, 0}, {0, 0.2, 0}), emitter(3));
   world.set_environment(1);
-  world.desc().max_bounces = 0;
-  world.desc().samples_per_pixel = 1;
+  world.take(1, 0);
   world.desc().denoise = KUAFU_DENOISE_ATROUS;
   world.desc().temporal_weight = 0.9f;
   EXPECT_GT(last_of_many(world, 4, 0).at(0, height / 2, width / 2), 2.9f);
@@ -304,8 +301,7 @@ TEST(Temporal, a_world_that_slides_past_the_camera_is_seen_as_by_a_camera_that_s
 TEST(Temporal, light_that_goes_out_leaves_no_more_than_noise) {
   World world;
   furnish(world);
-  world.desc().max_bounces = 3;
-  world.desc().samples_per_pixel = 2;
+  world.take(2, 3);
   world.desc().denoise = KUAFU_DENOISE_ATROUS;
   world.desc().temporal_weight = 0.95f;
   last_of_many(world, 8, 0);
@@ -324,8 +320,7 @@ TEST(Temporal, what_moved_leaves_no_ghost) {
   World world;
   world.add(quad({0, 0, 2}, {-9, 0, 0}, {0, 9, 0}), emitter(0.5f));
   const uint32_t lamp = world.add(quad({0, 0, 0}, {-0.2, 0, 0}, {0, 0.2, 0}), emitter(3));
-  world.desc().max_bounces = 0;
-  world.desc().samples_per_pixel = 1;
+  world.take(1, 0);
   world.desc().denoise = KUAFU_DENOISE_ATROUS;
   world.desc().temporal_weight = 0.95f;
   Pixels image;
@@ -398,8 +393,8 @@ TEST(Oidn, takes_noise_where_it_is_found) {
 TEST(Denoiser, views_of_a_batch_are_as_if_alone) {
   World world;
   furnish(world);
-  world.desc().samples_per_pixel = 2;
   world.desc().denoise = KUAFU_DENOISE_ATROUS;
+  world.desc().samples_per_pixel = 2;
   kuafu_view_desc other = view_at({0.1, 0, 0}, width, height, 60);
   const Pixels both = world.render({view(), other}, {KUAFU_OUTPUT_RADIANCE})[KUAFU_OUTPUT_RADIANCE], alone = world.radiance(other);
   EXPECT_TRUE(std::equal(alone.values.begin(), alone.values.end(), both.values.begin() + width * height));

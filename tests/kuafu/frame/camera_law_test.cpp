@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras, AOVs, bands and environments.
+// Cameras: images, shutters, lenses, bands, environments.
 #include "kuafu/world.h"
 
 namespace laws {
@@ -112,6 +112,223 @@ TEST(Environments, each_view_sees_its_own) {
   EXPECT_NEAR(images[KUAFU_OUTPUT_RADIANCE].at(0, 2, 2), 0.5 / pi / 4, 1e-4);
   EXPECT_EQ(images[KUAFU_OUTPUT_RADIANCE].at(1, 2, 2), 0.0f);
   EXPECT_NEAR(images[KUAFU_OUTPUT_RADIANCE].at(2, 2, 2), 3 * 0.5 / pi / 4, 3e-4);
+}
+
+constexpr double focal_px = 100, wall_m = 2;
+
+/// Shines 1 where x < edge_m, on a plane at wall_m; `vertical` = false: where y < edge_m.
+void add_half_plane(World& world, double edge_m, bool vertical = true) {
+  const Vec3 centre = vertical ? Vec3{edge_m - 50, 0, wall_m} : Vec3{0, edge_m - 50, wall_m};
+  world.add(quad(centre, {-50, 0, 0}, {0, 50, 0}), emitter(1.0f));
+}
+
+kuafu_view_desc camera(uint32_t width, uint32_t height) { return view_at({0, 0, 0}, width, height, focal_px); }
+
+/// Where the shining half ends in a row (or column), in pixels from the image's middle: the sum of its values.
+double edge_px(const Pixels& image, uint32_t line, bool vertical) {
+  const uint32_t length = vertical ? image.width : image.height;
+  double sum = 0;
+  for (uint32_t i = 0; i < length; ++i) sum += vertical ? image.at(0, line, i) : image.at(0, i, line);
+  return sum - 0.5 * length;
+}
+
+struct Readout {
+  const char* name;
+  uint32_t value;
+  bool rows, forward;
+};
+constexpr Readout readouts[] = {{"RowsDown", KUAFU_READOUT_ROWS_DOWN, true, true},
+                                {"RowsUp", KUAFU_READOUT_ROWS_UP, true, false},
+                                {"ColumnsRight", KUAFU_READOUT_COLUMNS_RIGHT, false, true},
+                                {"ColumnsLeft", KUAFU_READOUT_COLUMNS_LEFT, false, false}};
+
+class EachReadout : public testing::TestWithParam<Readout> {};
+INSTANTIATE_TEST_SUITE_P(All, EachReadout, testing::ValuesIn(readouts), [](const auto& info) { return info.param.name; });
+
+/// An edge along the lines' order, crossed by the camera's motion: line i sees it at f (edge - v t_i) / z.
+TEST_P(EachReadout, shears_a_moving_edge) {
+  const Readout& readout = GetParam();
+  World world;
+  add_half_plane(world, 0.05, readout.rows);
+  kuafu_view_desc view = camera(40, 36);
+  view.camera.shutter = KUAFU_SHUTTER_ROLLING;
+  view.camera.readout = readout.value;
+  view.camera.line_time_s = 1e-3;
+  const double speed = 3.0;
+  view.camera.linear_velocity[readout.rows ? 0 : 1] = speed;
+  const Pixels image = world.radiance(view, 64);
+  const uint32_t lines = readout.rows ? 36 : 40;
+  for (uint32_t i = 0; i < lines; ++i) {
+    const double seconds = (readout.forward ? 1 : -1) * (i - (lines - 1) / 2.0) * 1e-3;
+    EXPECT_NEAR(edge_px(image, i, readout.rows), focal_px * (0.05 - speed * seconds) / wall_m, 0.03) << "line " << i;
+  }
+}
+
+/// A lens that moves by w while open spreads an edge over w: the pixel's value is the mean of the step over the pixel and the way.
+TEST(Shutter, exposure_blurs_an_edge_by_a_box) {
+  World world;
+  add_half_plane(world, 0.0);
+  kuafu_view_desc view = camera(41, 5);
+  view.camera.exposure_s = 0.01;
+  view.camera.linear_velocity[0] = -20;  // 0.2 m, 10 pixels
+  const Pixels image = world.radiance(view, 256);
+  const auto lit = [](double from, double until) {  // integral of the ramp 1 -> 0 over -5..5
+    const auto integral = [](double x) { return x < -5 ? x : x > 5 ? 0.0 : x - (x + 5) * (x + 5) / 20; };
+    return integral(until) - integral(from);
+  };
+  for (uint32_t c = 0; c < 41; ++c) EXPECT_NEAR(image.at(0, 2, c), lit(c - 20.5, c - 19.5), 0.012) << "column " << c;
+}
+
+TEST(Shutter, exposure_follows_the_line_that_is_read) {
+  World world;
+  add_half_plane(world, 0.0);
+  kuafu_view_desc view = camera(60, 20);
+  view.camera.shutter = KUAFU_SHUTTER_ROLLING;
+  view.camera.exposure_s = 4e-3;
+  view.camera.line_time_s = 1e-3;
+  view.camera.linear_velocity[0] = 10;  // 2 pixels of blur, 0.5 of shear a line
+  const Pixels image = world.radiance(view, 1024);
+  for (uint32_t row = 0; row < 20; ++row) {
+    const double middle = -0.5 * (row - 9.5);
+    EXPECT_NEAR(edge_px(image, row, true), middle, 0.12) << "row " << row;
+    for (uint32_t c = 0; c < 60; ++c) {
+      const double u = c - 29.5;
+      if (std::abs(u - middle) <= 1.5) continue;
+      EXPECT_NEAR(image.at(0, row, c), u < middle ? 1 : 0, 1e-5) << "row " << row << " column " << c;
+    }
+  }
+}
+
+/// z0 - v t: a camera that approaches a wall, AOVs at each line's mid-exposure.
+TEST(Shutter, aovs_are_those_of_the_line_s_mid_exposure) {
+  World world;
+  world.add(quad({0, 0, wall_m}, {-50, 0, 0}, {0, 50, 0}), lambert(0.5f));
+  kuafu_view_desc view = camera(16, 33);
+  view.camera.shutter = KUAFU_SHUTTER_ROLLING;
+  view.camera.line_time_s = 2e-3;
+  view.camera.exposure_s = 0.5;  // of no concern to an AOV
+  view.camera.linear_velocity[2] = 5;
+  const Pixels depth = world.render({view}, {KUAFU_OUTPUT_DEPTH})[KUAFU_OUTPUT_DEPTH];
+  for (uint32_t row = 0; row < 33; ++row) EXPECT_NEAR(depth.at(0, row, 8), wall_m - 5 * 2e-3 * (row - 16.0), 2e-6) << row;
+}
+
+/// Pose(t) = pose exp(t [v, w]): a camera that turns about its axis while it is read, against views of its poses, one a line.
+TEST(Shutter, a_twist_is_the_body_s) {
+  World world;
+  kuafu_material_desc material = lambert(0.5f);
+  world.add(quad({0.1, 0, wall_m}, {-3, 0.2, 0.9}, {0.1, 3, -0.7}), material);
+  const Vec3 v{0.4, -0.7, 0.9}, w{0.3, -0.5, 0.8};
+  kuafu_view_desc view = view_at({0.02, 0.03, -0.1}, 24, 9, focal_px, 0.2);
+  view.camera.shutter = KUAFU_SHUTTER_ROLLING;
+  view.camera.line_time_s = 0.1;
+  std::copy(v.begin(), v.end(), view.camera.linear_velocity);
+  std::copy(w.begin(), w.end(), view.camera.angular_velocity);
+  const Pixels rolled = world.render({view}, {KUAFU_OUTPUT_DEPTH})[KUAFU_OUTPUT_DEPTH];
+  for (const uint32_t row : {0u, 2u, 4u, 8u}) {
+    // exp by many small steps of the body
+    const double t = 0.1 * (row - 4.0);
+    constexpr int steps = 20000;
+    double pose[16];
+    std::copy_n(view.camera.camera_to_world, 16, pose);
+    for (int i = 0; i < steps; ++i) {
+      const double s = t / steps;
+      const double step[16] = {1,         -w[2] * s, w[1] * s, v[0] * s, w[2] * s, 1, -w[0] * s, v[1] * s,
+                               -w[1] * s, w[0] * s,  1,        v[2] * s, 0,        0, 0,         1};
+      double next[16] = {};
+      for (int r = 0; r < 4; ++r)
+        for (int c = 0; c < 4; ++c)
+          for (int k = 0; k < 4; ++k) next[4 * r + c] += pose[4 * r + k] * step[4 * k + c];
+      std::copy_n(next, 16, pose);
+    }
+    kuafu_view_desc still = view_at({0, 0, 0}, 24, 9, focal_px);
+    std::copy_n(pose, 16, still.camera.camera_to_world);
+    const Pixels depth = world.render({still}, {KUAFU_OUTPUT_DEPTH})[KUAFU_OUTPUT_DEPTH];
+    for (uint32_t c = 0; c < 24; ++c) EXPECT_NEAR(rolled.at(0, row, c), depth.at(0, row, c), 1e-4) << row << " " << c;
+  }
+}
+
+TEST(Shutter, an_instant_of_a_global_shutter_changes_no_bit) {
+  World world;
+  add_half_plane(world, 0.03);
+  kuafu_view_desc view = camera(20, 10), moving = view;
+  moving.camera.linear_velocity[0] = 3;
+  moving.camera.angular_velocity[1] = 2;
+  moving.camera.line_time_s = 1e-3;  // of no concern to a global shutter
+  moving.camera.focus_m = 2;         // nor this to a pinhole
+  EXPECT_EQ(world.radiance(view).values, world.radiance(moving).values);
+}
+
+/// 2 R f |1/z - 1/z0| pixels: where an edge out of focus begins and ends to shine, and its middle.
+TEST(Lens, blur_circle_has_its_closed_form) {
+  World world;
+  add_half_plane(world, 0.0);
+  kuafu_view_desc view = camera(61, 5);
+  view.camera.lens_radius_m = 0.1;
+  view.camera.focus_m = 1.0;
+  const Pixels image = world.radiance(view, 1024);
+  const double radius = 0.1 * focal_px * (1 / 1.0 - 1 / wall_m);  // 5 pixels
+  // Share of a disc on the left of x: the circle's segment.
+  const auto share = [&](double x) {
+    const double h = std::clamp(x / radius, -1.0, 1.0);
+    return 1 - (std::acos(h) - h * std::sqrt(1 - h * h)) / pi;
+  };
+  for (uint32_t c = 0; c < 61; ++c) {
+    double mean = 0;
+    for (int i = 0; i < 100; ++i) mean += share(-(c - 30.5 + (i + 0.5) / 100)) / 100;
+    EXPECT_NEAR(image.at(0, 2, c), mean, 0.01) << "column " << c;
+  }
+}
+
+TEST(Lens, the_focused_plane_is_sharp_and_aovs_see_through_its_centre) {
+  World world;
+  add_half_plane(world, 0.0);
+  kuafu_view_desc view = camera(41, 5);
+  view.camera.lens_radius_m = 0.1;
+  view.camera.focus_m = wall_m;
+  world.desc().samples_per_pixel = 64;
+  auto images = world.render({view}, {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_DEPTH});
+  for (uint32_t c = 0; c < 41; ++c) EXPECT_NEAR(images[KUAFU_OUTPUT_RADIANCE].at(0, 2, c), c < 20 ? 1 : c > 20 ? 0 : 0.5, 1e-2) << c;
+  const Pixels pinhole = world.render({camera(41, 5)}, {KUAFU_OUTPUT_DEPTH})[KUAFU_OUTPUT_DEPTH];
+  for (size_t i = 0; i < pinhole.values.size(); ++i)
+    EXPECT_NEAR(images[KUAFU_OUTPUT_DEPTH].values[i], pinhole.values[i], 1e-6 * pinhole.values[i]);
+}
+
+TEST(Lens, near_and_far_stay_planes_of_z) {
+  World world;
+  for (const double z : {1.0, 2.0, 3.0}) world.add(quad({0, 0, z}, {-9, 0, 0}, {0, 9, 0}), emitter(float(z)));
+  kuafu_view_desc view = camera(17, 17);
+  view.camera.lens_radius_m = 0.2;
+  view.camera.focus_m = INFINITY;
+  view.camera.lens.distortion[0] = -0.1;
+  view.camera.near_m = 1.5;
+  for (const float l : world.radiance(view).values) ASSERT_NEAR(l, 2.0f, 1e-5);
+}
+
+TEST(Camera, what_it_cannot_be_is_refused_with_the_numbers) {
+  World world;
+  add_half_plane(world, 0.0);
+  const auto refused = [&](const auto& change, const char* part) {
+    kuafu_view_desc view = camera(8, 8);
+    change(view.camera);
+    kuafu_render_desc desc = world.desc();
+    kuafu_output_desc output{};
+    desc.views = &view;
+    desc.outputs = &output;
+    desc.view_count = desc.output_count = 1;
+    EXPECT_EQ(kuafu_renderer_render(world.renderer(), world.scene(), &desc), KS_ERROR_INVALID_ARGUMENT);
+    EXPECT_NE(std::string(kuafu_last_error()).find(part), std::string::npos) << kuafu_last_error();
+  };
+  using Desc = kuafu_camera_desc;
+  refused([](Desc& c) { c.lens_radius_m = 0.01; }, "focus_m is 0");
+  refused([](Desc& c) { c.lens_radius_m = NAN; }, "lens_radius_m is nan");
+  refused([](Desc& c) { c.shutter = 2; }, "shutter is 2");
+  refused([](Desc& c) { c.readout = 4; }, "readout is 4");
+  refused([](Desc& c) { c.exposure_s = -1; }, "exposure_s is -1");
+  refused([](Desc& c) { c.line_time_s = INFINITY; }, "line_time_s is inf");
+  refused([](Desc& c) { c.angular_velocity[1] = NAN; }, "angular_velocity is nan");
+  refused([](Desc& c) { c.lens.distortion[7] = NAN; }, "lens.distortion[7] is nan");
+  // r (1 - r^2 / 3) grows up to r = 1, to 2/3; this image reaches 0.8 at its sides.
+  refused([](Desc& c) { c.lens.distortion[0] = -1.0 / 3, c.k[0] = c.k[4] = 5; }, "grows to radius 0.66");
 }
 
 }  // namespace

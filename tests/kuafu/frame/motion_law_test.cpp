@@ -43,8 +43,7 @@ TEST(Motion, rolling_shutter_shears_a_moving_bar) {
   Pose pose = placed({0.05, 0, 2}, pi, 2);
   const uint32_t bar = world.add(quad({25, 0, 0}, {25, 0, 0}, {0, -25, 0}), emitter(1.0f), pose);
   set_velocity(world, bar, {-3, 0, 0});  // own x looks along -x of the world
-  world.desc().samples_per_pixel = 64;
-  const Pixels image = world.radiance(rolling(40, 36, 1e-3));
+  const Pixels image = world.radiance(rolling(40, 36, 1e-3), 64);
   for (uint32_t row = 0; row < 36; ++row) {
     double sum = 0;
     for (uint32_t c = 0; c < 40; ++c) sum += image.at(0, row, c);
@@ -58,8 +57,7 @@ TEST(Motion, exposure_blurs_a_moving_edge_by_a_box) {
   set_velocity(world, bar, {20, 0, 0});
   kuafu_view_desc view = view_at({0, 0, 0}, 41, 5, 100);
   view.camera.exposure_s = 0.01;  // 10 pixels
-  world.desc().samples_per_pixel = 256;
-  const Pixels image = world.radiance(view);
+  const Pixels image = world.radiance(view, 256);
   const auto integral = [](double x) { return x < -5 ? x : x > 5 ? 0.0 : x - (x + 5) * (x + 5) / 20; };
   for (uint32_t c = 0; c < 41; ++c) EXPECT_NEAR(image.at(0, 2, c), integral(c - 19.5) - integral(c - 20.5), 0.012) << "column " << c;
 }
@@ -137,8 +135,7 @@ const std::vector<uint32_t> outputs{KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_PROJECTO
 std::map<uint32_t, Pixels> moving_camera(uint32_t tracer, uint32_t max_bounces) {
   World world(tracer);
   furnish(world, {0, 0, 0}, {0, 0, 0});
-  world.desc().samples_per_pixel = 16;
-  world.desc().max_bounces = max_bounces;
+  world.take(16, max_bounces);
   kuafu_view_desc view = rolling(40, 24, 3e-3, 8e-3);
   std::copy(v.begin(), v.end(), view.camera.linear_velocity);
   std::copy(w.begin(), w.end(), view.camera.angular_velocity);
@@ -148,8 +145,7 @@ std::map<uint32_t, Pixels> moving_camera(uint32_t tracer, uint32_t max_bounces) 
 std::map<uint32_t, Pixels> moving_world(uint32_t tracer, uint32_t max_bounces) {
   World world(tracer);
   furnish(world, v, w);
-  world.desc().samples_per_pixel = 16;
-  world.desc().max_bounces = max_bounces;
+  world.take(16, max_bounces);
   return world.render({rolling(40, 24, 3e-3, 8e-3)}, outputs);
 }
 
@@ -230,13 +226,11 @@ TEST(Window, a_projector_shines_within_it) {
   ok(kuafu_scene_get_light(world.scene(), id, &light));
   kuafu_view_desc view = view_at({0, 0, 0}, 8, 8, 100);
   view.camera.exposure_s = 0.01;
-  world.desc().samples_per_pixel = 256;
-  world.desc().max_bounces = 0;
   const auto mean = [&](double from_s, double until_s) {
     light.on_from_s = from_s;
     light.on_until_s = until_s;
     ok(kuafu_scene_set_light(world.scene(), id, &light));
-    return world.radiance(view).mean();
+    return world.radiance(view, 256, 0).mean();
   };
   const double always = mean(0, 0);
   EXPECT_GT(always, 0);
@@ -256,8 +250,7 @@ TEST(Window, rows_are_lit_while_it_is_open) {
   const uint32_t id = world.add_projector(std::vector<float>(16, 1.0f), 4, 4, 2, 1.0f);
   kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
   ok(kuafu_scene_get_light(world.scene(), id, &light));
-  world.desc().samples_per_pixel = 256;
-  world.desc().max_bounces = 0;
+  world.take(256, 0);
   const Pixels always = world.radiance(rolling(4, 20, 1e-3, 4e-3));
   light.on_from_s = -3e-3;
   light.on_until_s = 4e-3;

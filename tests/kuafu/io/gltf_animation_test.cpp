@@ -2,7 +2,6 @@
 // Animations, skins and morph targets of glTF files: what a scene shows without them, and at a time.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 

@@ -6,8 +6,6 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <functional>
-#include <numeric>
 
 #include "kuafu/io/loaded.h"
 

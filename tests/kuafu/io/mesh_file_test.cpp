@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// OBJ, STL, PLY and Collada through assimp.
+// OBJ, PLY, STL and Collada files: what is in them arrives, whatever their habits.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "capi/device/expect_error.h"
 #include "device/error.h"
 #include "io/load.h"
 #include "kuafu/io/loaded.h"
@@ -13,6 +16,8 @@ namespace {
 
 using namespace kuafu;
 using namespace scene_test;
+using Corner = std::array<float, 3>;
+using Triangle = std::array<Corner, 3>;
 
 TEST(ObjFile, QuadsNormalsUvsAndMaterialsArrive) {
   const Folder folder;
@@ -161,5 +166,274 @@ TEST(ColladaFile, NodesCarryTheirTransformsUnitsAndUpAxis) {
   EXPECT_NEAR(bounds.max.y, 2.0, 1e-6) << "the file's z axis points up, and 200 cm are 2 m";
   EXPECT_NEAR(bounds.max.x, 1.0, 1e-6);
 }
+
+/// Each triangle from its least corner on, in order: a reader may begin anywhere.
+std::vector<Triangle> sorted(std::vector<Triangle> triangles) {
+  for (Triangle& t : triangles) std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+  std::sort(triangles.begin(), triangles.end());
+  return triangles;
+}
+
+std::vector<Triangle> triangles_of(const Scene& scene) {
+  std::vector<Triangle> out;
+  for (const auto& mesh : scene.meshes()) {
+    const auto corner = [&](uint32_t i) { return Corner{mesh->positions[i].x, mesh->positions[i].y, mesh->positions[i].z}; };
+    for (const glm::uvec3& t : mesh->indices) out.push_back({corner(t.x), corner(t.y), corner(t.z)});
+  }
+  return sorted(std::move(out));
+}
+
+// The corners: (0.5, 0, 0), (1.25, -0.5, 0), (0, 1, -0.25), (0, 0, 1); the faces: 1 2 3 and 1 3 4.
+const std::vector<Triangle> expected = [] {
+  const Corner a{0.5f, 0, 0}, b{1.25f, -0.5f, 0}, c{0, 1, -0.25f}, d{0, 0, 1};
+  return sorted({{a, b, c}, {a, c, d}});
+}();
+
+void expect_the_triangles(const std::string& name, const std::string& text) {
+  const Folder folder;
+  write_text(folder / name, text);
+  SCOPED_TRACE(text);
+  const std::vector<Triangle> found = triangles_of(load_path(folder / name).scene);
+  ASSERT_EQ(found.size(), expected.size());
+  for (size_t t = 0; t < found.size(); ++t)
+    for (size_t k = 0; k < 3; ++k)
+      for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(found[t][k][i], expected[t][k][i], 1e-6f) << "triangle " << t;
+}
+
+/// How exporters write 0.5, 1.25, -0.5, 1 and -0.25.
+struct Numbers {
+  const char *half, *five_quarters, *minus_half, *one, *minus_quarter;
+};
+constexpr std::array numbers = {
+    Numbers{"0.5", "1.25", "-0.5", "1", "-0.25"},
+    Numbers{".5", "1.25", "-.5", "1.", "-.25"},
+    Numbers{"+.5", "+1.25", "-.5", "+1", "-.25"},
+    Numbers{"5e-1", "125e-2", "-5E-01", "1e0", "-25.0e-2"},
+    Numbers{".5E+00", "1.25E+00", "-.5E+00", "1.E+00", "-.25E+00"},
+    Numbers{"0.500000000000000000000000", "1.250000", "-0.500000", "1.000000", "-0.250000"},
+    Numbers{"0000.5", "0001.25", "-00.5", "01", "-0000.25"},
+    Numbers{"5.0000000e-001", "1.2500000e+000", "-5.0000000e-001", "1.0000000e+000", "-2.5000000e-001"},
+};
+
+/// How they write the corners of the two faces.
+constexpr std::array faces = {
+    "f 1 2 3\nf 1 3 4\n",
+    "f -4 -3 -2\nf -4 -2 -1\n",
+    "f 1/1 2/2 3/1\nf 1/1 3/1 4/2\n",
+    "f 1//1 2//1 3//1\nf 1//1 3//1 4//1\n",
+    "f 1/1/1 2/2/1 3/1/1\nf -4/-2/-1 -2/1/1 -1/2/1\n",
+    "f 1/ 2/ 3/\nf 1// 3// 4//\n",
+    "f 1 2 3 4\n",  // a fan
+};
+
+/// What stands between and around: blanks, comments, ends of lines, groups.
+std::string habit(size_t which, const std::string& text) {
+  switch (which) {
+    case 0:
+      return text;
+    case 1:
+      return replaced(text, "\n", "\r\n");
+    case 2:
+      return replaced(replaced(text, " ", "\t"), "\n", " \t\n");
+    case 3:
+      return "# Exporter v1.0 \\\n\n" + replaced(text, "\n", " # a comment\n");
+    case 4:
+      return "\xEF\xBB\xBFo Object.001\n" + replaced(text, "f ", "s off\nusemtl None\nf  ");
+    case 5:
+      return "mtllib\ng\n  " + replaced(text, "\n", "\n   ");
+    case 6:
+      return replaced(text.substr(0, text.size() - 1), " 0 ", " \\\n0 ");  // goes on in the next line; ends without one
+    default:
+      return replaced(text, "\n", "\r");  // old Macs
+  }
+}
+constexpr size_t habits = 8;
+
+TEST(MeshHabits, EveryObjHasTheSameTriangles) {
+  size_t files = 0, first = 0;
+  for (const Numbers& n : numbers)
+    for (const char* face : faces)
+      for (size_t h = first++ % 2; h < habits; h += 2, ++files) {  // each second one of all
+        std::string text = std::string("v ") + n.half + " 0 0\nv " + n.five_quarters + " " + n.minus_half + " 0\nv 0 " + n.one + " " +
+                           n.minus_quarter + "\nv 0 0 " + n.one + "\nvt " + n.half + " 0\nvt 1 " + n.half + "\nvn 0 0 " + n.one + "\n";
+        expect_the_triangles("a.obj", habit(h, text + face));
+        if (HasFatalFailure() || HasNonfatalFailure()) return;
+      }
+  EXPECT_GE(files, 200u);
+}
+
+TEST(MeshHabits, WeightsAndColoursOfObjVerticesLeaveTheirPlaces) {
+  const std::string rest = "f 1 2 3\nf 1 3 4\n";
+  expect_the_triangles("a.obj", "v .5 0 0 1\nv 1.25 -.5 0 1.0\nv 0 2 -.5 2\nv 0 0 1 1\n" + rest);
+  expect_the_triangles("a.obj", "v .5 0 0 1 0 0\nv 1.25 -.5 0 .5 .5 .5\nv 0 1 -.25 0 0 0\nv 0 0 1 0 1 0\n" + rest);
+  expect_the_triangles("a.obj", "v .5 0 0 1 .1 .2 .3\nv 1.25 -.5 0 1 1 1 1\nv 0 1 -.25 1 0 0 0\nv 0 0 1 1 0 1 0\n" + rest);
+}
+
+TEST(MeshHabits, EveryPlyAndStlHasTheSameTriangles) {
+  for (const Numbers& n : numbers)
+    for (size_t h = 0; h < 2; ++h) {
+      const std::string a = std::string(n.half) + " 0 0", b = std::string(n.five_quarters) + " " + n.minus_half + " 0",
+                        c = std::string("0 ") + n.one + " " + n.minus_quarter, d = std::string("0 0 ") + n.one;
+      const std::string ply =
+          "ply\nformat ascii 1.0\ncomment by hand\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty float "
+          "quality\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n";
+      expect_the_triangles("a.ply", habit(h, ply + a + " 0\n" + b + " 1\n" + c + " 2\n" + d + " 3\n3 0 1 2\n3 0 2 3\n"));
+      std::string stl = "solid a b\n";
+      for (const auto& corners : {std::array{a, b, c}, std::array{a, c, d}}) {
+        stl += "facet normal 0 0 0\nouter loop\n";
+        for (const std::string& corner : corners) stl += "vertex " + corner + "\n";
+        stl += "endloop\nendfacet\n";
+      }
+      expect_the_triangles("a.stl", habit(h, stl + "endsolid a b\n"));
+    }
+}
+
+TEST(MeshHabits, WhatIsNoNumberOrCornerNamesItsLine) {
+  const std::string corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (const auto& [text, said] : std::vector<std::pair<std::string, std::string>>{
+           {corners + "v 1,5 0 0\nf 1 2 3\n", "line 4: '1,5' is no number"},
+           {corners + "v 1 nan 0\nf 1 2 3\n", "line 4: nan is beyond"},
+           {corners + "v 1 2\nf 1 2 3\n", "line 4: 'v' has 2 numbers"},
+           {corners + "v 1e39 0 0\nf 1 2 4\n", "line 4: 1e39 is beyond"},
+           {corners + "f 1 2 4\n", "line 4: a corner names vertex 4 of 3"},
+           {corners + "f 0 1 2\n", "line 4: corner '0' names no vertex"},
+           {corners + "f 1 2 -4\n", "line 4: corner '-4' names no vertex"},
+           {corners + "f 1/x 2 3\n", "line 4: corner '1/x' names no texture"},
+           {corners + "f 1 2 \\\n7777777777777777777\n", "line 4: corner '7777777777777777777'"}}) {
+    const Folder folder;
+    write_text(folder / "a.obj", text);
+    EXPECT_ERROR(load_path(folder / "a.obj"), KS_ERROR_FILE, said);
+  }
+}
+
+std::string with_cameras(const char* first, const char* second) {
+  const auto camera = [](const std::string& id, const std::string& name) {
+    return "<camera id=\"" + id + "\" name=\"" + name +
+           "\"><optics><technique_common><perspective><xfov>40</xfov><znear>1</znear><zfar>9</zfar></perspective></technique_common></"
+           "optics>"
+           "</camera>";
+  };
+  const std::string text =
+      replaced(collada_triangle(), "<library_geometries>",
+               "<library_cameras>" + camera("c", first) + camera("d", second) + "</library_cameras><library_geometries>");
+  return replaced(text, "<node id=\"m\"",
+                  "<node id=\"x\"><instance_camera url=\"#c\"/></node><node id=\"y\"><instance_camera url=\"#d\"/></node><node id=\"m\"");
+}
+
+std::string utf16(const std::string& text) {
+  std::string out = "\xff\xfe";
+  for (const char c : text) out += {c, '\0'};
+  return out;
+}
+
+struct Dialect {
+  const char* name;
+  std::string text;
+  double width_m, height_m;
+};
+
+class Collada : public testing::TestWithParam<Dialect> {};
+
+TEST_P(Collada, IsRead) {
+  const Folder folder;
+  write_text(folder / "a.dae", GetParam().text);
+  const Loaded loaded = load_path(folder / "a.dae");
+  EXPECT_EQ(loaded.scene.instances().size(), 2u);
+  EXPECT_NEAR(loaded.scene.bounds().max.x, GetParam().width_m, 1e-6);
+  EXPECT_NEAR(loaded.scene.bounds().max.y, GetParam().height_m, 1e-6) << "z points up in the file";
+}
+
+const std::string unit = "<unit name=\"centimeter\" meter=\"0.01\"/>";
+INSTANTIATE_TEST_SUITE_P(
+    Dialects, Collada,
+    testing::Values(
+        Dialect{"two cameras of one name", with_cameras("Camera", "Camera"), 1.0, 2.0},
+        Dialect{"cameras without names", with_cameras("", ""), 1.0, 2.0},
+        Dialect{"UTF-16", utf16(replaced(collada_triangle(), "?>", " encoding=\"utf-16\"?>")), 1.0, 2.0},
+        Dialect{"blanks around numbers", replaced(collada_triangle(), "0 0 200</translate>", "\n  0.0 0.0 200.0  \n</translate>"), 1.0,
+                2.0},
+        Dialect{"blanks in a matrix",
+                replaced(collada_triangle(), "<translate>0 0 200</translate>", "<matrix>  1 0 0 0 0 1 0 0 0 0 1 200 0 0 0 1  </matrix>"),
+                1.0, 2.0},
+        Dialect{
+            "blanks in a colour",
+            replaced(collada_triangle(), "<library_geometries>",
+                     "<library_effects><effect id=\"e\"><profile_COMMON><technique sid=\"c\"><lambert><diffuse><color>  0.5 0.5 0.5 1.0  "
+                     "</color></diffuse></lambert></technique></profile_COMMON></effect></library_effects><library_geometries>"),
+            1.0, 2.0},
+        Dialect{"inches", replaced(collada_triangle(), unit, "<unit name=\"inch\" meter=\"0.0254\"/>"), 2.54, 5.08},
+        Dialect{"a unit without a name", replaced(collada_triangle(), unit, "<unit meter=\" 0.001 \"/>"), 0.1, 0.2},
+        Dialect{"no unit", replaced(collada_triangle(), unit, ""), 100.0, 200.0}),
+    [](const auto& info) {
+      std::string name = info.param.name;
+      std::replace_if(
+          name.begin(), name.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
+      return name;
+    });
+
+TEST(ColladaFile, CamerasThatAreNotShownAreSaid) {
+  const Folder folder;
+  write_text(folder / "a.dae", with_cameras("a", "b"));
+  const Loaded loaded = load_path(folder / "a.dae");
+  ASSERT_FALSE(loaded.warnings.empty());
+  EXPECT_NE(loaded.warnings[0].find("its cameras are left out"), std::string::npos);
+}
+
+TEST(ColladaFile, AFileThatIsNoXmlNamesThePlace) {
+  const Folder folder;
+  write_text(folder / "a.dae", replaced(collada_triangle(), "</library_geometries>", ""));
+  EXPECT_ERROR(load_path(folder / "a.dae"), KS_ERROR_FILE, "a.dae: this is no XML: at byte ");
+}
+
+struct Outline {
+  const char* name;
+  std::vector<glm::dvec2> corners;
+};
+
+class Polygon : public testing::TestWithParam<Outline> {};
+
+/// The triangles of a polygon are inside of it, once: each counter-clockwise, and their areas sum up to its own (the shoelace formula).
+TEST_P(Polygon, IsCoveredOnce) {
+  const std::vector<glm::dvec2>& corners = GetParam().corners;
+  std::string points, order;
+  double area = 0;
+  for (size_t i = 0; i < corners.size(); ++i) {
+    const glm::dvec2 a = corners[i], b = corners[(i + 1) % corners.size()];
+    area += (a.x * b.y - b.x * a.y) / 2;
+    points += std::to_string(a.x) + " " + std::to_string(a.y) + " 0 ";
+    order += std::to_string(i) + " ";
+  }
+  const std::string n = std::to_string(corners.size());
+  std::string text = replaced(
+      replaced(collada_triangle(), "count=\"9\">0 0 0 100 0 0 0 100 0", "count=\"" + std::to_string(3 * corners.size()) + "\">" + points),
+      "count=\"3\" stride", "count=\"" + n + "\" stride");
+  text = replaced(replaced(text, "<triangles count=\"1\">", "<polylist count=\"1\">"), "<p>0 1 2</p></triangles>",
+                  "<vcount>" + n + "</vcount><p>" + order + "</p></polylist>");
+  const Folder folder;
+  write_text(folder / "a.dae", text);
+  const Loaded loaded = load_path(folder / "a.dae");
+  const Mesh& mesh = loaded.scene.meshes()[0];
+  EXPECT_EQ(mesh.indices.size(), corners.size() - 2);
+  double sum = 0;
+  for (const glm::uvec3& t : mesh.indices) {
+    const glm::dvec3 a = mesh.positions[t.x], b = mesh.positions[t.y], c = mesh.positions[t.z];
+    const double twice = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+    EXPECT_GE(twice, 0.0) << "it lies outside";
+    sum += twice / 2;
+  }
+  EXPECT_NEAR(sum, area, 1e-5 * area);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Outlines, Polygon,
+    testing::Values(
+        Outline{"arrow", {{0, 0}, {4, 1}, {0, 2}, {1, 1}}}, Outline{"turned_arrow", {{1, 1}, {0, 0}, {4, 1}, {0, 2}}},
+        Outline{"l", {{0, 0}, {3, 0}, {3, 1}, {1, 1}, {1, 3}, {0, 3}}},
+        Outline{"turned_l", {{1, 1}, {1, 3}, {0, 3}, {0, 0}, {3, 0}, {3, 1}}},
+        Outline{"u", {{0, 0}, {5, 0}, {5, 5}, {4, 5}, {4, 1}, {1, 1}, {1, 5}, {0, 5}}},
+        Outline{"comb", {{0, 0}, {7, 0}, {7, 3}, {6, 3}, {6, 1}, {4, 1}, {4, 3}, {3, 3}, {3, 1}, {1, 1}, {1, 3}, {0, 3}}},
+        Outline{"star",
+                {{0, 3}, {-0.7, 1}, {-2.9, 0.9}, {-1.1, -0.4}, {-1.8, -2.4}, {0, -1.2}, {1.8, -2.4}, {1.1, -0.4}, {2.9, 0.9}, {0.7, 1}}}),
+    [](const auto& info) { return info.param.name; });
 
 }  // namespace

@@ -46,8 +46,7 @@ Spot spot_on_wall(World& world) {
 
 World& wall(World& world) {
   world.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(1.0f));
-  world.desc().samples_per_pixel = 16;
-  world.desc().max_bounces = 0;
+  world.take(16, 0);
   return world;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lights with an extent or a profile against closed forms; light samples, BSDF samples and both together give the same mean.
+// Each kind of light against its closed form, and the groups of their light.
 #include <algorithm>
 #include <functional>
 
@@ -21,10 +21,8 @@ std::array<double, 16> facing_back(const Vec3& position) { return placed(positio
 /// pi.
 double irradiance_at_floor(World& world, uint32_t samples = 64, uint32_t sampling = KUAFU_SAMPLING_MIS) {
   world.add(quad({0, 0, 1}, {-0.02, 0, 0}, {0, 0.02, 0}), lambert(1.0f));
-  world.desc().samples_per_pixel = samples;
-  world.desc().max_bounces = 0;
   world.desc().light_sampling = sampling;
-  return pi * world.radiance(view_at({0, 0, 0.9}, 8, 8, 4000)).mean();
+  return pi * world.radiance(view_at({0, 0, 0.9}, 8, 8, 4000), samples, 0).mean();
 }
 
 TEST(Lights, a_directional_light_gives_its_irradiance_times_the_cosine) {
@@ -118,13 +116,11 @@ double facing_squares(uint32_t sampling, uint32_t tracer) {
   world.add(quad({0, 0, 1}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(1.0f));
   world.add(quad({0, 0, 0}, {0.25, 0, 0}, {0, 0.5, 0}), emitter(1.0f), placed({-0.25, 0, 0}));
   world.add(quad({0, 0, 0}, {0.25, 0, 0}, {0, 0.5, 0}), emitter(1.0f), placed({0.25, 0, 0}));
-  world.desc().samples_per_pixel = 256;
-  world.desc().max_bounces = 0;
   world.desc().light_sampling = sampling;
   // Through the emitter's back, which is black to this view only by the near plane: the camera stands above it.
   kuafu_view_desc view = view_at({0, 0, -1}, 32, 32, 64);
   view.camera.near_m = 1.5;
-  return world.radiance(view).mean();
+  return world.radiance(view, 256, 0).mean();
 }
 
 TEST(Lights, two_facing_squares_have_their_form_factor_by_every_sampling) {
@@ -157,10 +153,8 @@ TEST(Lights, samplings_agree_on_gloss_under_every_light) {
       light = light_of(KUAFU_LIGHT_DIRECTIONAL, 0.5f);
       light.angle_rad = 0.2;
       world.add_light(light, placed({0, 0, 0}, 2.5));
-      world.desc().samples_per_pixel = 512;
-      world.desc().max_bounces = 2;
       world.desc().light_sampling = sampling;
-      means[sampling] = world.radiance(view_at({0, 0, 0}, 24, 24, 20)).mean();
+      means[sampling] = world.radiance(view_at({0, 0, 0}, 24, 24, 20), 512, 2).mean();
     }
     EXPECT_NEAR(means[KUAFU_SAMPLING_LIGHTS] / means[KUAFU_SAMPLING_MIS], 1, 0.01) << roughness;
     EXPECT_NEAR(means[KUAFU_SAMPLING_BSDF] / means[KUAFU_SAMPLING_MIS], 1, 0.01) << roughness;
@@ -229,8 +223,7 @@ TEST(Lights, mis_is_quieter_than_either_on_a_small_emitter_over_gloss) {
     World world;
     world.add(quad({0, 0.3, 1}, {-1, 0, 0}, {0, 0, -1}), glossy(0.35f));
     world.add(quad({0, 0.1, 1.2}, {0.02, 0, 0}, {0, 0.02, 0}), emitter(20.0f));
-    world.desc().samples_per_pixel = 16;
-    world.desc().max_bounces = 0;
+    world.take(16, 0);
     world.desc().light_sampling = sampling;
     double sum = 0, difference = 0;
     world.desc().seed = 1;
@@ -262,6 +255,90 @@ TEST(Lights, bad_ones_are_refused_with_their_numbers) {
   spot.outer_rad = 2;
   refused(spot, "outer_rad");
   refused(light_of(7, 1), "kind");
+}
+
+constexpr uint32_t group_0 = KUAFU_OUTPUT_LIGHT_GROUP_0;
+const std::vector<uint32_t> everything = {KUAFU_OUTPUT_RADIANCE,
+                                          KUAFU_OUTPUT_PROJECTOR_DIRECT,
+                                          KUAFU_OUTPUT_PROJECTOR_INDIRECT,
+                                          KUAFU_OUTPUT_AMBIENT,
+                                          group_0,
+                                          group_0 + 1,
+                                          group_0 + 2,
+                                          group_0 + 3};
+
+/// A room corner with a light of every kind: a lamp, an emissive panel, a rectangle, an environment, a projector. `on` switches one group
+/// on alone.
+struct Room {
+  explicit Room(uint32_t tracer = KUAFU_TRACER_AUTO, int on = -1) : world(tracer) {
+    world.add(quad({0, 0, 2}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f));
+    world.add(quad({-1, 0, 1}, {0, 0, 1}, {0, 1, 0}), lambert(0.8f));
+    const auto lit = [&](int group, float value) { return on < 0 || on == group ? value : 0.0f; };
+    kuafu_material_desc panel = emitter(lit(1, 3.0f));
+    panel.light_group = 1;
+    world.add(quad({0.8, 0.5, 1.2}, {0.2, 0, 0}, {0, 0.2, 0}), panel);
+    kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+    lamp.ir_intensity = lit(3, 0.7f);
+    lamp.light_group = 3;
+    world.add_light(lamp, placed({0.3, -0.4, 1}));
+    kuafu_light_desc rectangle = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
+    rectangle.ir_intensity = lit(1, 5.0f);
+    rectangle.size_m[0] = rectangle.size_m[1] = 0.3;
+    rectangle.light_group = 1;
+    world.add_light(rectangle, placed({0.5, -0.5, 0.5}, -0.4));
+    world.set_environment(lit(2, 0.2f), 2);
+    if (on < 0 || on == 4) world.add_projector({0, 1, 1, 0}, 2, 2, 2, 1.0f);
+    world.take(64, 3);
+  }
+  auto images() { return world.render({view_at({0, 0, 0}, 12, 9, 10)}, everything); }
+  World world;
+};
+
+TEST(LightGroups, sum_to_the_full_image) {
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
+    auto images = Room(tracer).images();
+    for (size_t i = 0; i < images[KUAFU_OUTPUT_RADIANCE].values.size(); ++i) {
+      const auto value = [&](uint32_t output) { return double(images[output].values[i]); };
+      const double ambient = value(group_0) + value(group_0 + 1) + value(group_0 + 2) + value(group_0 + 3);
+      const double all = value(KUAFU_OUTPUT_PROJECTOR_DIRECT) + value(KUAFU_OUTPUT_PROJECTOR_INDIRECT) + value(KUAFU_OUTPUT_AMBIENT);
+      EXPECT_NEAR(ambient, value(KUAFU_OUTPUT_AMBIENT), 1e-6 * ambient);
+      EXPECT_NEAR(all, value(KUAFU_OUTPUT_RADIANCE), 1e-6 * all);
+    }
+    EXPECT_EQ(images[group_0].mean(), 0.0);  // no light says 0
+  }
+}
+
+TEST(LightGroups, hold_what_their_lights_give_alone) {
+  auto all = Room().images();
+  for (const uint32_t group : {1u, 2u, 3u}) {
+    auto alone = Room(KUAFU_TRACER_AUTO, int(group)).images();
+    EXPECT_GT(alone[KUAFU_OUTPUT_RADIANCE].mean(), 0.02);
+    EXPECT_NEAR(all[group_0 + group].mean(), alone[KUAFU_OUTPUT_RADIANCE].mean(), 0.02 * alone[KUAFU_OUTPUT_RADIANCE].mean()) << group;
+    for (const uint32_t other : {1u, 2u, 3u}) {
+      if (other == group) continue;
+      EXPECT_EQ(alone[group_0 + other].mean(), 0.0) << group << other;
+    }
+  }
+}
+
+TEST(LightGroups, asked_for_or_not_the_image_is_the_same) {
+  Room room;
+  const kuafu_view_desc view = view_at({0, 0, 0}, 12, 9, 10);
+  auto with = room.images();
+  auto without = room.world.render({view}, {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_AMBIENT});
+  for (size_t i = 0; i < with[KUAFU_OUTPUT_RADIANCE].values.size(); ++i) {
+    const double expected = without[KUAFU_OUTPUT_RADIANCE].values[i];
+    EXPECT_NEAR(with[KUAFU_OUTPUT_RADIANCE].values[i], expected, 1e-5 * expected);
+  }
+}
+
+TEST(LightGroups, beyond_the_last_are_refused) {
+  World world;
+  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+  light.light_group = 4;
+  uint32_t id = 0;
+  EXPECT_EQ(kuafu_scene_add_light(world.scene(), &light, &id), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(kuafu_last_error()).find("light_group is 4"), std::string::npos) << kuafu_last_error();
 }
 
 }  // namespace

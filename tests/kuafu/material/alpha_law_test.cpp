@@ -45,8 +45,7 @@ TEST_P(Alpha, a_mask_has_holes_for_depth_light_and_shadows) {
   world.add(wall(1), m);
   world.add(wall(2), lambert(1));
   world.add_point({0, 0, 0}, float(4 * pi));
-  world.desc().samples_per_pixel = 1;
-  world.desc().max_bounces = 0;
+  world.take(1, 0);
   auto images = world.render({view_at({0, 0, 0}, 32, 32, 16)}, {KUAFU_OUTPUT_DEPTH, KUAFU_OUTPUT_RADIANCE});
   for (const uint32_t row : {4u, 12u, 20u, 28u})
     for (const uint32_t column : {4u, 12u, 20u, 28u}) {
@@ -64,8 +63,7 @@ TEST_P(Alpha, blended_light_and_shadow_are_in_the_mean_what_alpha_says) {
   world.add(quad({0, 0, 1}, {9, 0, 0}, {0, -9, 0}), with_alpha(KUAFU_ALPHA_BLEND, float(alpha)));
   world.add(quad({0, 0, 2}, {9, 0, 0}, {0, -9, 0}), lambert(1));
   world.add_point({0, 0, 0}, float(4 * pi));
-  world.desc().max_bounces = 0;
-  world.desc().samples_per_pixel = 256;
+  world.take(256, 0);
   // The camera's ray passes with 0.7, and so does the ray from the wall to the light.
   EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 16, 16, 800)).mean(), 0.7 * 0.7, 0.01);
   // Behind the sheet the camera sees the shadow alone.
@@ -80,8 +78,7 @@ TEST_P(Alpha, a_sheet_takes_its_share_of_the_light_from_behind) {
   world.set_environment(1);
   world.add(quad({0, 0, 50}, {400, 0, 0}, {0, -400, 0}), lambert(1));
   world.add(quad({0, 0, 1}, {0.01, 0, 0}, {0, -0.01, 0}), with_alpha(KUAFU_ALPHA_BLEND, 0.6f));
-  world.desc().samples_per_pixel = 256;
-  EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 12, 12, 2000)).mean(), 0.4, 0.02);
+  EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 12, 12, 2000), 256).mean(), 0.4, 0.02);
 }
 
 TEST_P(Alpha, an_opaque_material_pays_no_heed_to_alpha_and_one_that_changes_is_followed) {
@@ -110,9 +107,7 @@ TEST_P(Alpha, a_shining_surface_gives_what_is_there_of_it) {
     m.base_color[3] = 0.5f;
     world.add(quad({0, -1, 2}, {0.3, 0, 0}, {0, 0, 0.3}), m);
     world.add(quad({0, 1, 2}, {3, 0, 0}, {0, 0, -3}), lambert(1));
-    world.desc().samples_per_pixel = 64;
-    world.desc().max_bounces = 1;
-    means[half] = world.radiance(view_at({0, 0.2, 0}, 16, 16, 30)).mean();
+    means[half] = world.radiance(view_at({0, 0.2, 0}, 16, 16, 30), 64, 1).mean();
   }
   EXPECT_GT(means[0], 0.01);
   EXPECT_NEAR(means[1] / means[0], 0.5, 0.03);
@@ -128,8 +123,6 @@ std::vector<double> light_past(uint32_t tracer, uint32_t glass_shadows, std::opt
   world.add(quad({0, 0, 1}, {-0.2, 0, 0}, {0, 0.2, 0}), lambert(0.5f));
   world.add(box({0.01, 0.3, 0.3}), glass(1.5f), placed({0.8, 0, 0.75}));
   world.add_point({1.5, 0, 0.5}, 2.0f);
-  world.desc().samples_per_pixel = 16;
-  world.desc().max_bounces = 0;
   world.desc().glass_shadows = glass_shadows;
   std::vector<double> means;
   for (const kuafu_material_desc& sheet : sheets) {
@@ -138,7 +131,7 @@ std::vector<double> light_past(uint32_t tracer, uint32_t glass_shadows, std::opt
     double sum = 0;
     for (uint32_t seed = 0; seed < seeds_of(tracer); ++seed) {
       world.desc().seed = seed;
-      sum += world.radiance(view_at({0, 0, 0}, 9, 9, 60)).mean();
+      sum += world.radiance(view_at({0, 0, 0}, 9, 9, 60), 16, 0).mean();
     }
     means.push_back(sum / seeds_of(tracer));
   }

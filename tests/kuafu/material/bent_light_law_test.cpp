@@ -3,8 +3,7 @@
 // Fresnel.
 #include <functional>
 
-#include "kuafu/material/fresnel.h"
-#include "kuafu/world.h"
+#include "kuafu/material/measured.h"
 
 namespace laws {
 namespace {
@@ -73,8 +72,7 @@ TEST(BentLight, a_ball_spreads_a_lamps_light_as_traced_rays_say) {
     world.add(quad({0, 0, wall}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
     world.add(sphere(radius, 128, true), glass(float(ior)), placed({0, 0, centre}));
     world.add_point({0, 0, 0}, 1.0f);
-    world.desc().samples_per_pixel = tracer == KUAFU_TRACER_AUTO ? 64 : 4;
-    world.desc().max_bounces = 0;
+    world.take(tracer == KUAFU_TRACER_AUTO ? 64 : 4, 0);
     world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
     const auto side = uint32_t(2 * shadow_px) + 3;
     const std::vector<double> found =
@@ -102,10 +100,8 @@ struct BehindSlab {
     std::vector<float> texels(size_t(columns) * columns);
     for (size_t i = 0; i < texels.size(); ++i) texels[i] = pattern(uint32_t(i % columns));
     world.add_projector(texels, columns, columns, focal_px, 1.0f);
-    world.desc().samples_per_pixel = 16;
-    world.desc().max_bounces = 0;
     world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
-    return world.radiance(view_at({0, 0, 0.75}, 41, 9, 150));
+    return world.radiance(view_at({0, 0, 0.75}, 41, 9, 150), 16, 0);
   }
 
   /// Column of the pattern whose light lands at x: the slab moves a ray aside by t sin(i) (1 - cos(i) / (n cos(t))) (Hecht, Optics, 4.4).
@@ -139,8 +135,7 @@ TEST(BentLight, a_pane_dims_by_fresnel_and_brings_the_lamp_nearer) {
   for (World* world : {&open, &glazed}) {
     world->add(quad({0, 0, 1}, {-0.2, 0, 0}, {0, 0.2, 0}), lambert(0.5f));
     world->add_point({0, 0, 0}, 1.0f);
-    world->desc().samples_per_pixel = 4;
-    world->desc().max_bounces = 0;
+    world->take(4, 0);
     world->desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
   }
   glazed.add(box({0.3, 0.3, thickness / 2}), glass(float(ior)), placed({0, 0, 0.4}));
@@ -158,8 +153,6 @@ TEST(BentLight, a_directional_light_is_focused_by_a_ball) {
   kuafu_light_desc sun = kuafu_light_desc_init(KUAFU_LIGHT_DIRECTIONAL);
   sun.ir_intensity = 1.0f;
   world.add_light(sun, placed({0, 0, 0}));
-  world.desc().samples_per_pixel = 64;
-  world.desc().max_bounces = 0;
   world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
   world.desc().glass_surfaces = 2;  // no reflection inside
   constexpr int rays = 400000;
@@ -171,7 +164,7 @@ TEST(BentLight, a_directional_light_is_focused_by_a_ball) {
   }
   const double disc_px = disc / (behind - camera) * focal_px;
   const auto side = uint32_t(2 * disc_px) + 3;
-  const double found = rings_of(world.radiance(view_at({0, 0, camera}, side, side, focal_px)), disc_px, 1, 0.5)[0];
+  const double found = rings_of(world.radiance(view_at({0, 0, camera}, side, side, focal_px), 64, 0), disc_px, 1, 0.5)[0];
   EXPECT_NEAR(found * pi * disc * disc / power, 1, 0.005);
 }
 
@@ -183,12 +176,11 @@ TEST(BentLight, glass_that_hardly_refracts_changes_no_light_that_walls_pass_on) 
     world.add(quad({-0.5, 0, 0.5}, {0, 0, 0.5}, {0, 0.5, 0}), lambert(0.5f));  // the same wall from its other side
     if (glazed) world.add(sphere(0.15, 64, true), glass(1.0005f), placed({0, 0, 0.5}));
     world.add_point({0, 0, 0}, 1.0f);
-    world.desc().samples_per_pixel = 32;
     world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
     double means[2];
     for (uint32_t bounces = 0; bounces < 2; ++bounces) {
       world.desc().max_bounces = bounces;
-      means[bounces] = world.radiance(view_at({0, 0, 0.7}, 48, 48, 40)).mean();
+      means[bounces] = world.radiance(view_at({0, 0, 0.7}, 48, 48, 40), 32).mean();
     }
     return means[1] - means[0];
   };
@@ -203,10 +195,8 @@ TEST(BentLight, an_opaque_thing_behind_the_ball_casts_its_shadow) {
   world.add(sphere(0.06, 32, true), glass(float(ior)), placed({0, 0, 0.5}));
   world.add(quad({0, 0, 0.2}, {-0.2, 0, 0}, {0, 0.2, 0}), lambert(0.5f));
   world.add_point({0, 0, 0}, 1.0f);
-  world.desc().samples_per_pixel = 4;
-  world.desc().max_bounces = 0;
   world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
-  EXPECT_EQ(world.radiance(view_at({0, 0, 0.6}, 9, 9, 100)).mean(), 0.0);
+  EXPECT_EQ(world.radiance(view_at({0, 0, 0.6}, 9, 9, 100), 4, 0).mean(), 0.0);
 }
 
 }  // namespace

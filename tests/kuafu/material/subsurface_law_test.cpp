@@ -28,8 +28,7 @@ TEST(Subsurface, a_white_body_vanishes_in_a_white_furnace) {
         m.roughness = 0.4f;
         world.add(sphere(0.5, 24, true), m, placed({0, 0, 2}));
         world.set_environment(1.0f);
-        world.desc().samples_per_pixel = 64;
-        EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 8, 8, 20)).mean(), 1, 0.012) << radius << " " << specular;
+        EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 8, 8, 20), 64).mean(), 1, 0.012) << radius << " " << specular;
       }
 }
 
@@ -38,10 +37,9 @@ double block_in_furnace(const kuafu_material_desc& m, double angle = 0, uint32_t
   World world;
   world.add(box({1, 1, 1}), m, placed({0, 0, 3}, angle));
   world.set_environment(1.0f);
-  world.desc().samples_per_pixel = 1024;
   kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 2000);
   view.band = band;
-  return world.radiance(view).mean();
+  return world.radiance(view, 1024).mean();
 }
 
 TEST(Subsurface, of_short_ways_has_the_albedo_that_it_was_given) {
@@ -55,9 +53,7 @@ TEST(Subsurface, of_short_ways_is_lambert_under_a_lamp) {
       World world;
       world.add(box({1, 1, 1}), below ? body(0.6f, 2e-3f) : lambert(0.6f), placed({0, 0, 3}));
       world.add_point({1.5 * std::sin(angle), 0, 2 - 1.5 * std::cos(angle)}, 5.0f);
-      world.desc().samples_per_pixel = 2048;
-      world.desc().max_bounces = 0;
-      means[below] = world.radiance(view_at({0, 0, 0}, 4, 4, 4000)).mean();
+      means[below] = world.radiance(view_at({0, 0, 0}, 4, 4, 4000), 2048, 0).mean();
     }
     EXPECT_NEAR(means[1] / means[0], 1, 0.03) << angle;
   }
@@ -71,10 +67,8 @@ double below_layer(double light_angle, double view_angle) {
   m.roughness = 0;
   world.add(box({1, 1, 1}), m, placed({0, 0, 1}));
   world.add_point({10 * std::sin(light_angle), 0, -10 * std::cos(light_angle)}, 100.0f);
-  world.desc().samples_per_pixel = 2048;
-  world.desc().max_bounces = 0;
   const Vec3 eye{std::sin(view_angle), 0, -std::cos(view_angle)};
-  return world.radiance(view_at(eye, 4, 4, 40000, -view_angle)).mean() / std::cos(light_angle);
+  return world.radiance(view_at(eye, 4, 4, 40000, -view_angle), 2048, 0).mean() / std::cos(light_angle);
 }
 
 // The layer takes from the light on its way in what Fresnel says, as it does on its way out.
@@ -92,10 +86,9 @@ TEST(Subsurface, channels_wander_each_on_their_own) {
   World world;
   world.add(box({1, 1, 1}), m, placed({0, 0, 3}));
   world.set_environment(1.0f);
-  world.desc().samples_per_pixel = 2048;
   kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 2000);
   view.band = KUAFU_BAND_VISIBLE;
-  const Pixels image = world.radiance(view);
+  const Pixels image = world.radiance(view, 2048);
   double means[3] = {};
   for (size_t i = 0; i < image.values.size(); ++i) means[i % 3] += double(image.values[i]) / 16;
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(means[c], colour[c], 0.02) << c;
@@ -124,8 +117,7 @@ double mean_distance(const kuafu_material_desc& m, double reach_m) {
   }
   const double focal_px = 128 / reach_m;
   const uint32_t lamp = world.add_projector(even, n, n, focal_px, 1.0f);
-  world.desc().samples_per_pixel = 8192;
-  world.desc().max_bounces = 0;
+  world.take(8192, 0);
   const kuafu_view_desc view = view_at({0, 0, 0}, 2, 2, 1e6);
   auto images = world.render({view}, {KUAFU_OUTPUT_PROJECTOR_INDIRECT, KUAFU_OUTPUT_PROJECTOR_DIRECT});
   EXPECT_EQ(images[KUAFU_OUTPUT_PROJECTOR_DIRECT].mean(), 0) << "what wandered is indirect";
@@ -167,8 +159,7 @@ TEST(Subsurface, thin_things_let_light_through) {
   World world;
   world.add(box({0.5, 0.5, 0.005}), body(0.9f, 0.02f), placed({0, 0, 1}));
   world.add(quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0}), emitter(1.0f));
-  world.desc().samples_per_pixel = 1024;
-  EXPECT_GT(world.radiance(view_at({0, 0, 0}, 4, 4, 2000)).mean(), 0.3);
+  EXPECT_GT(world.radiance(view_at({0, 0, 0}, 4, 4, 2000), 1024).mean(), 0.3);
 }
 
 TEST(Subsurface, bad_values_are_refused_with_the_numbers) {

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Material textures: where a texel lies, how it is decoded, and that each map multiplies its factor.
+// Textures: where they are looked up, how they are filtered, what they turn.
+#include "kuafu/io/sample_files.h"
 #include "kuafu/world.h"
 
 namespace laws {
 namespace {
+
+using namespace scene_test;
 
 // A wall at z = 1 whose uv (0, 0) is at the upper left of the image and (repeats, repeats) at the lower right, in an environment of
 // radiance 1.
@@ -53,8 +56,7 @@ TEST(Textures, interpolation_keeps_the_mean_and_repeats) {
   kuafu_material_desc m = lambert(1.0f);
   m.base_color_texture = add_texture(world, {0, 255, 102, 51}, 2, 1, false);
   world.add(wall(3), m);
-  world.desc().samples_per_pixel = 256;
-  EXPECT_NEAR(world.radiance(visible_view(24)).mean(), 0.4, 0.004);
+  EXPECT_NEAR(world.radiance(visible_view(24), 256).mean(), 0.4, 0.004);
 }
 
 TEST(Textures, infrared_takes_red_unless_it_has_its_own_albedo) {
@@ -106,6 +108,346 @@ TEST(Textures, transmission_and_specular_maps_multiply_their_factors) {
   m.specular_texture = add_texture(world, {255, 255, 255, 0}, 1, 4, false);
   world.add(wall(), m);
   for (const float v : world.radiance(view_at({0, 0, 0}, 8, 8, 100)).values) ASSERT_NEAR(v, 0.5f, 1e-3);
+}
+
+/// A wall at z = 1 that fills an image of focal length size / 2; its uvs go from `low` at the upper left to `high` at the lower right.
+struct Wall {
+  std::vector<float> positions{-1, -1, 1, 1, -1, 1, 1, 1, 1, -1, 1, 1}, uvs, uvs_1, colors;
+  std::vector<uint32_t> indices{0, 2, 1, 0, 3, 2};
+
+  static std::vector<float> corners(double low, double high) {
+    const auto a = float(low), b = float(high);
+    return {a, a, b, a, b, b, a, b};
+  }
+  void add_to(World& world, const kuafu_material_desc& material) const {
+    kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
+    mesh.positions = positions.data();
+    mesh.uvs = uvs.empty() ? nullptr : uvs.data();
+    mesh.uvs_1 = uvs_1.empty() ? nullptr : uvs_1.data();
+    mesh.colors = colors.empty() ? nullptr : colors.data();
+    mesh.indices = indices.data();
+    mesh.vertex_count = 4;
+    mesh.triangle_count = 2;
+    uint32_t mesh_id = 0, material_id = 0, id = 0;
+    ok(kuafu_scene_add_mesh(world.scene(), &mesh, &mesh_id));
+    ok(kuafu_scene_add_material(world.scene(), &material, &material_id));
+    kuafu_instance_desc instance = kuafu_instance_desc_init(mesh_id);
+    instance.materials = &material_id;
+    instance.material_count = 1;
+    ok(kuafu_scene_add_instance(world.scene(), &instance, &id));
+  }
+};
+
+constexpr uint32_t texture_width = 4, texture_height = 3;
+const std::vector<uint8_t> texels{10, 40, 90, 250, 70, 130, 20, 160, 200, 5, 110, 220};
+
+/// Texel i of `count`, wherever i is.
+int wrapped(int i, int count, uint32_t wrap) {
+  if (wrap == KUAFU_WRAP_CLAMP) return std::min(std::max(i, 0), count - 1);
+  const int period = wrap == KUAFU_WRAP_MIRROR ? 2 * count : count, place = (i % period + period) % period;
+  return place < count ? place : 2 * count - 1 - place;
+}
+
+double texel(int x, int y, const kuafu_texture_desc& t) {
+  return texels[size_t(wrapped(y, texture_height, t.wrap_v)) * texture_width + size_t(wrapped(x, texture_width, t.wrap_u))] / 255.0;
+}
+
+double expected(double u, double v, const kuafu_texture_desc& t) {
+  const double x = u * texture_width, y = v * texture_height;
+  if (t.filter == KUAFU_FILTER_NEAREST) return texel(int(std::floor(x)), int(std::floor(y)), t);
+  const double bx = std::floor(x - 0.5), by = std::floor(y - 0.5), fx = x - 0.5 - bx, fy = y - 0.5 - by;
+  const int i = int(bx), j = int(by);
+  return (texel(i, j, t) * (1 - fx) + texel(i + 1, j, t) * fx) * (1 - fy) +
+         (texel(i, j + 1, t) * (1 - fx) + texel(i + 1, j + 1, t) * fx) * fy;
+}
+
+constexpr uint32_t image_size = 37;  // no pixel's centre lies between two texels
+Pixels albedo(World& world) {
+  world.desc().samples_per_pixel = 1;
+  return world.render({view_at({0, 0, 0}, image_size, image_size, image_size / 2.0)}, {KUAFU_OUTPUT_ALBEDO})[KUAFU_OUTPUT_ALBEDO];
+}
+
+/// Texture coordinate of a pixel's centre.
+double coordinate(uint32_t pixel, double low, double high) { return low + (high - low) * (pixel + 0.5) / image_size; }
+
+class TextureLookup : public testing::TestWithParam<uint32_t> {};  // the tracer: its device has stages of its own
+
+TEST_P(TextureLookup, every_wrap_and_filter_reads_the_texel_that_it_should) {
+  SKIP_IF(why_not(GetParam()));
+  constexpr double low = -1.62, high = 2.37;
+  for (uint32_t wrap_u = 0; wrap_u < 3; ++wrap_u)
+    for (uint32_t wrap_v = 0; wrap_v < 3; ++wrap_v)
+      for (uint32_t filter = 0; filter < 2; ++filter) {
+        World world(GetParam());
+        kuafu_texture_desc t = texture_of(texels, texture_width);
+        t.wrap_u = wrap_u, t.wrap_v = wrap_v, t.filter = filter;
+        kuafu_material_desc m = lambert(1);
+        m.base_color_texture = world.add_texture(t);
+        Wall wall;
+        wall.uvs = Wall::corners(low, high);
+        wall.add_to(world, m);
+        const Pixels image = albedo(world);
+        for (uint32_t row = 0; row < image_size; row += 3)
+          for (uint32_t column = 0; column < image_size; ++column)
+            ASSERT_NEAR(image.at(0, row, column), expected(coordinate(column, low, high), coordinate(row, low, high), t), 2e-3)
+                << "wrap " << wrap_u << wrap_v << " filter " << filter << " pixel " << row << " " << column;
+      }
+}
+
+TEST_P(TextureLookup, the_second_set_and_a_transform_move_the_image_in_paths_too) {
+  SKIP_IF(why_not(GetParam()));
+  World world(GetParam());
+  world.set_environment(1.0f);
+  kuafu_texture_desc t = texture_of(texels, texture_width);
+  t.wrap_u = KUAFU_WRAP_MIRROR, t.filter = KUAFU_FILTER_NEAREST, t.uv_set = 1;
+  const float rows[6] = {0.3f, -0.8f, 0.1037f, 0.9f, 0.2f, -0.4f};  // no pixel's centre lies between two texels
+  std::memcpy(t.uv_transform, rows, sizeof rows);
+  kuafu_material_desc m = lambert(1);
+  m.base_color_texture = world.add_texture(t);
+  Wall wall;
+  wall.uvs = Wall::corners(5, 6);
+  wall.uvs_1 = Wall::corners(0, 1);
+  wall.add_to(world, m);
+  world.desc().samples_per_pixel = 4;
+  auto images = world.render({view_at({0, 0, 0}, image_size, image_size, image_size / 2.0)}, {KUAFU_OUTPUT_ALBEDO, KUAFU_OUTPUT_RADIANCE});
+  double sum = 0, radiance = images[KUAFU_OUTPUT_RADIANCE].mean();
+  for (uint32_t row = 0; row < image_size; ++row)
+    for (uint32_t column = 0; column < image_size; ++column) {
+      const double u = coordinate(column, 0, 1), v = coordinate(row, 0, 1);
+      const double want = expected(0.3 * u - 0.8 * v + 0.1037, 0.9 * u + 0.2 * v - 0.4, t);
+      sum += want;
+      EXPECT_NEAR(images[KUAFU_OUTPUT_ALBEDO].at(0, row, column), want, 2e-3);
+    }
+  EXPECT_NEAR(radiance, sum / (image_size * image_size), 0.01)
+      << "a Lambertian surface in an even environment of 1 is as bright as its albedo";
+}
+
+TEST_P(TextureLookup, vertex_colours_multiply_and_infrared_takes_their_red) {
+  SKIP_IF(why_not(GetParam()));
+  for (const bool own_albedo : {false, true}) {
+    World world(GetParam());
+    kuafu_material_desc m = lambert(0.5f);
+    if (own_albedo) m.ir_albedo = 0.25f;
+    Wall wall;
+    wall.colors = {0, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1};  // red grows with u
+    wall.add_to(world, m);
+    const Pixels infrared = albedo(world);
+    kuafu_view_desc view = view_at({0, 0, 0}, image_size, image_size, image_size / 2.0);
+    view.band = KUAFU_BAND_VISIBLE;
+    const Pixels visible = world.render({view}, {KUAFU_OUTPUT_ALBEDO})[KUAFU_OUTPUT_ALBEDO];
+    for (uint32_t column = 0; column < image_size; ++column) {
+      const double red = 0.5 * coordinate(column, 0, 1);
+      EXPECT_NEAR(infrared.at(0, 9, column), own_albedo ? 0.25 : red, 1e-5);
+      EXPECT_NEAR(visible.at(0, 9, column, 0), red, 1e-5);
+      EXPECT_NEAR(visible.at(0, 9, column, 1), 0.5, 1e-5);
+      EXPECT_NEAR(visible.at(0, 9, column, 2), 0.0, 1e-5);
+    }
+  }
+}
+
+// The map's normal has x = y = 0.5 of z; scaled, its slope grows by as much. A transform that turns the image by a right angle turns the
+// normal with it.
+TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
+  SKIP_IF(why_not(GetParam()));
+  const std::vector<uint8_t> map{191, 128, 255};  // x = 0.5, z = 1
+  for (const float scale : {0.0f, 1.0f, 2.0f})
+    for (const bool turned : {false, true}) {
+      World world(GetParam());
+      kuafu_texture_desc t = texture_of(map, 1, 3);
+      t.uv_set = turned ? 1 : 0;
+      const float quarter[6] = {0, 1, 0, -1, 0, 0};  // u' = v, v' = -u
+      if (turned) std::memcpy(t.uv_transform, quarter, sizeof quarter);
+      kuafu_material_desc m = lambert(1);
+      m.normal_texture = world.add_texture(t);
+      m.normal_scale = scale;
+      Wall wall;
+      wall.uvs = Wall::corners(0, 0);
+      wall.uvs_1 = wall.uvs;
+      (turned ? wall.uvs_1 : wall.uvs) = Wall::corners(0, 1);
+      wall.add_to(world, m);
+      const Pixels normal = world.render({view_at({0, 0, 0}, 8, 8, 100)}, {KUAFU_OUTPUT_NORMAL})[KUAFU_OUTPUT_NORMAL];
+      const double slope = (2 * 191 / 255.0 - 1) * scale, across = (2 * 128 / 255.0 - 1) * scale;
+      const double length = std::sqrt(slope * slope + across * across + 1);
+      const uint32_t along = turned ? 1 : 0;  // u' grows with v, which is the world's y
+      EXPECT_NEAR(normal.at(0, 4, 4, along), slope / length, 1e-3) << "scale " << scale << " turned " << turned;
+      EXPECT_NEAR(std::abs(normal.at(0, 4, 4, 1 - along)), across / length, 1e-3);
+    }
+}
+
+TEST_P(TextureLookup, the_roughness_texture_also_makes_glass_rough_or_smooth) {
+  SKIP_IF(why_not(GetParam()));
+  const std::vector<uint8_t> smooth{255, 0, 255};  // roughness 0
+  std::vector<float> images[3];                    // smooth, smooth by its texture, rough
+  for (int i = 0; i < 3; ++i) {
+    World world(GetParam());
+    world.set_environment(0.2f);
+    kuafu_material_desc m = glass(1.5f);
+    m.roughness = m.transmission_roughness = i > 0 ? 0.6f : 0.0f;
+    if (i == 1) m.metallic_roughness_texture = world.add_texture(texture_of(smooth, 1, 3));
+    world.add(sphere(0.5, 16, true, {0, 0, 2}), m);
+    world.add(quad({0.3, 0, 3}, {0.2, 0, 0}, {0, -0.2, 0}), emitter(5));
+    images[i] = world.radiance(view_at({0, 0, 0}, 24, 24, 40), 64).values;
+  }
+  const auto difference = [&](int i) {
+    double sum = 0;
+    for (size_t k = 0; k < images[0].size(); ++k) sum += std::abs(double(images[0][k]) - double(images[i][k]));
+    return sum / double(images[0].size());
+  };
+  EXPECT_GT(difference(2), 0.05) << "roughness shows";
+  EXPECT_LT(difference(1), 0.05 * difference(2));
+}
+
+// glTF's factors are 1 where a file has a texture alone: metal and rough by them, glass by the texture. Frosted glass reads its table of
+// albedos then too, and light goes through where the texture is smooth.
+TEST(TextureLookupOfGlass, whose_texture_takes_metal_and_roughness_away_finds_glass) {
+  for (const uint8_t green : {0, 255}) {
+    std::vector<float> images[2];  // by factors, by the texture
+    for (int i = 0; i < 2; ++i) {
+      World world;
+      world.set_environment(0.2f);
+      const std::vector<uint8_t> no_metal{255, green, 0};
+      kuafu_material_desc m = glass(1.7f);
+      m.roughness = m.transmission_roughness = i == 0 ? float(green) / 255 : 1.0f;
+      if (i == 1) m.metallic = 1;
+      if (i == 1) m.metallic_roughness_texture = world.add_texture(texture_of(no_metal, 1, 3));
+      world.add(sphere(0.5, 16, true, {0, 0, 2}), m);
+      world.add(quad({0, 0, 3}, {-2, 0, 0}, {0, 2, 0}), lambert(0.5f));
+      world.add_point({0.3, 0, 0}, 5);
+      images[i] = world.radiance(view_at({0, 0, 0}, 24, 24, 30), 16).values;
+    }
+    for (size_t k = 0; k < images[0].size(); ++k) EXPECT_NEAR(images[0][k], images[1][k], 1e-3) << "green " << int(green);
+  }
+}
+
+TEST_P(TextureLookup, a_light_ends_at_its_range) {
+  SKIP_IF(why_not(GetParam()));
+  for (const double range : {0.0, 2.0, 1.25, 0.9}) {
+    World world(GetParam());
+    world.add(quad({0, 0, 1}, {0.1, 0, 0}, {0, -0.1, 0}), lambert(1));
+    kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+    light.ir_intensity = float(pi);
+    light.range_m = range;
+    world.add_light(light, placed({0, 0, 0}));
+    const double ending = range == 0 ? 1 : std::max(0.0, 1 - std::pow(1 / range, 4));
+    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 9, 9, 500)).at(0, 4, 4), ending, 1e-3) << "range " << range;
+  }
+}
+
+TEST(TextureLookupFields, wrong_values_are_refused) {
+  World world;
+  const auto refused = [&](auto&& change) {
+    kuafu_texture_desc t = texture_of(texels, texture_width);
+    change(t);
+    uint32_t id = 0;
+    EXPECT_EQ(kuafu_scene_add_texture(world.scene(), &t, &id), KS_ERROR_INVALID_ARGUMENT);
+  };
+  refused([](auto& t) { t.wrap_u = 3; });
+  refused([](auto& t) { t.wrap_v = 9; });
+  refused([](auto& t) { t.filter = 2; });
+  refused([](auto& t) { t.uv_set = 2; });
+  refused([](auto& t) { t.uv_transform[2] = NAN; });
+}
+
+INSTANTIATE_TEST_SUITE_P(Tracers, TextureLookup, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE));
+
+constexpr double across = 0.5, up = 0.3;  // of the map's normal, along tangent and bitangent
+constexpr uint32_t wall_pixels = 8;
+
+/// A BMP of one texel that is that normal.
+std::string tilted_normal() {
+  std::string out("BM", 2);
+  const auto word = [&](uint32_t value) { out.append(reinterpret_cast<const char*>(&value), 4); };
+  for (const uint32_t value : {58u, 0u, 54u, 40u, 1u, 1u, 1u | 24u << 16, 0u, 4u, 0u, 0u, 0u, 0u}) word(value);
+  const double ahead = std::sqrt(1 - across * across - up * up);
+  for (const double part : {ahead, up, across}) out.push_back(char(std::lround((part + 1) / 2 * 255)));  // blue first
+  return out + '\0';
+}
+
+struct TangentWall {
+  double angle = 0;  // of the tangent from growing u, in radians, towards growing v
+  float side = 1;    // w; 0: the file gives no TANGENT
+  bool mirrored = false, turned_texture = false;
+  Vec3 expected{};
+};
+
+/// Walls side by side that face the camera at the origin; u grows along x and v along y, which is down.
+GltfWriter file_of(const std::vector<TangentWall>& walls) {
+  GltfWriter w;
+  const std::string bmp = tilted_normal();
+  w.root["images"] = {{{"bufferView", w.view(bmp.data(), bmp.size())}, {"mimeType", "image/bmp"}}};
+  w.root["textures"] = {{{"source", 0}}};
+  json turned = {{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"rotation", pi / 2}}}}}};
+  w.root["materials"] = {{{"normalTexture", {{"index", 0}}}}, {{"normalTexture", std::move(turned)}}};
+  const int positions = w.accessor<float>({-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0}, type_float, "VEC3", 3),
+            normals = w.accessor<float>({0, 0, -1, 0, 0, -1, 0, 0, -1, 0, 0, -1}, type_float, "VEC3", 3),
+            uvs = w.accessor<float>({0, 0, 1, 0, 1, 1, 0, 1}, type_float, "VEC2", 2),
+            indices = w.accessor<uint16_t>({0, 2, 1, 0, 3, 2}, type_u16, "SCALAR", 1);
+  for (size_t i = 0; i < walls.size(); ++i) {
+    const TangentWall& wall = walls[i];
+    json attributes = {{"POSITION", positions}, {"NORMAL", normals}, {"TEXCOORD_0", uvs}};
+    std::vector<float> tangents;
+    for (int k = 0; k < 4; ++k) tangents.insert(tangents.end(), {float(std::cos(wall.angle)), float(std::sin(wall.angle)), 0, wall.side});
+    if (wall.side != 0) attributes["TANGENT"] = w.accessor<float>(tangents, type_float, "VEC4", 4);
+    const int mesh = w.mesh({{{"attributes", attributes}, {"indices", indices}, {"material", wall.turned_texture ? 1 : 0}}});
+    const double x = 2 * double(i) - double(walls.size() - 1);
+    w.node({{"mesh", mesh}, {"translation", {x, 0, 100}}, {"scale", {wall.mirrored ? -1 : 1, 1, 1}}});
+  }
+  return w;
+}
+
+void expect_normals(uint32_t tracer, const std::vector<TangentWall>& walls) {
+  SKIP_IF(why_not(tracer));
+  World world(tracer);
+  const Folder folder;
+  file_of(walls).write_glb(folder / "walls.glb");
+  ok(kuafu_scene_load(world.scene(), (folder / "walls.glb").c_str(), nullptr, nullptr));
+  const auto view = view_at({0, 0, 0}, wall_pixels * uint32_t(walls.size()), wall_pixels, wall_pixels * 50);
+  const Pixels normal = world.render({view}, {KUAFU_OUTPUT_NORMAL})[KUAFU_OUTPUT_NORMAL];
+  for (size_t i = 0; i < walls.size(); ++i)
+    for (uint32_t c = 0; c < 3; ++c)
+      EXPECT_NEAR(normal.at(0, 4, uint32_t(i) * wall_pixels + 4, c), walls[i].expected[c], 0.005) << "wall " << i << ", tracer " << tracer;
+}
+
+/// What glTF 2.0, section 3.7.2.1, says: bitangent = cross(normal, tangent) * w, and the pose is applied to all three.
+Vec3 by_the_text(const TangentWall& wall) {
+  const double tangent[2] = {std::cos(wall.angle), std::sin(wall.angle)};
+  const double bitangent[2] = {wall.side * tangent[1], -wall.side * tangent[0]};  // cross((0, 0, -1), tangent) * w
+  Vec3 n{across * tangent[0] + up * bitangent[0], across * tangent[1] + up * bitangent[1], -std::sqrt(1 - across * across - up * up)};
+  if (wall.mirrored) n[0] = -n[0];
+  return n;
+}
+
+TEST(Tangents, turn_a_map_of_normals_on_both_sides_in_mirrors_and_whatever_the_texture_does) {
+  std::vector<TangentWall> walls;
+  for (const bool mirrored : {false, true})
+    for (const double angle : {0.0, pi / 2, pi})
+      for (const float side : {1.0f, -1.0f}) walls.push_back({angle, side, mirrored});
+  walls.push_back({pi / 2, 1, false, true});
+  for (TangentWall& wall : walls) wall.expected = by_the_text(wall);
+  for (const bool mirrored : {false, true}) {
+    TangentWall none{0, 0, mirrored};
+    none.expected = by_the_text({0, 1, mirrored});  // where u and v grow, as the first wall's tangents lie
+    walls.push_back(none);
+  }
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) expect_normals(tracer, walls);
+}
+
+// A lobe that is long along the tangent spreads the light of a lamp which stands that way.
+TEST(Tangents, turn_brushed_metal) {
+  const auto seen = [](double angle, const Vec3& lamp) {
+    World world;
+    GltfWriter w = file_of({{angle, 1}});
+    w.root["materials"][0] = {{"pbrMetallicRoughness", {{"metallicFactor", 1}, {"roughnessFactor", 0.3}}},
+                              {"extensions", {{"KHR_materials_anisotropy", {{"anisotropyStrength", 0.8}}}}}};
+    const Folder folder;
+    w.write_glb(folder / "wall.glb");
+    ok(kuafu_scene_load(world.scene(), (folder / "wall.glb").c_str(), nullptr, nullptr));
+    world.add_point(lamp, 1e4f);
+    return world.radiance(view_at({0, 0, 0}, 4, 4, 20000), 4).mean();
+  };
+  const Vec3 right{80, 0, 0}, down{0, 80, 0};
+  EXPECT_GT(seen(0, right), 3 * seen(pi / 2, right));
+  EXPECT_NEAR(seen(pi / 2, down), seen(0, right), 0.02 * seen(0, right));
 }
 
 }  // namespace

@@ -12,10 +12,7 @@ constexpr double focal_px = 40.0;
 
 class CameraOptics : public testing::TestWithParam<uint32_t> {
  protected:
-  CameraOptics() : world_(GetParam()) {
-    world_.desc().samples_per_pixel = 1;
-    world_.desc().max_bounces = 0;
-  }
+  CameraOptics() : world_(GetParam()) { world_.take(1, 0); }
 
   /// A light that fills one pixel, at z = 1 m; radiance in W/(sr m^2).
   void add_point_at(uint32_t column, uint32_t row, double z = 1.0, float radiance = 1.0f) {

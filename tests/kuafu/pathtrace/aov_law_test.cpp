@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // AOVs against closed forms: planes seen by pinholes, projectors as pinholes the other way round, motion as differences of projections.
-#include <cstddef>
 
 #include "kuafu/world.h"
 

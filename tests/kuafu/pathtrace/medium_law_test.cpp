@@ -58,8 +58,7 @@ TEST(Medium, dims_the_projector_on_both_ways_and_scatters_into_its_indirect_ligh
     World world;
     world.add(quad({0, 0, distance}, {-2, 0, 0}, {0, 2, 0}), lambert(0.5f));
     world.add_projector(std::vector<float>(81, 1.0f), 9, 9, 4, 3.0f, placed({baseline, 0, 0}));
-    world.desc().samples_per_pixel = 1;
-    world.desc().max_bounces = 0;
+    world.take(1, 0);
     const kuafu_view_desc view = view_at({0, 0, 0}, 3, 3, 4000);
     const std::vector<uint32_t> groups{KUAFU_OUTPUT_PROJECTOR_DIRECT, KUAFU_OUTPUT_PROJECTOR_INDIRECT};
     const double clear = world.render({view}, groups)[KUAFU_OUTPUT_PROJECTOR_DIRECT].at(0, 1, 1);
@@ -84,8 +83,6 @@ TEST(Medium, single_scattering_is_its_integral) {
     kuafu_medium_desc m = fog(float(s), float(albedo));
     m.phase_g = float(g);
     set_medium(world, m);
-    world.desc().samples_per_pixel = 4096;
-    world.desc().max_bounces = 0;
     double expected = 0;
     const int n = 20000;
     for (int i = 0; i < n; ++i) {
@@ -94,7 +91,7 @@ TEST(Medium, single_scattering_is_its_integral) {
       const double p = (1 - g * g) / (4 * pi * std::pow(1 + g * g - 2 * g * cosine, 1.5));
       expected += s * albedo * std::exp(-s * (t + r)) * p * 2.0 / (r * r) * 20 / n;
     }
-    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 2, 2, 20000)).mean(), expected, 0.015 * expected) << g;
+    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 2, 2, 20000), 4096, 0).mean(), expected, 0.015 * expected) << g;
   }
 }
 
@@ -107,23 +104,20 @@ TEST(Medium, begins_at_the_end_of_a_cameras_housing) {
     kuafu_medium_desc m = fog(float(s), 0);
     m.housing_m = float(housing);
     set_medium(dimmed, m);
-    dimmed.desc().samples_per_pixel = 1;
-    EXPECT_NEAR(dimmed.radiance(view_at({0, 0, 0}, 2, 2, 4000)).mean(), std::exp(-s * (distance - housing)), 1e-5);
+    EXPECT_NEAR(dimmed.radiance(view_at({0, 0, 0}, 2, 2, 4000), 1).mean(), std::exp(-s * (distance - housing)), 1e-5);
   }
   World glow;
   glow.add_point({aside, 0, 0}, 2.0f);
   kuafu_medium_desc m = fog(float(s), 1);
   m.housing_m = float(housing);
   set_medium(glow, m);
-  glow.desc().samples_per_pixel = 4096;
-  glow.desc().max_bounces = 0;
   double expected = 0;
   const int n = 20000;
   for (int i = 0; i < n; ++i) {
     const double t = housing + 20 * (i + 0.5) / n, r = std::hypot(aside, t);
     expected += s * std::exp(-s * (t - housing + r)) / (4 * pi) * 2.0 / (r * r) * 20 / n;
   }
-  EXPECT_NEAR(glow.radiance(view_at({0, 0, 0}, 2, 2, 20000)).mean(), expected, 0.015 * expected);
+  EXPECT_NEAR(glow.radiance(view_at({0, 0, 0}, 2, 2, 20000), 4096, 0).mean(), expected, 0.015 * expected);
 }
 
 TEST(Medium, that_loses_nothing_vanishes_in_a_white_furnace) {
@@ -134,9 +128,7 @@ TEST(Medium, that_loses_nothing_vanishes_in_a_white_furnace) {
     kuafu_medium_desc m = fog(1.0f, 1.0f, 2.0);
     m.phase_g = g;
     set_medium(world, m);
-    world.desc().samples_per_pixel = 64;
-    world.desc().max_bounces = 64;
-    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 16, 16, 20)).mean(), 1, 0.01) << g;
+    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 16, 16, 20), 64, 64).mean(), 1, 0.01) << g;
   }
 }
 
@@ -147,9 +139,7 @@ TEST(Medium, airlight_of_even_light_is_koschmieders) {
     world.set_environment(1.0f);
     world.add(quad({0, 0, distance}, {-0.01, 0, 0}, {0, 0.01, 0}), lambert(0.0f));
     set_medium(world, fog(0.6f, 1.0f, 4.0));
-    world.desc().samples_per_pixel = 1024;
-    world.desc().max_bounces = 48;
-    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 3, 3, 4000)).mean(), 1 - std::exp(-0.6 * distance), 0.015) << distance;
+    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 3, 3, 4000), 1024, 48).mean(), 1 - std::exp(-0.6 * distance), 0.015) << distance;
   }
 }
 
@@ -159,14 +149,12 @@ TEST(Medium, keeps_out_of_bodies) {
   world.add(box({0.5, 0.5, 0.25}), hollow, placed({0, 0, 1}));
   world.add(quad({0, 0, 2}, {-1, 0, 0}, {0, 1, 0}), emitter(1.0f));
   set_medium(world, fog(1.2f, 0));
-  world.desc().samples_per_pixel = 4;
-  EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 2, 2, 4000)).mean(), std::exp(-1.2 * 1.5), 1e-4);
+  EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 2, 2, 4000), 4).mean(), std::exp(-1.2 * 1.5), 1e-4);
 
   World lit;  // shadow rays through it, too
   lit.add(quad({0, 0, 1}, {-0.1, 0, 0}, {0, 0.1, 0}), lambert(1.0f));
   lit.add_point({3, 0, 1 - 3}, 1.0f);
-  lit.desc().samples_per_pixel = 1;
-  lit.desc().max_bounces = 0;
+  lit.take(1, 0);
   const kuafu_view_desc view = view_at({0, 0, 0}, 3, 3, 4000);
   const double open = lit.radiance(view).at(0, 1, 1);
   lit.add(box({0.1, 1, 1}), hollow, placed({1.5, 0, -0.5}));
@@ -186,10 +174,8 @@ TEST(Medium, light_samples_and_phase_samples_agree) {
     kuafu_medium_desc m = fog(0.7f, 0.9f);
     m.phase_g = 0.5f;
     set_medium(world, m);
-    world.desc().samples_per_pixel = 4096;
-    world.desc().max_bounces = 3;
     world.desc().light_sampling = sampling;
-    means[sampling] = world.radiance(view_at({0, 0, 0}, 8, 8, 16)).mean();
+    means[sampling] = world.radiance(view_at({0, 0, 0}, 8, 8, 16), 4096, 3).mean();
   }
   EXPECT_NEAR(means[KUAFU_SAMPLING_LIGHTS] / means[KUAFU_SAMPLING_MIS], 1, 0.05);  // close to the lamp its samples alone are noisy
   EXPECT_NEAR(means[KUAFU_SAMPLING_BSDF] / means[KUAFU_SAMPLING_MIS], 1, 0.02);

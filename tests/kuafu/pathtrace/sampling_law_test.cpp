@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Samples: the same bits whatever the threads and the batch, other bits for other seeds, and a sequence that goes on.
+// Samples: bits, seeds, pixels, tracers, and the size of an estimate.
 #include <cmath>
+#include <random>
 
 #include "kuafu/world.h"
 
@@ -123,8 +124,7 @@ TEST(Sampling, passes_join) {
   const kuafu_view_desc view = view_at({0, 0, 0}, 16, 10, 15);
   world.desc().samples_per_pixel = 600;
   const double all = world.radiance(view).mean();
-  world.desc().samples_per_pixel = 256;
-  EXPECT_NEAR(all, world.radiance(view).mean(), 0.01 * all);
+  EXPECT_NEAR(all, world.radiance(view, 256).mean(), 0.01 * all);
 }
 
 TEST(Sampling, pixels_integrate_a_box) {
@@ -133,8 +133,7 @@ TEST(Sampling, pixels_integrate_a_box) {
     World world;
     const double edge_x = (share - 0.5) / 100;  // metres right of the axis at z = 1: a pixel is 10 mm
     world.add(quad({edge_x - 1, 0, 1}, {-1, 0, 0}, {0, 1, 0}), emitter(1.0f));
-    world.desc().samples_per_pixel = 256;
-    const Pixels image = world.radiance(view_at({0, 0, 0}, 3, 3, 100));
+    const Pixels image = world.radiance(view_at({0, 0, 0}, 3, 3, 100), 256);
     EXPECT_NEAR(image.at(0, 1, 1), share, 0.005);
     EXPECT_EQ(image.at(0, 1, 0), 1.0f);
     EXPECT_EQ(image.at(0, 1, 2), 0.0f);
@@ -147,8 +146,7 @@ TEST(Sampling, stratified_edges_beat_independent_samples) {
   world.add(quad({-1, 0, 1}, {-1, 0, 0}, {0.3, 1, 0}), emitter(1.0f));
   world.desc().samples_per_pixel = 64;
   const Pixels image = world.radiance(view_at({0, 0, 0}, 9, 65, 100));
-  world.desc().samples_per_pixel = 4096;
-  const Pixels reference = world.radiance(view_at({0, 0, 0}, 9, 65, 100));
+  const Pixels reference = world.radiance(view_at({0, 0, 0}, 9, 65, 100), 4096);
   double squares = 0;
   int count = 0;
   for (size_t i = 0; i < image.values.size(); ++i) {
@@ -171,6 +169,150 @@ TEST(Sampling, tracers_agree) {
   size_t different = 0;
   for (size_t i = 0; i < images[0].size(); ++i) different += std::abs(images[0][i] - images[1][i]) > 0.02f * (0.05f + images[0][i]);
   EXPECT_LT(double(different), 0.01 * double(images[0].size()));
+}
+
+TEST(Estimator, many_seeds_at_four_samples_have_the_mean_of_many_samples) {
+  World world;
+  world.add(quad({0, 0.3, 1}, {-1, 0, 0}, {0, 0, -1}), lambert(0.7f));
+  kuafu_material_desc metal = kuafu_material_desc_init();
+  metal.metallic = 1;
+  metal.roughness = 0.4f;
+  world.add(sphere(0.12, 12, true), metal, placed({-0.2, 0.18, 1}));
+  kuafu_material_desc frosted = glass(1.5f);
+  frosted.transmission_roughness = 0.4f;
+  world.add(sphere(0.12, 12, true), frosted, placed({0.2, 0.18, 1}));
+  world.add(box({0.1, 0.02, 0.1}), emitter(3.0f), placed({0, -0.3, 1}));
+  world.set_environment(0.1f);
+  const kuafu_view_desc view = view_at({0, 0, 0}, 24, 24, 30);
+  world.desc().samples_per_pixel = 4096;
+  world.desc().seed = 12345;
+  const double expected = world.radiance(view).mean();
+  constexpr int seeds = 256;
+  double sum = 0, squares = 0;
+  for (int i = 0; i < seeds; ++i) {
+    world.desc().seed = uint64_t(i);
+    const double mean = world.radiance(view, 4).mean();
+    sum += mean, squares += mean * mean;
+  }
+  const double mean = sum / seeds, error = std::sqrt((squares / seeds - mean * mean) / (seeds - 1));
+  // The reference has 4 times as many samples as all seeds together: a quarter of their variance is added.
+  EXPECT_NEAR(mean, expected, 4 * error * std::sqrt(1.25));
+}
+
+Vec3 operator+(const Vec3& a, const Vec3& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
+Vec3 operator-(const Vec3& a, const Vec3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+Vec3 operator*(const Vec3& a, double s) { return {a[0] * s, a[1] * s, a[2] * s}; }
+double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+Vec3 cross(const Vec3& a, const Vec3& b) { return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]}; }
+Vec3 unit(const Vec3& a) { return a * (1 / std::sqrt(dot(a, a))); }
+
+struct Triangle {
+  Vec3 a, e1, e2, normal;
+  double albedo, emission;
+};
+
+struct Hit {
+  double t = 1e30;
+  const Triangle* triangle = nullptr;
+};
+
+class Room {
+ public:
+  void add(World& world, const Shape& shape, double albedo, double emission = 0) {
+    kuafu_material_desc m = lambert(float(albedo));
+    m.ir_emission = float(emission);
+    world.add(shape, m);
+    for (size_t i = 0; i < shape.indices.size(); i += 3) {
+      Vec3 p[3];
+      for (size_t k = 0; k < 3; ++k)
+        for (size_t c = 0; c < 3; ++c) p[k][c] = double(shape.positions[3 * shape.indices[i + k] + c]);
+      const Vec3 e1 = p[1] - p[0], e2 = p[2] - p[0];
+      triangles_.push_back({p[0], e1, e2, unit(cross(e1, e2)), albedo, emission});
+    }
+  }
+
+  /// Radiance along a ray: emission where the eye looks, and light of the lamp on bounces + 1 surfaces.
+  double radiance(Vec3 origin, Vec3 direction, int bounces) {
+    double sum = 0, throughput = 1;
+    for (int bounce = 0; bounce <= bounces; ++bounce) {
+      const Hit hit = closest(origin, direction);
+      if (hit.triangle == nullptr) break;
+      if (bounce == 0) sum += hit.triangle->emission;
+      const Vec3 n = dot(hit.triangle->normal, direction) < 0 ? hit.triangle->normal : hit.triangle->normal * -1;
+      origin = origin + direction * hit.t + n * 1e-9;
+      throughput *= hit.triangle->albedo;
+      sum += throughput / pi * irradiance(origin, n);
+      direction = cosine_around(n);
+    }
+    return sum;
+  }
+
+ private:
+  double random() { return uniform_(random_); }
+
+  [[nodiscard]] Hit closest(const Vec3& origin, const Vec3& direction) const {
+    Hit hit;
+    for (const Triangle& t : triangles_) {  // Moeller and Trumbore 1997
+      const Vec3 p = cross(direction, t.e2), s = origin - t.a, q = cross(s, t.e1);
+      const double det = dot(t.e1, p), u = dot(s, p) / det, v = dot(direction, q) / det, way = dot(t.e2, q) / det;
+      if (u >= 0 && v >= 0 && u + v <= 1 && way > 1e-9 && way < hit.t) hit = {way, &t};
+    }
+    return hit;
+  }
+
+  double irradiance(const Vec3& point, const Vec3& n) {
+    double sum = 0;
+    for (const Triangle& t : triangles_) {
+      if (t.emission == 0) continue;
+      const double root = std::sqrt(random()), v = random() * root;
+      const Vec3 way = t.a + t.e1 * (1 - root) + t.e2 * v - point, d = unit(way);
+      const double cos_here = dot(d, n), area = 0.5 * std::sqrt(dot(cross(t.e1, t.e2), cross(t.e1, t.e2)));
+      if (cos_here <= 0 || closest(point, d).triangle != &t) continue;
+      sum += t.emission * cos_here * std::abs(dot(d, t.normal)) * area / dot(way, way);
+    }
+    return sum;
+  }
+
+  Vec3 cosine_around(const Vec3& n) {
+    const double phi = 2 * pi * random(), r2 = random(), r = std::sqrt(r2);
+    const Vec3 x = unit(cross(std::abs(n[0]) > 0.5 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, n)), y = cross(n, x);
+    return x * (r * std::cos(phi)) + y * (r * std::sin(phi)) + n * std::sqrt(1 - r2);
+  }
+
+  std::vector<Triangle> triangles_;
+  std::mt19937_64 random_{11};
+  std::uniform_real_distribution<double> uniform_{0, 1};
+};
+
+TEST(Cornell, mean_radiance_is_that_of_another_path_tracer) {
+  World world;
+  Room room;
+  room.add(world, quad({0, 1, 2}, {1, 0, 0}, {0, 0, 1}), 0.7);
+  room.add(world, quad({0, -1, 2}, {1, 0, 0}, {0, 0, 1}), 0.7);
+  room.add(world, quad({0, 0, 3}, {1, 0, 0}, {0, 1, 0}), 0.7);
+  room.add(world, quad({-1, 0, 2}, {0, 1, 0}, {0, 0, 1}), 0.2);
+  room.add(world, quad({1, 0, 2}, {0, 1, 0}, {0, 0, 1}), 0.45);
+  room.add(world, box({0.25, 0.25, 0.25}, {0.4, 0.74, 1.7}), 0.6);
+  room.add(world, box({0.25, 0.55, 0.25}, {-0.35, 0.44, 2.3}), 0.6);
+  room.add(world, quad({0, -0.7, 2}, {0.3, 0, 0}, {0, 0, 0.3}), 0.3, 5);
+  constexpr uint32_t size = 16, bounces = 5;
+  constexpr double focal_px = 12;
+  const Pixels image = world.radiance(view_at({0, 0, -0.5}, size, size, focal_px), 1024, bounces);
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> uniform(-0.5, 0.5);
+  constexpr int paths = 800;
+  double expected[2] = {}, seen[2] = {};  // upper and lower half
+  for (uint32_t r = 0; r < size; ++r)
+    for (uint32_t c = 0; c < size; ++c) {
+      double sum = 0;
+      for (int i = 0; i < paths; ++i) {
+        const double x = c + uniform(random) - (size - 1) / 2.0, y = r + uniform(random) - (size - 1) / 2.0;
+        sum += room.radiance({0, 0, -0.5}, unit({x / focal_px, y / focal_px, 1}), bounces);
+      }
+      expected[2 * r / size] += sum / paths;
+      seen[2 * r / size] += double(image.at(0, r, c));
+    }
+  for (int half : {0, 1}) EXPECT_NEAR(seen[half] / expected[half], 1, 0.015) << half;
 }
 
 }  // namespace

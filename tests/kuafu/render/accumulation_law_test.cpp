@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Samples over several calls and rounds: sums that go on, the variance of a pixel's mean, budgets of noise and time.
-#include <cstring>
 #include <limits>
 
 #include "kuafu/world.h"
@@ -20,8 +19,7 @@ class Corner {
     world_.add(quad({-1, 0, 1}, {0, 0, 1}, {0, 1, 0}), lambert(0.8f));
     world_.add(quad({0.5, -0.8, 1.5}, {0.2, 0, 0}, {0, 0, 0.2}), emitter(8));
     world_.add_point({0.2, 0.2, 0.5}, 0.3f);
-    world_.desc().max_bounces = 2;
-    world_.desc().samples_per_pixel = 16;
+    world_.take(16, 2);
   }
   std::map<uint32_t, Pixels> render(uint32_t samples, bool accumulate, const std::vector<uint32_t>& which = outputs, uint32_t side = 8) {
     world_.desc().samples_per_pixel = samples;

@@ -2,7 +2,6 @@
 // Animated values between keyframes, and vertices that skins and morph targets move, against the formulas of the glTF 2.0 specification.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 #include <random>

@@ -85,7 +85,6 @@ TEST(Parameters, EachFaultIsRefusedWithItsNumber) {
 }
 
 TEST(Parameters, TheLimitsThemselvesAreAccepted) {
-  const Device device = open_device();
   void (*const limits[])(simsense_parameters&) = {
       [](simsense_parameters& p) { p.max_disparity = 1024; },
       [](simsense_parameters& p) { p.census_width = 13, p.census_height = 5; },
@@ -101,7 +100,7 @@ TEST(Parameters, TheLimitsThemselvesAreAccepted) {
   for (const auto& make : limits) {
     simsense_parameters p = fitting();
     make(p);
-    const EngineHandle engine = open_engine(device, ideal_rig(33, 32), p);
+    const EngineHandle engine = open_engine(ideal_rig(33, 32), p);
     std::vector<uint8_t> image(33 * 32);
     for (size_t i = 0; i < image.size(); ++i) image[i] = static_cast<uint8_t>(i * 2654435761u >> 13);
     const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, image, image, 32, 33, {32, 33});
@@ -137,8 +136,7 @@ TEST(ComputeArguments, EachFaultIsRefusedWithItsNumber) {
       {"left laser image has format 4",
        [](Compute& c) { c.left_laser = c.right_laser = c.left, c.left_laser.image.format = KS_FORMAT_U32; }},
   };
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, ideal_rig(width, height), fitting());
+  const EngineHandle engine = open_engine(ideal_rig(width, height), fitting());
   for (const Fault& fault : faults) {
     Compute call;
     fault.make(call);
@@ -154,12 +152,11 @@ TEST(ComputeArguments, EachFaultIsRefusedWithItsNumber) {
 }
 
 TEST(ComputeArguments, DisparitiesThatSixteenthsCannotHoldAreRefused) {
-  const Device device = open_device();
   simsense_parameters p = fitting();
   p.max_disparity = 32;
   for (const int32_t last : {2047, 2048}) {
     p.min_disparity = last - 31;
-    const EngineHandle engine = open_engine(device, ideal_rig(width, height), p);
+    const EngineHandle engine = open_engine(ideal_rig(width, height), p);
     Compute call;
     call.output.output = SIMSENSE_OUTPUT_DISPARITY;
     EXPECT_EQ(call.run(engine), KS_OK) << simsense_last_error();

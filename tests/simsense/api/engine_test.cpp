@@ -90,8 +90,7 @@ void expect_same_depth(const EngineHandle& engine, const Pair& pair, const std::
 }  // namespace
 
 TEST(Engine, ReadsAnyStridesAndFormats) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const EngineHandle engine = open_engine(small_rig(), small_parameters());
   const Pair pair = photograph(0.7);
   const auto expected = depth_of(engine, pair);
   expect_same_depth<uint8_t>(engine, pair, expected);
@@ -100,8 +99,7 @@ TEST(Engine, ReadsAnyStridesAndFormats) {
 }
 
 TEST(Engine, WritesAnyStrides) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, small_rig(), small_parameters(), noisy_signal());
+  const EngineHandle engine = open_engine(small_rig(), small_parameters(), noisy_signal());
   const Pair pair = photograph(0.7);
   const std::pair<uint32_t, uint32_t> outputs[] = {{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32},
                                                    {SIMSENSE_OUTPUT_DEPTH, KS_FORMAT_F32},
@@ -152,10 +150,9 @@ TEST(Engine, BatchEqualsItsPairs) {
 }
 
 TEST(Engine, GivesTheSameOutputsTogetherAsApart) {
-  const Device device = open_device();
   simsense_rig_desc rig = crooked_rig(width, height, 215);
   rig.rgb = camera(120, 80, 150);
-  const EngineHandle engine = open_engine(device, rig, small_parameters(), noisy_signal());
+  const EngineHandle engine = open_engine(rig, small_parameters(), noisy_signal());
   const Pair pair = photograph(0.7);
   std::vector<float> disparity(width * height), depth(width * height), depth_rgb(120 * 80), points(120 * 80 * 3);
   std::vector<uint8_t> ir[2] = {std::vector<uint8_t>(width * height), std::vector<uint8_t>(width * height)}, rectified[2] = {ir[0], ir[0]};
@@ -206,8 +203,7 @@ TEST(Engine, NoiseFollowsSeedAndFrameAndNothingElse) {
 }
 
 TEST(Engine, ParametersChangeBetweenFramesAndBadOnesChangeNothing) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const EngineHandle engine = open_engine(small_rig(), small_parameters());
   const Pair pair = photograph(0.7);
   const auto before = depth_of(engine, pair);
   simsense_parameters p = small_parameters();
@@ -231,8 +227,7 @@ TEST(Engine, ParametersChangeBetweenFramesAndBadOnesChangeNothing) {
 }
 
 TEST(Engine, TellsTheRectifiedCalibrationAndItsStages) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const EngineHandle engine = open_engine(small_rig(), small_parameters());
   double k[9], baseline = 0, turn[16];
   ASSERT_EQ(simsense_engine_get_rectified(engine.get(), k, &baseline, turn), KS_OK);
   EXPECT_EQ(std::memcmp(k, small_rig().left.k, sizeof k), 0);
@@ -248,8 +243,7 @@ TEST(Engine, TellsTheRectifiedCalibrationAndItsStages) {
 }
 
 TEST(Engine, RefusesASecondCallWhileOneIsUnderWay) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const EngineHandle engine = open_engine(small_rig(), small_parameters());
   const std::vector<uint8_t> images(width * height, 9);
   std::vector<float> depth(width * height);
   const simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}));

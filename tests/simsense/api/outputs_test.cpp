@@ -67,8 +67,7 @@ size_t count_in(const std::vector<uint8_t>& reasons, uint8_t reason, uint32_t x0
 }
 
 TEST(Outputs, ReasonAndConfidenceTellOfEveryPixel) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig(), parameters());
+  const EngineHandle engine = open_engine(rig(), parameters());
   const Pair pair = scene();
   std::vector<float> depth(width * height), disparity(depth.size()), confidence(depth.size());
   std::vector<uint8_t> reason(depth.size());
@@ -96,18 +95,16 @@ TEST(Outputs, ReasonAndConfidenceTellOfEveryPixel) {
 TEST(Outputs, WhatLiesBeyondTheRangeIsSaidToBe) {
   simsense_parameters p = parameters();
   p.max_depth_m = 0.3f;  // the plane is at 0.5 m
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig(), p);
+  const EngineHandle engine = open_engine(rig(), p);
   const Pair pair = scene();
   const auto reason = compute_one<uint8_t>(engine, SIMSENSE_OUTPUT_REASON, pair.left, pair.right, height, width, shape);
   EXPECT_EQ(reason[80 * width + 100], SIMSENSE_REASON_OUT_OF_RANGE);
 }
 
 TEST(Outputs, IntegerFormsAreTheRoundedFloats) {
-  const Device device = open_device();
   simsense_rig_desc with_rgb = rig();
   with_rgb.rgb = camera(width, height, f);
-  const EngineHandle engine = open_engine(device, with_rgb, parameters());
+  const EngineHandle engine = open_engine(with_rgb, parameters());
   const Pair pair = scene();
   const auto input = [&](const std::vector<uint8_t>& image) { return host_image(image, shape); };
   const auto disparity = compute_one<float>(engine, SIMSENSE_OUTPUT_DISPARITY, pair.left, pair.right, height, width, shape);
@@ -136,8 +133,7 @@ TEST(Outputs, MillimetresBeyondTheTypeAreNoMeasurement) {
   far.left_to_right[3] = -5;  // 50 m
   simsense_parameters p = parameters();
   p.max_depth_m = 1000;
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, far, p);
+  const EngineHandle engine = open_engine(far, p);
   const Pair pair = scene();
   std::vector<int16_t> narrow(width * height, 1);
   std::vector<uint16_t> wide(width * height, 1);
@@ -152,8 +148,7 @@ TEST(Outputs, MillimetresBeyondTheTypeAreNoMeasurement) {
 TEST(Outputs, ColoredPointsAreThePointsAndTheImage) {
   simsense_rig_desc with_rgb = rig();
   with_rgb.rgb = camera(width, height, f);
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, with_rgb, parameters());
+  const EngineHandle engine = open_engine(with_rgb, parameters());
   const Pair pair = scene();
   std::vector<uint8_t> rgb(width * height * 3);
   for (size_t i = 0; i < rgb.size(); ++i) rgb[i] = static_cast<uint8_t>(i * 7);
@@ -237,8 +232,7 @@ TEST(Outputs, SixteenBitCountsReachTheMatcher) {
       left[y * width + x] = texture[y * (width + shift) + x];
       right[y * width + x] = texture[y * (width + shift) + x + shift];
     }
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig(), parameters());
+  const EngineHandle engine = open_engine(rig(), parameters());
   const auto fill = [&](uint32_t bits, float gain) {
     simsense_signal s = simsense_signal_init();
     s.bit_depth = bits;
@@ -277,8 +271,7 @@ TEST(Outputs, EachNewParameterIsCheckedWithItsNumber) {
                            p.block_width = 15;
                            p.block_height = 17;
                          }}};
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig(), parameters());
+  const EngineHandle engine = open_engine(rig(), parameters());
   for (const Case& c : cases) {
     simsense_parameters p = parameters();
     c.set(p);

@@ -79,8 +79,7 @@ Plane tilted(double z, double degrees) {
 
 TEST(Plane, FrontoParallelComesBackAtItsDistance) {
   const simsense_rig_desc rig = ideal_rig(width, height, focal);
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  const EngineHandle engine = open_engine(rig, near_parameters());
   const double limits[][2] = {{0.5, 0.005}, {1.0, 0.005}, {2.0, 0.01}};
   for (const auto& [z, limit] : limits) {
     const Pair pair = photograph(facing(z), rig);
@@ -96,8 +95,7 @@ TEST(Plane, TiltedHasNoStairs) {
   const simsense_rig_desc rig = ideal_rig(width, height, focal);
   const Plane plane = tilted(1.0, 40);
   const Pair pair = photograph(plane, rig);
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  const EngineHandle engine = open_engine(rig, near_parameters());
   const auto disparity = compute_one<float>(engine, SIMSENSE_OUTPUT_DISPARITY, pair.left, pair.right, height, width, {height, width});
   constexpr size_t bins = 20;
   std::vector<double> residual[bins];  // by fractional part of the true disparity: a stair repeats with period 1
@@ -116,8 +114,7 @@ TEST(Plane, ComesBackFromACrookedRigWithLenses) {
   simsense_rig_desc rig = crooked_rig(width, height, focal);
   const Plane plane = tilted(0.8, 20);
   const Pair pair = photograph(plane, rig);
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  const EngineHandle engine = open_engine(rig, near_parameters());
   double left_to_rectified[16];
   const simsense_camera rectified = rectified_camera(engine, left_to_rectified);
   const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
@@ -130,8 +127,7 @@ TEST(Plane, RowsOfTheRectifiedPairAreAligned) {
   const simsense_rig_desc rig = crooked_rig(width, height, focal);
   const Plane plane = facing(1.0);
   const Pair pair = photograph(plane, rig);
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  const EngineHandle engine = open_engine(rig, near_parameters());
   std::vector<uint8_t> left(width * height), right(left.size());
   std::vector<float> disparity(left.size());
   ASSERT_EQ(compute(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
@@ -163,10 +159,9 @@ TEST(Plane, ComesBackInTheRgbCameraBehindItsLens) {
   set_pose(rig.left_to_rgb, 0.02, -0.05, 0.03, 0.015, -0.004, 0.006);
   const Plane plane = tilted(0.8, 20);
   const Pair pair = photograph(plane, rig);
-  const Device device = open_device();
   simsense_parameters parameters = near_parameters();
   parameters.depth_dilation = 1;
-  const EngineHandle engine = open_engine(device, rig, parameters);
+  const EngineHandle engine = open_engine(rig, parameters);
   const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH_RGB, pair.left, pair.right, height, width, {226, 400});
   const Agreement a = agreement(depth, rig.rgb, rig.left_to_rgb, plane, 100);
   EXPECT_LT(a.median_error, 0.005);
@@ -183,8 +178,7 @@ TEST(Plane, ComesBackInTheRgbCameraBehindItsLens) {
 TEST(Plane, IsFoundUnderTheImagersNoise) {
   const simsense_rig_desc rig = ideal_rig(width, height, focal);
   const Pair pair = photograph(facing(0.7), rig);
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, rig, near_parameters(), noisy_signal());
+  const EngineHandle engine = open_engine(rig, near_parameters(), noisy_signal());
   const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
   const Agreement a = agreement(depth, rig.left, identity, facing(0.7));
   EXPECT_LT(a.median_error, 0.005);

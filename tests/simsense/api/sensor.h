@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <memory>
-#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -37,6 +36,12 @@ inline EngineHandle open_engine(const Device& device, const simsense_rig_desc& r
   EXPECT_EQ(simsense_engine_create(device.get(), &rig, &parameters, &engine), KS_OK) << simsense_last_error();
   EXPECT_EQ(simsense_engine_set_signal(engine, &signal, &signal), KS_OK) << simsense_last_error();
   return EngineHandle(engine);
+}
+
+/// On a host device of its own.
+inline EngineHandle open_engine(const simsense_rig_desc& rig, const simsense_parameters& parameters,
+                                const simsense_signal& signal = simsense_signal_init()) {
+  return open_engine(open_device(), rig, parameters, signal);
 }
 
 /// The published fit to a D415 with the multiplicative part at 5 %.

@@ -74,8 +74,7 @@ TEST(Signal, EachFaultIsRefusedWithItsNumberAndItsEye) {
       {"bit_depth is 7", [](simsense_signal& s) { s.bit_depth = 7; }},
       {"bit_depth is 17", [](simsense_signal& s) { s.bit_depth = 17; }},
   };
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, ideal_rig(width, height), small_parameters(), noisy_signal());
+  const EngineHandle engine = open_engine(ideal_rig(width, height), small_parameters(), noisy_signal());
   const simsense_signal good = simsense_signal_init();
   for (const Fault& fault : faults) {
     simsense_signal bad = simsense_signal_init();
@@ -148,8 +147,7 @@ TEST(Signal, UnequalImagersAreThePairsMismatch) {
 }
 
 TEST(Signal, EyesHaveNoiseOfTheirOwn) {
-  const Device device = open_device();
-  const EngineHandle engine = open_engine(device, ideal_rig(width, height), small_parameters(), noisy_signal());
+  const EngineHandle engine = open_engine(ideal_rig(width, height), small_parameters(), noisy_signal());
   EXPECT_NE(eye_of<uint8_t>(engine, SIMSENSE_OUTPUT_IR_LEFT), eye_of<uint8_t>(engine, SIMSENSE_OUTPUT_IR_RIGHT));
 }
 

@@ -7,8 +7,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
-#include <functional>
 
 #include "capi/device/devices.h"
 #include "device/error.h"

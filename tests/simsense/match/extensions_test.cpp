@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the matcher has beyond the published SimSense, as laws of the CPU back end (which gives the reference's bits, exact_test.cpp).
+// What extends the published matcher, and how a match tells and stops its progress.
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <stdexcept>
+#include <thread>
 
 #include "device/thread_pool.h"
+#include "simsense/match/matcher_fuzz.h"
 #include "simsense/match/stereo_pair.h"
 
 namespace {
 
 using namespace simsense;
+using namespace simsense_test;
 
 Match match_on_cpu(const StereoPair& pair, const MatchParameters& p, bool wide = false) {
   ks::ThreadPool workers(2);
@@ -21,8 +25,7 @@ size_t count(const std::vector<MatchReason>& reasons, MatchReason wanted) {
 }
 
 TEST(min_disparity, moves_the_searched_range) {
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   p.p1 = 7;
   p.p2 = 86;  // strong enough that the paths carry a unique match to the left border
   p.subpixel = Subpixel::none;
@@ -40,8 +43,7 @@ TEST(min_disparity, moves_the_searched_range) {
 TEST(min_disparity, may_be_negative_and_then_invalid_lies_below_it) {
   StereoPair pair = random_dots(160, 60, 6, 3, 10);
   std::swap(pair.left, pair.right);
-  MatchParameters p;
-  p.max_disparity = 16;
+  MatchParameters p = searching(16);
   p.min_disparity = -12;
   p.subpixel = Subpixel::none;
   const Match m = match_on_cpu(pair, p);
@@ -53,8 +55,7 @@ TEST(min_disparity, may_be_negative_and_then_invalid_lies_below_it) {
 
 TEST(eight_paths, keep_more_of_a_noisy_pair_than_four) {
   const StereoPair pair = random_dots(200, 120, 9, 70, 11);
-  MatchParameters p;
-  p.max_disparity = 64;
+  MatchParameters p = searching(64);
   p.subpixel = Subpixel::none;
   const auto right_ones = [&] {
     const Match m = match_on_cpu(pair, p);
@@ -79,8 +80,7 @@ TEST(adaptive_p2, places_an_edge_where_the_image_has_it) {
       pair.left[i] = inside(80, 140) ? weak(near.left[i], 120) : weak(far.left[i], 60);
       pair.right[i] = inside(66, 126) ? weak(near.right[i], 120) : weak(far.right[i], 60);
     }
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   p.subpixel = Subpixel::none;
   p.uniqueness_ratio = 0;
   p.lr_max_diff = -1;
@@ -103,9 +103,7 @@ TEST(match_reason, is_given_for_every_invalid_pixel_and_for_no_other) {
   StereoPair pair = random_dots(160, 80, 12, 10, 15);
   for (uint32_t y = 20; y < 60; ++y)
     for (uint32_t x = 100; x < 140; ++x) pair.right[y * 160 + x] = static_cast<uint8_t>(37 * x * y);  // seen by one camera alone
-  MatchParameters p;
-  p.max_disparity = 32;
-  const Match m = match_on_cpu(pair, p);
+  const Match m = match_on_cpu(pair, searching(32));
   for (size_t i = 0; i < m.disparity.size(); ++i) {
     ASSERT_EQ(m.disparity[i] < 0, m.reason[i] != MatchReason::valid);
     ASSERT_EQ(m.disparity[i] < 0 && m.confidence[i] != 0, false);
@@ -116,11 +114,9 @@ TEST(match_reason, is_given_for_every_invalid_pixel_and_for_no_other) {
 }
 
 TEST(confidence, is_higher_where_the_pair_is_cleaner) {
-  MatchParameters p;
-  p.max_disparity = 32;
   double mean[2];
   for (const uint32_t noise : {0u, 1u}) {
-    const Match m = match_on_cpu(random_dots(160, 80, 12, 40 * noise, 16), p);
+    const Match m = match_on_cpu(random_dots(160, 80, 12, 40 * noise, 16), searching(32));
     double sum = 0;
     for (const float c : m.confidence) {
       ASSERT_GE(c, 0.0f);
@@ -134,9 +130,62 @@ TEST(confidence, is_higher_where_the_pair_is_cleaner) {
 
 TEST(sixteen_bit_images, give_what_their_eight_bit_originals_give) {
   const StereoPair pair = random_dots(160, 80, 12, 10, 17);
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   EXPECT_EQ(match_on_cpu(pair, p, true).disparity, match_on_cpu(pair, p, false).disparity);
+}
+
+std::vector<MatchParameters> each_engine() {
+  MatchParameters bytes, block, diagonals;
+  bytes.max_disparity = block.max_disparity = diagonals.max_disparity = 32;
+  block.block_width = block.block_height = 5;
+  diagonals.path_count = 8;
+  return {bytes, block, diagonals};
+}
+
+TEST(match_progress, rises_to_the_end_on_the_callers_thread) {
+  const StereoPair pair = random_dots(200, 300, 9, 10, 1);
+  for (const MatchParameters& p : each_engine()) {
+    for (const unsigned threads : {1u, 3u}) {
+      ks::ThreadPool workers(threads);
+      const auto matcher = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
+      std::vector<float> fractions;
+      matcher->set_progress([&, caller = std::this_thread::get_id()](float done) {
+        EXPECT_EQ(std::this_thread::get_id(), caller);
+        fractions.push_back(done);
+      });
+      const auto with = match(*matcher, pair);
+      EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+      if (threads == 1) {  // with more, the others may take all there is to do
+        ASSERT_GT(fractions.size(), 4u);
+        EXPECT_GT(fractions.back(), 0.5f);
+      }
+      if (!fractions.empty()) {
+        EXPECT_GE(fractions.front(), 0.0f);
+        EXPECT_LE(fractions.back(), 1.0f);
+      }
+      matcher->set_progress(nullptr);
+      expect_same(with, match(*matcher, pair), pair.width, describe(pair.width, pair.height, p));
+    }
+  }
+}
+
+TEST(match_progress, may_stop_the_match_anywhere) {
+  const StereoPair pair = random_dots(200, 300, 9, 10, 2);
+  for (const MatchParameters& p : each_engine()) {
+    ks::ThreadPool workers(1);
+    const auto matcher = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
+    const auto expected = match(*matcher, pair);
+    for (const int calls : {1, 2, 4, 7}) {
+      int reports = 0;
+      matcher->set_progress([&](float) {
+        if (++reports == calls) throw std::runtime_error("stop");
+      });
+      EXPECT_THROW(match(*matcher, pair), std::runtime_error);
+      EXPECT_EQ(reports, calls);
+    }
+    matcher->set_progress(nullptr);
+    expect_same(expected, match(*matcher, pair), pair.width, describe(pair.width, pair.height, p));
+  }
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Laws of the whole matcher, for the scalar reference and the CPU engine alike.
+// What a matcher owes its user, whatever its method, and the memory that it takes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,7 +7,9 @@
 #include <tuple>
 
 #include "device/thread_pool.h"
+#include "simsense/match/matcher_fuzz.h"
 #include "simsense/match/stereo_pair.h"
+#include "support/peak_memory.h"
 
 namespace {
 
@@ -28,9 +30,7 @@ TEST_P(matcher_law, shifted_pair_gives_that_disparity) {
   for (const uint32_t shift : {0u, 1u, 7u, 30u, 62u}) {
     for (const uint32_t block : {1u, 7u}) {
       const StereoPair pair = random_dots(160, 70, shift, 3, shift + 1);
-      MatchParameters p;
-      p.max_disparity = 64;
-      p.block_width = p.block_height = block;
+      MatchParameters p = searching(64, block);
       p.subpixel = simsense::Subpixel::none;
       const auto whole = match_with(GetParam(), pair, p);
       p.subpixel = simsense::Subpixel::parabola;
@@ -78,9 +78,7 @@ StereoPair fine_dots(double sigma, double shift, double vignetting, double dot_d
 /// Largest mean error of walls at eight fractions of a pixel.
 double worst_pull(Engine engine, simsense::Subpixel subpixel, double sigma, double vignetting = 0, double dot_dn = 60,
                   double even_dn = 20) {
-  MatchParameters p;
-  p.max_disparity = 32;
-  p.block_width = p.block_height = 5;
+  MatchParameters p = searching(32, 5);
   p.subpixel = subpixel;
   p.median_size = 7;
   double worst = 0;
@@ -119,9 +117,7 @@ TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity) {
   pair.noise = simsense::detection_noise(4.0 / 3, 0, 0, 0, simsense::detection_mean_side(15));  // of three equally likely counts, twice
   // (share of the thing, share of what lies so far from it) with a disparity
   const auto shares = [&](float least, uint32_t far) {
-    MatchParameters p;
-    p.max_disparity = 32;
-    p.block_width = p.block_height = 5;
+    MatchParameters p = searching(32, 5);
     p.min_detection_sigma = least;
     p.detection_window = 15;
     p.uniqueness_ratio = 5;
@@ -148,8 +144,7 @@ TEST_P(matcher_law, matches_of_a_wide_window_speak_where_counts_show_no_more_tha
   for (auto* image : {&pair.left, &pair.right})
     for (uint8_t& count : *image) count = static_cast<uint8_t>(100 + count / 64);
   pair.noise = simsense::detection_noise(8, 0, 0, 0, simsense::detection_mean_side(31));
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   p.min_detection_sigma = 3;
   for (const auto& [window, least, most] : {std::tuple{31u, 0.9, 1.0}, {15u, 0.0, 0.0}}) {
     p.detection_window = window;
@@ -164,8 +159,7 @@ TEST_P(matcher_law, matches_of_a_wide_window_speak_where_counts_show_no_more_tha
 
 TEST_P(matcher_law, featureless_pair_gives_disparity_zero) {
   const StereoPair pair{64, 40, std::vector<uint8_t>(64 * 40, 128), std::vector<uint8_t>(64 * 40, 128)};
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   for (const float disparity : match_with(GetParam(), pair, p)) ASSERT_EQ(disparity, 0.0f);
 }
 
@@ -174,8 +168,7 @@ TEST_P(matcher_law, brighter_right_image_changes_nothing) {
   for (auto* image : {&pair.left, &pair.right}) {
     for (uint8_t& value : *image) value = static_cast<uint8_t>(1 + value / 2);
   }
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   const auto expected = match_with(GetParam(), pair, p);
   for (uint8_t& value : pair.right) value = static_cast<uint8_t>(value + 90);  // zeros outside the image stay the darkest
   EXPECT_EQ(match_with(GetParam(), pair, p), expected);
@@ -189,9 +182,7 @@ TEST_P(matcher_law, contrast_lets_faint_noise_change_little) {
     for (auto* image : {&noisy.left, &noisy.right}) {
       for (uint8_t& value : *image) value = static_cast<uint8_t>(std::min<unsigned>(255, value + random() % 3));
     }
-    MatchParameters p;
-    p.max_disparity = 32;
-    p.block_width = p.block_height = 1;
+    MatchParameters p = searching(32, 1);
     p.p1 = 7;
     p.p2 = 86;  // the published penalties: weaker ones leave almost no pixel that noise changes
     p.census_contrast_256ths = contrast;
@@ -206,9 +197,7 @@ TEST_P(matcher_law, contrast_lets_faint_noise_change_little) {
 TEST_P(matcher_law, unrelated_images_are_mostly_rejected) {
   StereoPair pair = random_dots(160, 80, 0, 0, 4);
   pair.right = random_dots(160, 80, 0, 0, 5).right;
-  MatchParameters p;
-  p.max_disparity = 64;
-  const auto disparity = match_with(GetParam(), pair, p);
+  const auto disparity = match_with(GetParam(), pair, searching(64));
   const auto valid = std::count_if(disparity.begin(), disparity.end(), [](float d) { return d >= 0.0f; });
   EXPECT_LT(static_cast<double>(valid), 0.2 * static_cast<double>(disparity.size()));
 }
@@ -221,8 +210,7 @@ TEST_P(matcher_law, both_cameras_agree) {
     std::reverse_copy(&pair.right[y * 160], &pair.right[y * 160] + 160, &swapped.left[y * 160]);
     std::reverse_copy(&pair.left[y * 160], &pair.left[y * 160] + 160, &swapped.right[y * 160]);
   }
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   const auto left = match_with(GetParam(), pair, p), right = match_with(GetParam(), swapped, p);
   size_t both = 0;
   for (size_t y = 4; y < 56; ++y) {
@@ -238,5 +226,28 @@ TEST_P(matcher_law, both_cameras_agree) {
 
 INSTANTIATE_TEST_SUITE_P(engines, matcher_law, testing::Values(Engine::reference, Engine::cpu),
                          [](const auto& info) { return info.param == Engine::cpu ? "cpu" : "reference"; });
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool sanitized = true;
+#else
+constexpr bool sanitized = false;
+#endif
+
+TEST(matcher_memory, of_a_sensor_sized_pair_stays_below_45_megabytes) {
+  if (sanitized) GTEST_SKIP() << "a sanitizer's own memory would be measured";
+  const StereoPair pair = random_dots(960, 540, 50, 10, 1);
+  for (const uint32_t block : {1u, 7u}) {
+    simsense::MatchParameters p;
+    p.block_width = p.block_height = block;
+    const ks_test::Peak peak = ks_test::peak_of([&] {
+      ks::ThreadPool workers(2);
+      const auto matcher = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
+      for (int i = 0; i < 2; ++i) match(*matcher, pair);
+    });
+    if (!peak.ok) GTEST_SKIP() << "/proc/self/status does not tell VmRSS and VmHWM here";
+    EXPECT_LT(peak.megabytes, block == 1 ? 25.0 : 45.0) << "block " << block;
+    EXPECT_GT(peak.megabytes, 5.0) << "block " << block << ": less than the census images alone take";
+  }
+}
 
 }  // namespace

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdint>
 #include <random>
-#include <string>
 #include <vector>
 
 #include "match/detection.h"
@@ -16,6 +15,13 @@ struct StereoPair {
   std::vector<uint8_t> left, right;
   simsense::DetectionNoise noise{0, 0, 0, 1};
 };
+
+inline simsense::MatchParameters searching(uint32_t disparities, uint32_t block = 1) {
+  simsense::MatchParameters p;
+  p.max_disparity = disparities;
+  p.block_width = p.block_height = block;
+  return p;
+}
 
 /// A random texture; the left image shows it `shift` pixels further right than the right image does. Noise: uniform, +- `noise` counts.
 inline StereoPair random_dots(uint32_t width, uint32_t height, uint32_t shift, uint32_t noise, uint32_t seed) {

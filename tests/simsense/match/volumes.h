@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "simsense/reference/volume.h"
+#include "simsense/reference/match.h"
 
 namespace simsense::reference {
 

@@ -3,7 +3,6 @@
 // parameters and sizes, 8 and 16 bit, lane layouts, both kinds of minima, and batches.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <sstream>
 
 #include "capi/device/devices.h"
@@ -111,8 +110,7 @@ TEST(vulkan_matcher, fuzzed_extensions_equal_the_reference) {
 }
 
 TEST(vulkan_matcher, diagonals_of_flat_and_of_tall_images_equal_the_reference) {
-  MatchParameters p;
-  p.max_disparity = 24;
+  MatchParameters p = searching(24);
   p.path_count = 8;
   for (const auto& [width, height] : {std::pair{130u, 32u}, {32u, 130u}, {65u, 65u}, {37u, 111u}}) {
     p.p2_full_gradient_dn = height % 2 ? 20 : 0;
@@ -121,8 +119,7 @@ TEST(vulkan_matcher, diagonals_of_flat_and_of_tall_images_equal_the_reference) {
 }
 
 TEST(vulkan_matcher, disparities_far_from_the_image_equal_the_reference) {
-  MatchParameters p;
-  p.max_disparity = 20;
+  MatchParameters p = searching(20);
   for (const int32_t least : {-1024, -70, -63, 63, 70, 4096}) {
     p.min_disparity = least;
     compare(random_dots(64, 33, 5, 10, 9), p);
@@ -130,11 +127,9 @@ TEST(vulkan_matcher, disparities_far_from_the_image_equal_the_reference) {
 }
 
 TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
-  MatchParameters p;
-  p.max_disparity = 24;
   for (uint32_t extra = 0; extra < 8; ++extra) {  // odd and even remainders of both block sizes, of rows and of columns
     const MatchTuning tuning{8, extra % 2 ? 8u : 4u};
-    compare(random_dots(32 + extra, 49 - extra, 5, 10, extra), p, tuning);
+    compare(random_dots(32 + extra, 49 - extra, 5, 10, extra), searching(24), tuning);
   }
 }
 
@@ -150,8 +145,8 @@ TEST(vulkan_matcher, widest_sums_equal_the_reference) {
 }
 
 TEST(vulkan_matcher, most_disparities_equal_the_reference) {
-  MatchParameters p;
-  p.max_disparity = device()->is_cpu() ? 400 : 1024;  // a narrow subgroup's long registers take a CPU device minutes to compile
+  MatchParameters p =
+      searching(device()->is_cpu() ? 400 : 1024);  // a narrow subgroup's long registers take a CPU device minutes to compile
   compare(random_dots(64, 32, 9, 10, 5), p);
 }
 
@@ -176,8 +171,7 @@ TEST(vulkan_matcher, block_costs_are_stored_unless_they_take_much_of_a_gpus_memo
 }
 
 TEST(vulkan_matcher, block_costs_summed_on_the_way_equal_the_reference) {
-  MatchParameters p;
-  p.max_disparity = 24;
+  MatchParameters p = searching(24);
   MatchTuning summed;
   summed.block_costs = BlockCosts::summed;
   summed.path_lanes = 8;  // few registers: a CPU device takes long to compile many
@@ -193,8 +187,7 @@ TEST(vulkan_matcher, block_costs_summed_on_the_way_equal_the_reference) {
 
 TEST(vulkan_matcher, every_pair_of_a_batch_equals_its_own_match) {
   constexpr uint32_t width = 61, height = 43, batch = 5, pixels = width * height;
-  MatchParameters p;
-  p.max_disparity = 32;
+  MatchParameters p = searching(32);
   constexpr uint64_t offset = 7;  // images need no alignment
   const auto left = ks::Buffer::create(device(), offset + batch * pixels, 0), right = ks::Buffer::create(device(), batch * pixels, 0);
   const auto disparity = ks::Buffer::create(device(), 8 + batch * pixels * 4, 0);
@@ -218,9 +211,7 @@ TEST(vulkan_matcher, every_pair_of_a_batch_equals_its_own_match) {
 
 TEST(vulkan_matcher, images_that_leave_their_buffer_are_refused) {
   const auto small = ks::Buffer::create(device(), 64 * 64, 0), large = ks::Buffer::create(device(), 64 * 64 * 4, 0);
-  MatchParameters p;
-  p.max_disparity = 16;
-  const auto matcher = simsense::make_vulkan_matcher(device(), 64, 64, 1, p);
+  const auto matcher = simsense::make_vulkan_matcher(device(), 64, 64, 1, searching(16));
   EXPECT_THROW(matcher->match({*small, 1}, {*small}, {*large}), ks::Error);
   EXPECT_THROW(matcher->match({*small}, {*small}, {*small}), ks::Error);
   EXPECT_THROW(matcher->match({*small}, {*small}, {*large, 4}), ks::Error);

@@ -4,13 +4,7 @@
 
 #include <algorithm>
 
-#include "simsense/reference/census.h"
-#include "simsense/reference/checks.h"
-#include "simsense/reference/cost.h"
-#include "simsense/reference/detection.h"
-#include "simsense/reference/refine.h"
-#include "simsense/reference/sgm.h"
-#include "simsense/reference/winner.h"
+#include "simsense/reference/match.h"
 
 namespace simsense {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "cpu/registration/registration.h"
 #include "device/thread_pool.h"
-#include "simsense/reference/depth.h"
+#include "simsense/reference/camera.h"
 #include "simsense/rig_samples.h"
 
 using namespace simsense;

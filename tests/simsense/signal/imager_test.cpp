@@ -2,8 +2,6 @@
 // The imager as a whole: equal to the reference, the same bits on every instruction set and number of workers, neutral where asked.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "cpu/signal/rows.h"
 #include "device/error.h"
 #include "hwy/targets.h"

@@ -157,11 +157,4 @@ inline double correlation(const std::vector<double>& a, const std::vector<double
 /// Five standard errors of a correlation of independent fields.
 inline const double correlation_limit = 5 / std::sqrt(field_pixels);
 
-inline std::vector<double> mean_of(const std::vector<std::vector<double>>& frames) {
-  std::vector<double> mean(frames[0].size());
-  for (const auto& frame : frames)
-    for (size_t i = 0; i < mean.size(); ++i) mean[i] += frame[i] / static_cast<double>(frames.size());
-  return mean;
-}
-
 }  // namespace simsense_test

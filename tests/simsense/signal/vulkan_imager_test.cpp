@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
 
 #include "capi/device/devices.h"
 #include "simsense/reference/imager.h"
@@ -120,41 +119,6 @@ TEST(VulkanImager, StaysInRangeUnderAnyInput) {
   std::vector<float> light(pixels, 0.0f);
   std::copy(wild.begin(), wild.end(), light.begin());
   for (const auto& [name, signal] : every_stage()) expect_in_range(run(signal, light), name, signal);
-}
-
-// EMVA 1288, sections 6.5 to 8: the slope of variance over mean is the gain K, its intercept the readout's variance, the spatial variance
-// of the mean image PRNU squared times light squared.
-TEST(VulkanImager, PhotonTransferGivesTheParametersBack) {
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
-  s.shot_noise = 1;
-  s.conversion_gain_dn_per_e = 0.8f;
-  s.gain = 2;
-  s.read_noise_e = 12;
-  s.prnu = 0.02f;
-  s.black_level_dn = 200;
-  const double gain = 1.6;
-  const auto frames = [&](float light_e) {
-    const std::vector<float> image(static_cast<size_t>(field_pixels), light_e);
-    const auto light = upload(image.data(), image.size() * 4);
-    std::vector<std::vector<double>> two;
-    for (uint64_t frame : {1, 2})
-      two.push_back(
-          run(s, {{3, frame, 0, 0, 0}}, {packed_ref(*light, KS_FORMAT_F32, field_width, field_height), {}}, field_width, field_height));
-    return two;
-  };
-  const auto temporal_variance = [](const std::vector<std::vector<double>>& two) {
-    double sum = 0;
-    for (size_t i = 0; i < two[0].size(); ++i) sum += (two[0][i] - two[1][i]) * (two[0][i] - two[1][i]);
-    return 0.5 * sum / field_pixels;
-  };
-  const auto dark = frames(0), bright = frames(9000);
-  const double dark_mean = moments(dark[0]).mean, bright_mean = moments(bright[0]).mean;
-  EXPECT_NEAR(dark_mean, 200, 1);
-  EXPECT_NEAR((temporal_variance(bright) - temporal_variance(dark)) / (bright_mean - dark_mean) / gain, 1, 0.05);
-  EXPECT_NEAR(std::sqrt(temporal_variance(dark) - 1.0 / 12) / gain / 12, 1, 0.05);
-  const double spatial = moments(mean_of(bright)).variance - 0.5 * temporal_variance(bright);
-  EXPECT_NEAR(std::sqrt(spatial) / (bright_mean - dark_mean) / 0.02, 1, 0.05);
 }
 
 TEST(VulkanImager, BothEyesOfOneRecordingMayHaveGrainsOfTheirOwn) {
