@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of results are what their data say, and prose stays short."""
+"""Pages: words, figures, results, docstrings, names of tests."""
 
 import pathlib
 import re
@@ -69,3 +69,88 @@ def test_a_script_makes_every_picture_on_a_page() -> None:
     named = set(re.findall(r"\w+", scripts))
     assert len(pictures) > 100
     assert not [name for name in sorted(pictures) if not set(re.sub(r"-\d+$", "", name).split("-")) <= named]
+
+
+GUIDE = ROOT / "examples/guide"
+PAGES = [ROOT / "README.md", *sorted(page for page in GUIDE.glob("*.md") if page.name != "figures.md")]
+UNITS = "%|mm|ms|s|px|MB|GB|fps|times|(?:processor )?seconds?|minutes?|frames|pairs"
+FIGURE = re.compile(rf"(?<![\w.-])(\d+(?:\.\d+)? (?:{UNITS})(?!\w)|\d+ of \d+)")
+# A confidence level and a limit are no measurements; code is an example.
+NO_FIGURE = re.compile(r"```.*?```|`[^`]*`|\b\d+ % intervals|at most [\d.]+ \w+", re.DOTALL)
+
+
+def figures_of(text: str) -> list[str]:
+    return FIGURE.findall(NO_FIGURE.sub("", text))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_quotes_no_figure_without_a_command(page: pathlib.Path) -> None:
+    known = set(figures_of((GUIDE / "figures.md").read_text(encoding="utf-8")))
+    unknown = [figure for figure in figures_of(page.read_text(encoding="utf-8")) if figure not in known]
+    assert not unknown, f"{page.name}: add to FIGURES of tests/bench/figures.py, with a file of results, or leave out"
+
+
+def test_a_figure_names_its_command_and_an_existing_file_of_results() -> None:
+    rows = re.findall(
+        r"^\|(.+)\|(.+)\|`(.+)`\|\[\w[\w-]*\]\((.+)\)\|$", (GUIDE / "figures.md").read_text("utf-8"), re.M
+    )
+    assert len(rows) > 10
+    assert not [file for *_, file in rows if not (GUIDE / file).is_file()]
+
+
+def test_figures_are_told_from_other_numbers() -> None:
+    text = "640x480 in 8.3 ms, at most 2 GB; 90 % intervals; `--limit 5 s`; 5 of 24; 1.5 %; RTX-4090 s"
+    assert figures_of(text) == ["8.3 ms", "5 of 24", "1.5 %"]
+
+
+FOLDERS = ("capi", "kuafu", "simsense", "python", "examples", "tests", "third_party_notes")
+NO_SUBJECT = re.compile(r'^ *[rR]?"""((?:Of|What) .*)', re.MULTILINE)
+
+
+def test_docstrings_begin_with_their_subject() -> None:
+    sample = '"""Of the fit: its error."""\ndef f():\n    """What it is."""\nclass Offset:\n    """Offset."""'
+    assert len(NO_SUBJECT.findall(sample)) == 2
+    paths = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
+    assert len(paths) > 300
+    found = {path.relative_to(ROOT): NO_SUBJECT.findall(path.read_text(encoding="utf-8")) for path in paths}
+    assert not {str(path): lines for path, lines in found.items() if lines}
+
+
+TESTS = pathlib.Path(__file__).resolve().parents[1]
+PAGE = (TESTS / "README.md").read_text(encoding="utf-8")
+
+
+def named() -> set[str]:
+    """`Suite.Name`, `...Name` (of the suite before it), `Suite.*` and `folder/test_file.py` in the last cells of
+    tables."""
+    cells = [line.split("|")[-2] for line in PAGE.splitlines() if line.startswith("| ") and line.count("|") > 2]
+    return {name for cell in cells for name in re.findall(r"`([^`]+)`", cell)}
+
+
+def test_each_named_gtest_exists() -> None:
+    found = set()
+    for path in TESTS.rglob("*_test.cpp"):
+        for suite, name in re.findall(
+            r"^(?:TYPED_)?TEST(?:_[FP])?\((\w+),\s*(\w+)\)", path.read_text(encoding="utf-8"), re.MULTILINE
+        ):
+            found |= {f"{suite}.{name}", f"{suite}.*", f"...{name}"}
+    wanted = {
+        name for name in named() if re.fullmatch(r"(\w+|\.\.)\.(\w+|\*)", name) and not name.endswith((".py", ".sh"))
+    }
+    assert len(wanted) > 20
+    assert not wanted - found
+
+
+def test_each_named_python_file_exists() -> None:
+    wanted = {name for name in named() if re.fullmatch(r"\w+/test_\w+\.py", name)}
+    assert len(wanted) >= 4
+    assert {name for name in wanted if not (TESTS / "python" / name).exists() and not (TESTS / name).exists()} == set()
+
+
+def test_pythons_tests_stand_by_package() -> None:
+    modules = TESTS.parent / "python"
+    packages = {path.parent.name for path in (modules / "activestereo").glob("*/__init__.py")}
+    subjects = packages | {"kuafu", "simsense", "bindings", "benchmark_suite"}
+    folders = {path.parent for path in (TESTS / "python").rglob("test_*.py")}
+    assert {folder.name for folder in folders} <= subjects
+    assert {folder.parent for folder in folders} == {TESTS / "python"}

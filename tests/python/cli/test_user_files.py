@@ -1,18 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file of a user's may be a pipe, a device, huge or nested without end: one line says so, at once."""
+"""Files and plug-ins of users that are no files, never end, or are changed at random."""
 
+import argparse
+import ctypes as c
 import os
 import platform
+import random
+import struct
+import subprocess
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import pytest
-from PIL import Image
-
 from activestereo.capture.capture import read_capture
 from activestereo.capture.capture_json import CaptureError
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import DEEPEST_JSON, MOST_TEXT_BYTES, read_json, read_text, read_toml
 from activestereo.common.output_files import new_folder, write_text, written_together
+from activestereo.effects.core import load as plugin
+from activestereo.effects.core.load import load_plugin
 from command_line import run_here
+from PIL import Image
 
 # Commands whose words FILE, and OUT for a file to write, are replaced.
 READ = [
@@ -160,3 +169,148 @@ def test_an_interrupt_between_two_files_leaves_what_was_there(tmp_path, monkeypa
         for name in "ab":
             (aside / name).write_text("after")
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "before", "b": "before"}
+
+
+@pytest.fixture
+def run(capsys):
+    return partial(run_here, capsys)
+
+
+def one_line(result: subprocess.CompletedProcess, status: int = 2) -> str:
+    assert result.returncode == status, result.stderr
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1 and "Traceback" not in result.stderr, result.stderr
+    return lines[0]
+
+
+def npy_header(shape: str) -> bytes:
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
+
+
+@pytest.mark.parametrize(
+    "shape", ["(99999999, 99999999)", "(4, 5)", "(-1, 5)", "(99999999999999999999, 2)", "()", "(3,)"]
+)
+def test_an_array_file_that_promises_more_than_it_holds(run, tmp_path, shape):
+    (tmp_path / "stack.npy").write_bytes(npy_header(shape) + b"\0" * 8)
+    assert "stack.npy" in one_line(run("calibrate", "noise", tmp_path / "stack.npy", "-o", tmp_path / "model.json"))
+
+
+PARAMETERS = '{"ranking": [{"effect": "read_noise", "parameters": 4}]}'
+
+
+@pytest.mark.parametrize("text", ['{"ranking": 1}', '{"model": 3}', '{"ranking": [3]}', PARAMETERS, "[]", "{", "7"])
+def test_parameters_from_a_file_that_is_no_diagnosis(run, tmp_path, text):
+    (tmp_path / "other.json").write_text(text)
+    one_line(run("add", "read_noise", "--from", tmp_path / "other.json", "-o", tmp_path / "model.json"))
+    assert not (tmp_path / "model.json").exists()
+
+
+def test_help_into_a_closed_pipe(build):
+    command = f"'{build}/bin/activestereo' --help | true"
+    result = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, timeout=60)
+    assert "Traceback" not in result.stderr and "Exception ignored" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    "raised, said",
+    [
+        (IndexError("list index\nout of range"), "a fault of the program (IndexError in "),
+        (MemoryError(), "out of memory"),
+        (ModuleNotFoundError("no cv2", name="cv2"), "pip install 'activestereo[lab]'"),
+        (ModuleNotFoundError("no kuafu._kuafu", name="kuafu._kuafu"), "bash examples/quickstart.sh"),
+    ],
+)
+def test_what_nobody_foresaw_and_a_missing_package_are_one_line(monkeypatch, capsys, raised, said):
+    from activestereo import cli
+
+    def broken(_: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken, allow_outside=False))
+    assert cli.main(["presets"]) == 3
+    text = capsys.readouterr().err
+    assert text.count("\n") == 1 and said in text
+
+
+@pytest.mark.parametrize("arguments", [["effect", "check", "a\nb"], ["doctor", "a\nb"], ["a\nb"]])
+def test_a_name_of_two_lines_is_told_in_one(run, arguments):
+    assert r"a\nb" in one_line(run(*arguments))
+
+
+def test_a_name_that_is_no_utf8_is_told(build, tmp_path):
+    command = [build / "bin" / "activestereo", "compare", tmp_path / "\udcff", "-o", tmp_path / "out"]
+    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
+    result = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
+    assert r"\udcff" in one_line(result)
+
+
+LIBRARY = """
+#include <stdint.h>
+const void* table;
+uint32_t count;
+const void* ks_effect_plugin(uint32_t* out) { return *out = count, table; }
+"""
+TEXTS = [b"a", b"effect", b"", None, b"\xff\xfe", b"lambda", b"two words", b"a\nb", b"x" * 5000, "\u00e4".encode()]
+NUMBERS = [0.0, 1.0, -1.0, 0.5, float("nan"), float("inf"), -float("inf"), 1e308, 5e-324]
+COUNTS = [0, 1, 2, 3, 65, 2**31, 2**32 - 1]
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plugin")
+    (folder / "table.c").write_text(LIBRARY)
+    subprocess.run(["cc", "-shared", "-fPIC", folder / "table.c", "-o", folder / "table.so"], check=True)
+    return folder / "table.so"
+
+
+def record(dice: random.Random, count: int, terms: Any) -> plugin.records.Effect:
+    """A sound effect."""
+    parameters = (plugin.records.Parameter * 3)(
+        *(plugin.records.Parameter(n, b"1", b"", 0.0, 0.0, 1.0, 0.5) for n in (b"p", b"q", b"r"))
+    )
+    header = plugin.records.Header(c.sizeof(plugin.records.Effect), plugin.records.TYPE_EFFECT)
+    apply = plugin.records.Apply(lambda *_: 0)
+    texts = (b"effect", b"f", b"s", b"s")
+    return plugin.records.Effect(header, *texts, 7, dice.randrange(3), count, 1, parameters, apply, terms)
+
+
+def disturb(dice: random.Random, struct: Any) -> None:
+    """Another value in one of the struct's fields."""
+    name, kind = dice.choice([field[:2] for field in struct._fields_])
+    if kind is c.c_char_p:
+        setattr(struct, name, dice.choice(TEXTS))
+    elif kind is c.c_double:
+        setattr(struct, name, dice.choice(NUMBERS))
+    elif kind is c.c_uint32:
+        setattr(struct, name, dice.choice(COUNTS))
+    elif kind is plugin.records.Header:
+        setattr(getattr(struct, name), dice.choice(["type", "size_bytes"]), dice.choice(COUNTS))
+    else:
+        setattr(struct, name, kind())  # NULL
+
+
+def test_changed_tables(library: Path) -> None:
+    dice = random.Random(1)
+    own = c.CDLL(str(library))
+    outcomes = {"read": 0, "refused": 0}
+    for _ in range(3000):
+        term = plugin.records.RandomTerm(b"p", None, 0, 0)
+        count = dice.randrange(1, 4)
+        effects = (plugin.records.Effect * 3)(*(record(dice, count, c.pointer(term)) for _ in range(3)))
+        for _ in range(dice.randrange(3)):
+            first = effects[0]
+            disturb(dice, dice.choice([first, first, term, first.parameters[0]]) if first.parameters else first)
+        if effects[0].random_terms and 1 < effects[0].random_term_count <= 64:
+            effects[0].random_term_count = 1  # more than there are, C cannot tell
+        if effects[0].parameters and 3 < effects[0].parameter_count <= 64:
+            effects[0].parameter_count = 3
+        c.c_void_p.in_dll(own, "table").value = dice.choice([c.addressof(effects)] * 9 + [None])
+        c.c_uint32.in_dll(own, "count").value = dice.choice([1, 1, 1, 1, 3, 0, 257, 2**32 - 1])
+        try:
+            assert load_plugin(library)
+            outcomes["read"] += 1
+        except ValueError as error:
+            assert str(error).startswith(f"{library}: ") and "\n" not in str(error) and len(str(error)) < 6000, error
+            outcomes["refused"] += 1
+    assert min(outcomes.values()) > 300, outcomes

@@ -1,29 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""compare: on worlds of known numbers it finds the numbers, the noise floor, and nothing left to explain."""
+"""The comparison of a capture with the simulator: fits, floors, caches, practice captures."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-from lab_worlds import RememberingRenderer, WorldRenderer
-import kuafu
 from activestereo.capture.capture import read_capture
-from activestereo.effects import Model, View, builtin
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
-from activestereo.effects.engines.layers import request_key
 from activestereo.compare.compare import compare
-from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
-from activestereo.effects.engines.layers import rig_request
 from activestereo.compare.noise import frame_noise_variances
+from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import WARP_SCALE, render_frames
-from activestereo.report.summary import summary_table
+from activestereo.effects import Model, View, builtin
+from activestereo.effects.engines.layers import request_key, rig_request
+from activestereo.report.summary import summary_table, what_is_missed
 from activestereo.report.write import write_report
+from lab_worlds import RememberingRenderer, WorldRenderer
 from virtual_sensor.sensor import expected
+
+import kuafu
 
 
 @pytest.fixture(scope="module")
@@ -200,3 +200,36 @@ def test_an_effect_that_the_world_has_makes_the_error_fall(lab_world, comparison
         assert right["ir"][split]["rmse_dn"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.02)
     np.testing.assert_allclose(list(right["fit"]["nuisances"].values()), truth.vector(), rtol=0.01)
     assert (base["effects"], right["effects"]) == ([], ["response_gamma"])
+
+
+_ROOT = Path(__file__).resolve().parents[3]
+_CAPTURES = Path(os.environ.get("ACTIVESTEREO_DATA") or _ROOT.parent / "shared") / "captures"
+_QUICK = "practice-01"
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    build = os.environ.get("ACTIVESTEREO_BUILD")
+    return LayerCache(Path(build) / "layers" if build else tmp_path_factory.mktemp("layers"))
+
+
+@pytest.mark.parametrize("name", [f"practice-0{i}" for i in range(1, 10)])
+def test_ir_error_is_the_oracles_within_three_percent(name, cache, tmp_path):
+    source = _CAPTURES / name
+    if not source.is_dir():
+        pytest.skip(f"{source} is absent (set ACTIVESTEREO_DATA)")
+    if name != _QUICK and not os.environ.get("ACTIVESTEREO_FULL"):
+        pytest.skip("set ACTIVESTEREO_FULL=1 to compare all captures")
+    # The tool sees a copy without the answer.
+    without_answer = shutil.copytree(source, tmp_path / name, ignore=shutil.ignore_patterns("answer.json"))
+    samples_per_pixel = 64 if os.environ.get("ACTIVESTEREO_FULL") else 16
+    scores = compare(without_answer, samples_per_pixel=samples_per_pixel, cache=cache).scores
+    answer = json.loads((source / "answer.json").read_text())
+    oracle = answer["oracle"]["ir_rmse_dn"]
+    for split in ("train", "test"):
+        assert scores["ir"][split]["rmse_dn"] == pytest.approx(oracle[split]["before"], rel=0.03)
+        assert scores["ir"][split]["noise_floor_dn"] == pytest.approx(oracle[split]["floor"], rel=0.03)
+    said = " ".join(what_is_missed(scores))
+    for hidden in answer["effects"]:
+        assert f" {builtin()[hidden['effect']].family}" in said, said
+    assert answer["effects"] or "at the noise floor" in said

@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""compare CAPTURE --model: a capture is rendered by the engines with the model's fields set."""
+"""Images that the engine predicts under a model, and the image functions beside them."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-
 from activestereo.capture.capture import Capture, read_capture
+from activestereo.capture.images import read_gray
 from activestereo.capture.write import write_capture
 from activestereo.cli import main
-from activestereo.effects import Model, builtin
-from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
-from activestereo.capture.images import read_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
+from activestereo.compare.effect_trials import Trial, trial_capture
 from activestereo.compare.engine_prediction import kept_lights
 from activestereo.compare.nuisances import Nuisances
-from activestereo.compare.effect_trials import trial_capture
+from activestereo.effects import Model, builtin, known_differences
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 from activestereo.model import Quantity, diagnosed_model, write_model
 
 EFFECTS = builtin()
@@ -204,3 +204,24 @@ def test_light_that_was_rendered_once_is_taken_from_the_cache(renderer, nominal,
     ):
         with pytest.raises(Traced):
             kept_lights(capture, other, cache, own, seen, measured, half=half)
+
+
+KNOWN = known_differences()
+# Samples are drawn independently for each device and version; small differences are all noise.
+SLACK, LEAST = 1.3, 0.05
+# Every fourth by default, all with ACTIVESTEREO_FULL=1 (about 3 s of a core each).
+TRIED = list(KNOWN) if os.environ.get("ACTIVESTEREO_FULL") else list(KNOWN)[::4]
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory) -> Trial:
+    return Trial(tmp_path_factory.mktemp("trial"))
+
+
+def test_every_mapped_effect_has_a_figure():
+    assert set(KNOWN) == {e.id for e in EFFECTS.values() if e.engine is not None}, "effect check --all --out"
+
+
+@pytest.mark.parametrize("name", TRIED)
+def test_the_image_function_is_as_near_to_the_engines_as_told(trial, name):
+    assert trial.difference(EFFECTS[name]) < SLACK * KNOWN[name] + LEAST

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The photon-transfer noise model of repeats of whole numbers, some of which never come: a tone table stretches the
-dark."""
+"""Noise of a camera, of the renderer and of unsteady light."""
 
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-
+from activestereo.capture.capture import read_capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import comb_of, fit_noise_model
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.compare import compare
+from activestereo.compare.noise import comb_of, fit_noise_model, unsteady_light
+from activestereo.compare.render import mean_of_halves, noise_square, render_halves
+from activestereo.diagnose import diagnose
+from activestereo.effects import builtin
+from lab_worlds import RememberingRenderer, WorldRenderer
 
 BLACK_DN, READ_DN, SPECKLE = 4.0, 1.0, 0.13
 
@@ -66,3 +73,142 @@ def test_the_mean_error_of_rounding_is_what_many_exposures_show():
 
 def test_whole_numbers_are_no_comb():
     assert comb_of([np.random.default_rng(7).integers(0, 200, (50, 50))], 255) is None
+
+
+# Of one sample, relative. Much more of it and the fitted scales would be too small: noisy regressors attenuate.
+NOISE = 0.15
+
+
+class NoisyRenderer:
+    """A clean renderer's layers with relative noise that falls with the number of samples, drawn from the request's
+    seed."""
+
+    def __init__(self, clean, noise_of_one_sample):
+        self._clean, self._noise = clean, noise_of_one_sample
+        self.version = f"noisy {noise_of_one_sample}"
+
+    def __call__(self, request, progress=None):
+        pose = int(abs(1e6 * request.cameras[0].camera_to_world[:3].sum()))
+        rng = np.random.default_rng([request.seed, pose, request.samples_per_pixel])
+        deviation = self._noise / np.sqrt(request.samples_per_pixel)
+        return tuple(self._noisy(layers, rng, deviation) for layers in self._clean(request))
+
+    def _noisy(self, layers, rng, deviation):
+        shape = layers.ambient.shape
+        factors = {name: 1 + deviation * rng.standard_normal(shape) for name in ("direct", "indirect", "ambient")}
+        return replace(layers, **{name: (getattr(layers, name) * f).astype(np.float32) for name, f in factors.items()})
+
+
+@pytest.fixture(scope="module")
+def clean(lab_world):
+    return RememberingRenderer(WorldRenderer(lab_world))
+
+
+def test_an_estimate_from_halves_has_no_bias():
+    rng = np.random.default_rng(1)
+    truth, measured = 20.0, 20.0 + 2.0 + rng.standard_normal(200_000)
+    first, second = (truth + 3.0 * rng.standard_normal(measured.shape) for _ in range(2))
+    mean = 0.5 * (first + second)
+    squares, noise = ((mean - measured) ** 2).sum(), noise_square(first, second) * measured.size
+    assert np.sqrt(squares / measured.size) > 1.3 * np.sqrt(5.0)
+    assert np.sqrt((squares - noise) / measured.size) == pytest.approx(np.sqrt(5.0), rel=0.01)
+    assert squares - noise == pytest.approx(((first - measured) * (second - measured)).sum())
+
+
+def test_compares_error_does_not_grow_with_the_renderers_noise(lab_world, clean, tmp_path):
+    def errors(noise):
+        renderer, cache = NoisyRenderer(clean, noise), LayerCache(tmp_path)
+        scores = compare(lab_world.capture_path, renderer=renderer, samples_per_pixel=4, cache=cache).scores
+        return scores["ir"]["test"]
+
+    quiet, noisy = errors(0.0), errors(NOISE)
+    assert quiet["render_noise_dn"] == 0.0
+    assert np.hypot(noisy["rmse_dn"], noisy["render_noise_dn"]) > 1.04 * quiet["rmse_dn"]  # if it were not left out
+    assert noisy["rmse_dn"] == pytest.approx(quiet["rmse_dn"], rel=0.015)
+
+
+def test_the_diagnosis_error_does_not_grow_with_the_renderers_noise(lab_world, clean, tmp_path):
+    def error(noise):
+        effects, renderer = {"vignetting": builtin()["vignetting"]}, NoisyRenderer(clean, noise)
+        result = diagnose(
+            lab_world.capture_path,
+            effects=effects,
+            renderer=renderer,
+            samples_per_pixel=4,
+            cache=LayerCache(tmp_path),
+            workers=1,
+        ).result
+        return result["heldout_ir_rmse_before"]
+
+    assert error(NOISE) == pytest.approx(error(0.0), rel=0.015)
+
+
+def test_halves_are_independent_and_their_mean_is_of_all_samples(lab_world, clean, tmp_path):
+    capture, renderer = read_capture(lab_world.capture_path), NoisyRenderer(clean, NOISE)
+    halves = render_halves(capture, renderer, 4, cache=LayerCache(tmp_path), scale=2)
+    mean, key = mean_of_halves(halves), (capture.frames[0].id, "left")
+    first, second = (half[key[0]][key[1]] for half in halves)
+    seen = first.ambient > 0
+    noise = [(half.ambient - mean[key[0]][key[1]].ambient)[seen] for half in (first, second)]
+    np.testing.assert_allclose(noise[0], -noise[1], atol=1e-5)
+    assert (first.ambient != second.ambient)[seen].mean() > 0.99
+    supersampled = mean[key[0]][key[1]].supersampled
+    np.testing.assert_allclose(supersampled.pixels()[2], mean[key[0]][key[1]].ambient, rtol=1e-4, atol=1e-6)
+
+
+HEIGHT, WIDTH = 120, 160
+NOISE_DN = 1.5
+
+
+@dataclass(frozen=True)
+class _Light:
+    projector: np.ndarray
+    ambient: np.ndarray
+
+
+def _light() -> _Light:
+    u, v = np.meshgrid(np.arange(WIDTH) / WIDTH, np.arange(HEIGHT) / HEIGHT)
+    return _Light(np.zeros((HEIGHT, WIDTH)), 1.0 + 0.6 * np.sin(9 * u) * np.cos(7 * v))
+
+
+def _shots(change_by_row: list[np.ndarray]) -> dict[tuple[int, str], tuple[Any, _Light, np.ndarray]]:
+    """Repeats of one view, whose mean is 20 DN of ambient light; change_by_row: DN [height][width] added to each."""
+    rng, light = np.random.default_rng(7), _light()
+    frame = lambda k: SimpleNamespace(  # noqa: E731
+        id=k, repeat_group=0, exposure_gain=1.0, ambient=None, projector_power=1.0
+    )
+    return {
+        (k, "left"): (frame(k), light, 20.0 * light.ambient + change + NOISE_DN * rng.standard_normal((HEIGHT, WIDTH)))
+        for k, change in enumerate(change_by_row)
+    }
+
+
+def _variance(shots: dict[Any, Any], taken_out: dict[Any, np.ndarray]) -> float:
+    images = [image - taken_out.get(key, 0.0) for key, (_, _, image) in shots.items()]
+    return float(np.var(images, axis=0, ddof=1).mean())
+
+
+@pytest.mark.parametrize(("frequency_hz", "line_time_s"), [(100.0, 2.6e-5), (230.0, 1.3e-5)])
+def test_what_a_flickering_lamp_changes_is_taken_out_of_repeats(frequency_hz: float, line_time_s: float) -> None:
+    time_s = np.arange(HEIGHT)[:, None] * line_time_s + np.array([0.0, 0.0334])
+    factor = 0.4 * np.sin(2 * np.pi * frequency_hz * time_s)
+    shots = _shots([20.0 * factor[:, k, None] * _light().ambient for k in range(2)])
+    assert _variance(shots, {}) > 2.0 * NOISE_DN**2
+    assert _variance(shots, unsteady_light(shots)) == pytest.approx(NOISE_DN**2, rel=0.03)
+
+
+def test_noise_of_rows_and_of_pixels_stays() -> None:
+    rng = np.random.default_rng(3)
+    rows = [np.repeat(1.5 * rng.standard_normal((HEIGHT, 1)), WIDTH, axis=1) for _ in range(2)]
+    assert unsteady_light(_shots(rows)) == {}
+    assert unsteady_light(_shots([np.zeros((HEIGHT, WIDTH))] * 2)) == {}
+
+
+def test_a_level_that_drifts_in_the_dark_is_no_lamp() -> None:
+    assert unsteady_light(_shots([np.full((HEIGHT, WIDTH), level) for level in (0.0, 4.0)])) == {}
+
+
+def test_frames_that_are_no_repeats_have_no_change() -> None:
+    (key, (frame, light, image)), *_ = _shots([np.zeros((HEIGHT, WIDTH))]).items()
+    frame.repeat_group = None
+    assert unsteady_light({key: (frame, light, image)}) == {}

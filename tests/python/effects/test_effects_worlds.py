@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Image-space effects against worlds that were ray-cast with the effect in them: at least most of the change is
-reproduced."""
+"""Effects in whole worlds, and the wider library."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from activestereo.common.lens import distort
+from activestereo.effects import Light, builtin
+from activestereo.effects.core.descriptor import Stage
+from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.laws import example_value, example_view
+from activestereo.effects.core.resample import Pattern, disc_sampler
+from effect_worlds import PATTERN, POSE, PROJECTOR_K, TWIST, seen, smooth_places, view_of
 from scipy.linalg import expm
 from scipy.ndimage import map_coordinates
-
-from effect_worlds import PATTERN, POSE, PROJECTOR_K, TWIST, seen, smooth_places, view_of
-from activestereo.effects import builtin
-from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.resample import Pattern, disc_sampler
 
 EFFECTS = builtin()
 
@@ -105,3 +106,85 @@ def test_motion_needs_a_moving_rig(nominal):
     for name in ("rolling_shutter", "motion_blur", "exposure_desync"):
         e = EFFECTS[name]
         assert e(light, still, **e.typical_values) is light
+
+
+def positions(effect, view, **parameters):
+    """(x, y) in focal lengths that an effect of the camera's geometry shows at every pixel: of images that hold their
+    own pixels' positions."""
+    u, v = view.pixels()
+    seen = EFFECTS[effect](Light(u, v, u, v), view, **parameters)
+    inside = np.s_[8:-8, 8:-8]
+    x = (seen.direct - view.K[0, 2]) / view.K[0, 0]
+    y = (seen.indirect - view.K[1, 2]) / view.K[1, 1]
+    return x[inside], y[inside], view.rays()[0][inside], view.rays()[1][inside]
+
+
+def test_decentred_lenses_draw_by_browns_formula():
+    x, y, drawn_x, drawn_y = positions("tangential_distortion", example_view(), p1=0.004, p2=-0.003)
+    r2 = x * x + y * y
+    assert x + 2 * 0.004 * x * y - 0.003 * (r2 + 2 * x * x) == pytest.approx(drawn_x, abs=2e-4)
+    assert y + 0.004 * (r2 + 2 * y * y) - 2 * 0.003 * x * y == pytest.approx(drawn_y, abs=2e-4)
+
+
+def test_a_wedge_moves_by_the_squared_radius():
+    x, y, drawn_x, drawn_y = positions("thin_prism", example_view(), s1=0.01, s3=-0.006)
+    assert x + 0.01 * (x * x + y * y) == pytest.approx(drawn_x, abs=2e-4)
+    assert y - 0.006 * (x * x + y * y) == pytest.approx(drawn_y, abs=2e-4)
+
+
+def test_decentring_is_a_tilt_and_a_wedge_to_second_order():
+    """p2 moves x by 3 x^2 + y^2 and y by 2 x y: a tilt by x^2 and x y, a wedge by x^2 + y^2."""
+    p2, at = 0.002, np.linspace(-0.4, 0.4, 9)
+    x, y = np.meshgrid(at, at)
+    along_x, along_y = distort(x, y, (0.0, 0.0, 0.0, p2, 0.0))
+    assert along_x - x == pytest.approx(p2 * (x * x + y * y) + 2 * p2 * x * x)
+    assert along_y - y == pytest.approx(2 * p2 * x * y)
+
+
+def test_an_askew_imager_keeps_lines_straight_and_the_middle_in_its_place():
+    view = example_view()
+    x, y, drawn_x, drawn_y = positions("imager_tilt", view, tau_x_rad=0.05, tau_y_rad=-0.08)
+    for a, b in ((x[3], y[3]), (x[:, 5], y[:, 5]), (np.diagonal(x), np.diagonal(y))):
+        area = (a[-1] - a[0]) * (b - b[0]) - (b[-1] - b[0]) * (a - a[0])
+        assert np.abs(area).max() < 3e-4
+    moved = np.hypot(x - drawn_x, y - drawn_y)
+    assert moved[moved.shape[0] // 2, moved.shape[1] // 2] < 1e-3 < moved.max()
+    # A point on the side that comes nearer to the lens is seen under a larger angle: x / (1 - x sin(tau_y)).
+    x, _, drawn_x, _ = positions("imager_tilt", view, tau_x_rad=0.0, tau_y_rad=0.08)
+    assert x == pytest.approx(drawn_x * np.cos(0.08) / (1.0 - drawn_x * np.sin(0.08)), abs=3e-4)
+
+
+def test_one_camera_alone_is_out_of_focus():
+    for side, sigma in (("left", -0.8), ("right", 0.8)):
+        view = example_view(side)
+        light = example_value(Stage.CAMERA, view)
+        focus = EFFECTS["focus_mismatch"]
+        assert focus(light, view, sigma_px=-sigma) is light
+        blurred = focus(light, view, sigma_px=sigma).direct
+        assert blurred == pytest.approx(EFFECTS["lens_psf"](light, view, sigma_px=abs(sigma)).direct)
+        assert blurred.std() < 0.9 * light.direct.std()
+
+
+def test_ghosts_lie_where_their_light_goes():
+    view = replace(example_view(), K=np.array([[60.0, 0, 45.0], [0, 60.0, 36.0], [0, 0, 1]]))
+    image = np.zeros((2, *view.shape))
+    image[:, 20, 30] = 10.0
+    ghost = EFFECTS["lens_ghost"](image, view, fraction=0.1) - image
+    assert np.argwhere(ghost[0] > 0.5).tolist() == [[72 - 20, 90 - 30]] and ghost[1, 52, 60] == pytest.approx(1.0)
+    double = EFFECTS["double_image"](image, view, fraction=0.2, shift_u_px=4.5, shift_v_px=-3.0) - image
+    assert double[0, 17, 34:36].tolist() == pytest.approx([1.0, 1.0]) and double.sum() == pytest.approx(4.0)
+
+
+def test_dots_are_dim_around_their_place_and_dimmer_where_it_is_warm():
+    warm = example_view()
+    cold = replace(warm, frame=replace(warm.frame, temperature_c=25.0))
+    light, dots = example_value(Stage.PROJECTOR, cold), EFFECTS["dim_dots"]
+    points = cold.projector_points()
+    x, y = points[..., 0] / points[..., 2], points[..., 1] / points[..., 2]
+    place = {"place_x": float(x[30, 40]), "place_y": float(y[30, 40]), "radius": 0.1}
+    for view, lost in ((cold, 0.3), (warm, 0.3 + 20 * 0.02)):
+        seen = dots(light, view, depth=0.3, per_k=0.02, **place)
+        assert seen.direct[30, 40] == pytest.approx((1.0 - lost) * light.direct[30, 40])
+        apart = np.hypot(x - place["place_x"], y - place["place_y"]) > 0.5
+        assert seen.direct[apart] == pytest.approx(light.direct[apart], rel=1e-4)
+        assert (seen.ambient == light.ambient).all()

@@ -1,18 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects inside of the engines: what each moves."""
+"""Effects inside the engines: fields, lamps, units in a room, renders that fail."""
 
+from contextlib import contextmanager
 from dataclasses import replace
+from types import SimpleNamespace
 
-import kuafu
 import numpy as np
 import pytest
-
-import simsense
 from activestereo.capture.capture import Frame
-from activestereo.effects import Model, Parameter, Stage, builtin, effect
+from activestereo.compare.effect_trials import trial_capture
+from activestereo.effects import Model, Parameter, Stage, View, builtin, effect
+from activestereo.effects.core import lamp as module
+from activestereo.effects.core import room_unit
+from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine
+from activestereo.effects.core.lamp import lamp_pose, lamp_starts, radiance_under
 from activestereo.effects.core.moved import engine_effect
-from activestereo.effects.engines.capture_inputs import record_key
+from activestereo.effects.core.room_unit import SeenPoints, SphereMatch, angles, axes, room_unit_starts
+from activestereo.effects.engines.capture_inputs import enter_world, record_key
+from activestereo.effects.engines.capture_renderer import CaptureRenderer
+from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, view_of
+from virtual_sensor.view import PatternSource, look
+from virtual_sensor.world import look_at, table_top
+
+import kuafu
+import simsense
 
 EFFECTS = builtin()
 MAPPED = [e for e in EFFECTS.values() if e.engine is not None]
@@ -169,3 +181,133 @@ def test_a_field_that_kuafu_lacks_is_an_error():
 def test_an_image_function_acts_where_engines_lack_a_value():
     model = Model().with_effect(EFFECTS["subsurface"], fraction=0.5, core=0.3)
     assert apply_engine(engine_inputs(), model.effects) == model.outside_engines().effects == model.effects
+
+
+def test_after_a_failed_render_the_next_one_is_as_if_it_had_not_been(tmp_path, monkeypatch):
+    capture = trial_capture(tmp_path)
+    effect = builtin()["specular"]
+    model = Model().with_effect(effect, **effect.typical_values)
+    renderer = CaptureRenderer("cpu", 1, 1)
+    before = {key: light.ambient for key, light in CaptureRenderer("cpu", 1, 1).lights(capture, Model()).items()}
+
+    @contextmanager
+    def left_changed(scene, inputs):
+        enter_world(scene, inputs)
+        yield
+        raise RuntimeError("the scene is inside another call")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("activestereo.effects.engines.capture_renderer.changed_world", left_changed)
+        with pytest.raises(RuntimeError):
+            renderer.lights(capture, model)
+    for key, light in renderer.lights(capture, Model()).items():
+        assert np.array_equal(light.ambient, before[key])
+
+
+SHAPE = (48, 80)
+
+
+def room():
+    """(points, normals) of a floor and a wall behind it, in camera axes that are the world's."""
+    across, along = np.meshgrid(np.linspace(-1.2, 1.2, SHAPE[1]), np.linspace(-1.0, 1.0, SHAPE[0]))
+    on_floor = (along < 0.0)[..., None]
+    points = np.where(
+        on_floor,
+        np.stack([across, np.full(SHAPE, -0.3), 0.8 + along], -1),
+        np.stack([across, along, 0 * across + 0.8], -1),
+    )
+    return points, np.where(on_floor, [0.0, 1.0, 0.0], [0.0, 0.0, -1.0])
+
+
+def test_a_lamp_in_the_room_is_sought_where_it_may_stand(monkeypatch):
+    """Light falls off beside a near lamp, of which the normals of two surfaces tell nothing."""
+    points, normal = room()
+    shading = module.Shading.__new__(module.Shading)
+    vars(shading).update(points=points, normal=normal, reflectance=np.full(SHAPE, 0.2), hit=np.ones(SHAPE, bool))
+    monkeypatch.setattr(module.Shading, "of", lambda *_: shading)
+    frame, unshadowed = SimpleNamespace(camera_to_world=np.eye(4)), lambda *_, choice: np.ones(SHAPE)
+    view = SimpleNamespace(left_to_camera=np.eye(4), frame=frame, latest=unshadowed)
+    light = SimpleNamespace(ambient=np.full(SHAPE, 0.1))
+
+    def shown(azimuth_rad, elevation_rad, nearness_per_m):
+        pose = lamp_pose(azimuth_rad, elevation_rad, nearness_per_m)
+        kind = "point" if nearness_per_m else "directional"
+        lamp = SimpleNamespace(kind=kind, ir_intensity=np.pi)
+        return radiance_under(lamp, pose, light, view)
+
+    truth = {"azimuth_rad": 2.0, "elevation_rad": 0.7, "nearness_per_m": 0.9}
+    residual = 40.0 * 1.5 * shown(*truth.values())
+
+    def left_by(start):
+        place = shown(*(start.get(name, 0.0) for name in truth))
+        columns = np.stack([place.ravel(), np.ones(place.size)])
+        found = np.linalg.lstsq(columns.T, residual.ravel(), rcond=None)[0]
+        return np.mean((residual.ravel() - found @ columns) ** 2) / np.var(residual)
+
+    starts = lamp_starts([StartImage(view, light, np.ones(SHAPE), residual, residual, 40.0, residual)])
+    assert min(map(left_by, starts)) < 0.05 < min(map(left_by, starts[:2]))
+
+
+UNIT = look_at((0.45, 0.5, 0.45), (0.0, 0.05, -0.25))
+AMBIENT_DN, INTENSITY_M2 = 50.0, 6.0
+
+
+def image_of(pose, noise_share):
+    """The image of the unit alone that a rig at a pose sees, as the residual, with noise of a share of the dots'
+    deviation."""
+    light, geometry = seen("left", left_to_world=pose, bounces=0)
+    view: View = view_of(geometry, "left")
+    view = replace(view, frame=replace(view.frame, camera_to_world=pose, projector_power=0.0))
+    source = PatternSource(UNIT[:3, 3], UNIT[:3, :3], PROJECTOR_K, PATTERN)
+    added = AMBIENT_DN * INTENSITY_M2 * look(table_top(), SIZE, CAMERA_K, pose, source, seed=3, grid=4).direct
+    noise_dn = noise_share * added.std()
+    noise = np.random.default_rng(1).normal(0.0, noise_dn, added.shape)
+    weight = np.full(added.shape, noise_dn**-2)
+    ambient = AMBIENT_DN * light.ambient
+    return StartImage(view, light, weight, added + noise, ambient, AMBIENT_DN, ambient), noise
+
+
+@pytest.fixture(scope="module")
+def images():
+    poses = [POSE, look_at((-0.15, 0.45, 0.5), (0.0, 0.06, -0.2)), look_at((0.3, 0.35, 0.45), (0.0, 0.06, -0.2))]
+    return [image_of(pose, 0.5) for pose in poses]
+
+
+def test_a_place_shows_which_way_a_unit_there_points(images):
+    chosen = [image for image, _ in images]
+    seen = SeenPoints.of(chosen, 6000)
+    match = SphereMatch(chosen[0].view, *room_unit.COARSE)
+    (gain, pose), (beside, _) = match.best(seen, np.stack([UNIT[:3, 3], UNIT[:3, 3] + (0.2, 0.0, 0.0)]))
+    np.testing.assert_allclose(pose[3:5], angles(UNIT[:3, 2]), atol=0.03)
+    assert gain > 3 * beside
+
+
+def test_the_pose_is_found_from_the_dots(images, monkeypatch):
+    # This unit lights most of the picture: few places are likelier than its own.
+    monkeypatch.setattr(room_unit, "_PLACES", 250)
+    found = room_unit_starts([image for image, _ in images])[0]
+    np.testing.assert_allclose([found[name] for name in ("x_m", "y_m", "z_m")], UNIT[:3, 3], atol=0.05)
+    turn = axes(found["azimuth_rad"], found["elevation_rad"], found["roll_rad"])
+    assert turn[:, 2] @ UNIT[:3, 2] > np.cos(0.06)
+    assert found["intensity_m2"] == pytest.approx(INTENSITY_M2, rel=0.4)
+
+
+def test_nothing_is_searched_in_noise_alone(images):
+    assert room_unit_starts([replace(image, residual=noise) for image, noise in images]) == [{}]
+
+
+def test_the_axes_are_those_of_a_pose_that_looks_along_the_beam():
+    np.testing.assert_allclose(axes(*angles(UNIT[:3, 2]), 0.0), UNIT[:3, :3], atol=1e-12)
+
+
+def test_the_formula_draws_the_dots_where_a_source_there_throws_them(images):
+    image, noise = images[0]
+    azimuth, elevation = angles(UNIT[:3, 2])
+    x, y, z = UNIT[:3, 3]
+    lit = builtin()["room_projector"](
+        image.light, image.view, intensity_m2=INTENSITY_M2, x_m=x, y_m=y, z_m=z, azimuth_rad=azimuth,
+        elevation_rad=elevation, roll_rad=0.0,
+    )  # fmt: skip
+    added, truth = AMBIENT_DN * (lit.ambient - image.light.ambient), image.residual - noise
+    here = (truth > 0) & (image.light.flat > 0)
+    assert np.corrcoef(added[here], truth[here])[0, 1] > 0.9

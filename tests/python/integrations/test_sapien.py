@@ -375,8 +375,6 @@ def test_render_shapes_and_materials_where_there_is_a_renderer(scene):
     first = world.looks.material(material)
     assert world.looks.material(material) == first and world.scene.summary.texture_count == 1
     made = world.scene.get_material(first)
-    assert (
-        made.specular == pytest.approx(1.0)
-        and made.metallic == pytest.approx(0.2)
-        and made.base_color_texture is not None
-    )
+    assert made.specular == pytest.approx(1.0)
+    assert made.metallic == pytest.approx(0.2)
+    assert made.base_color_texture is not None

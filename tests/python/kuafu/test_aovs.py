@@ -44,11 +44,9 @@ def test_a_users_own_set(renderer, scene):
     np.testing.assert_allclose(
         images["projector_geometry"][0, ..., 0], Z / ((x - 0.1) ** 2 + y**2 + Z**2) ** 1.5, rtol=1e-5
     )
-    assert (
-        np.all(images["projector_visibility"] == 1)
-        and np.all(images["semantic_id"] == 5)
-        and np.all(images["motion"] == 0)
-    )
+    assert np.all(images["projector_visibility"] == 1)
+    assert np.all(images["semantic_id"] == 5)
+    assert np.all(images["motion"] == 0)
     np.testing.assert_allclose(images["albedo"], 0.3, rtol=1e-6)
 
 
@@ -99,10 +97,8 @@ def test_calls_that_accumulate(renderer, scene):
 
 def test_a_noise_budget(renderer, scene):
     renderer.render(scene, CAMERA, spp=10000, relative_error=0.01)
-    assert (
-        renderer.summary.relative_error <= 0.01
-        and renderer.summary.samples_per_pixel < 10000
-        and renderer.summary.seconds > 0
-    )
+    assert renderer.summary.relative_error <= 0.01
+    assert renderer.summary.samples_per_pixel < 10000
+    assert renderer.summary.seconds > 0
     with pytest.raises(ValueError, match="max_seconds is -1"):
         renderer.render(scene, CAMERA, max_seconds=-1)

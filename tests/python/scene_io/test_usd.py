@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""USD stages, written here as text, become glTF: units, axes, materials, lights, copies, cameras; losses are told."""
+"""USD stages as glTF, and what is said without USD's package."""
 
 from __future__ import annotations
 
 import json
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from activestereo import cli
+from activestereo.scene_io.usd import UsdError, convert, load_usd
 from PIL import Image
 
 import kuafu
-from activestereo.scene_io.usd import UsdError, convert, load_usd
 
 pxr = pytest.importorskip("pxr", reason="the package usd-core is not installed (pip install usd-core)")
 
@@ -312,3 +314,11 @@ def test_what_is_no_stage_is_one_line(tmp_path: Path) -> None:
     empty.write_text('#usda 1.0\ndef Xform "A"\n{\n}\n')
     with pytest.raises(UsdError, match="no mesh"):
         convert(empty, tmp_path / "c.glb")
+
+
+def test_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "a.usda").write_text("#usda 1.0\n")
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    code = cli.main(["simulate", str(tmp_path / "a.usda"), "--out", str(tmp_path / "out"), "--device", "cpu"])
+    assert code != 0
+    assert "pip install usd-core" in capsys.readouterr().err

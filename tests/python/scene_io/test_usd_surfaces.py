@@ -86,9 +86,8 @@ def test_a_body_that_cannot_be_read_is_left_out_in_a_line(tmp_path: Path, body: 
     path = _stage(tmp_path, body)
     with pytest.raises(UsdError) as error:
         convert(path, tmp_path / "a.glb")
-    assert str(error.value).startswith(f"{path}: there is no mesh in it that can be shown: ") and said in str(
-        error.value
-    )
+    assert str(error.value).startswith(f"{path}: there is no mesh in it that can be shown: ")
+    assert said in str(error.value)
     assert "\n" not in str(error.value)
     both = tmp_path / "both.usda"
     both.write_text(path.read_text() + _MESH.replace('"M"', '"Good"'))

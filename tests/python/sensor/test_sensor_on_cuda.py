@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor whose results lie in CUDA's memory has the bits of one without, by get_cuda() and for the host."""
+"""A sensor whose results are CUDA's, and CUDA's memory."""
 
+import ctypes as c
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-
-import kuafu
-from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.sensor.cuda_memory import CudaError, CudaMemory
+from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.effects import builtin
 from activestereo.model import Quantity, SensorModel
-from cuda_stub import seen_by_host, stub_for
+from activestereo.sensor.cuda_memory import CudaError, CudaMemory
+from cuda_stub import exportable, place_in_file, seen_by_host, stub_for
+
+import kuafu
+import simsense
 
 NAMES = ("depth", "disparity", "ir_left", "confidence", "rgba8", "true_depth", "instance_ids", "material_ids")
 
@@ -135,3 +138,169 @@ def test_torch_has_a_sensors_results_where_they_were_made(torch_on_a_gpu: Any, c
         sensor.compute_depth()
         size = torch_on_a_gpu.as_tensor(sensor.get_cuda("depth"), device="cuda").nbytes
         assert sum(device.copied_bytes for device in devices) - before < size // 2  # records of scene and cameras
+
+
+@pytest.fixture(params=[kuafu, simsense], ids=lambda module: module.__name__)
+def module(request: pytest.FixtureRequest) -> ModuleType:
+    return request.param
+
+
+def cpu_of(module: ModuleType) -> Any:
+    """The stub of CUDA maps memory that has an address of the host."""
+    try:
+        return module.Device("cpu")
+    except module.NoDeviceError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def own_device(module: ModuleType) -> Any:
+    return cpu_of(module)
+
+
+def test_cuda_sees_the_exported_memory(module: ModuleType, own_device: Any, stub_cuda: Path) -> None:
+    """Against a stub of CUDA's driver that maps the file behind the descriptor: one memory under two addresses."""
+    buffer = exportable(module, own_device)
+    stub = c.CDLL(str(stub_cuda))
+    ours = buffer.image("float32", (6, 5)).array()
+    stub.stub_be(own_device.info.device_uuid, c.c_uint64(place_in_file(ours.ctypes.data)))
+    memory = CudaMemory(buffer, library=str(stub_cuda))
+    interface = memory.array("float32", (6, 5)).__cuda_array_interface__
+    assert interface["shape"] == (6, 5) and interface["typestr"] == "<f4" and interface["version"] == 3
+    address = interface["data"][0]
+    theirs = np.ctypeslib.as_array(c.cast(address, c.POINTER(c.c_float)), (6, 5))
+    assert theirs.ctypes.data != ours.ctypes.data
+    ours[2, 3] = 7
+    assert theirs[2, 3] == 7
+    theirs[2, 4] = 8
+    assert ours[2, 4] == 8
+    with pytest.raises(ValueError, match="needs 124 bytes"):
+        memory.array("float32", (31,))
+    memory.close()
+    assert stub.stub_held() == 0
+
+
+def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(
+    module: ModuleType, own_device: Any, stub_cuda: Path
+) -> None:
+    buffer = exportable(module, own_device)
+    with pytest.raises(CudaError, match="no CUDA driver"):
+        CudaMemory(buffer, library="/nowhere/libcuda.so.1")
+    stub = c.CDLL(str(stub_cuda))
+    stub.stub_be(b"0123456789abcdef", c.c_uint64(0))
+    with pytest.raises(CudaError, match="none of the 2 CUDA devices"):
+        CudaMemory(buffer, library=str(stub_cuda))
+    assert stub.stub_held() == 0
+
+
+def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cuda: Path) -> None:
+    """The arrays have the bits of the host's, and the next picture's are in the same memory."""
+    device = cpu_of(kuafu)
+    stub_for(device, stub_cuda, monkeypatch)
+    scene = kuafu.Scene(device)
+    corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
+    scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))
+    scene.set_environment((0.3, 0.2, 0.1), 0.3)
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.1)
+    config.samples_per_pixel, config.max_bounces = 1, 0
+    batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (2, 1, 1))), on_cuda=True)
+    with pytest.raises(RuntimeError, match="no RGB picture yet|no picture yet"):
+        batch.get_cuda("rgba8")
+    addresses = []
+    for _ in range(2):
+        batch.take_picture()
+        with pytest.raises(RuntimeError, match="no depth of this picture yet"):
+            batch.get_cuda("depth")
+        batch.compute_depth()
+        for name in ("depth", "disparity", "rgba8", "true_depth", "instance_ids", "ir_left"):
+            host = batch.get_ir_measured()[0] if name == "ir_left" else getattr(batch, f"get_{name}")()
+            there = batch.get_cuda(name)
+            seen = seen_by_host(there)
+            assert seen.shape == host.shape and seen.dtype == host.dtype, name
+            np.testing.assert_array_equal(seen, host)
+            addresses.append(there.__cuda_array_interface__["data"][0])
+    assert addresses[:6] == addresses[6:] and batch.get_depth().any()
+    with pytest.raises(ValueError, match="a sensor has no 'rgb' for CUDA .*depth, .*confidence, .*rgba8"):
+        batch.get_cuda("rgb")
+    with pytest.raises(RuntimeError, match="on_cuda=True"):
+        StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).get_cuda("depth")
+
+
+def test_a_batch_for_cuda_is_not_made_without_cuda(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And leaves the scene as it was."""
+    monkeypatch.setitem(CudaMemory.__init__.__kwdefaults__, "library", "/nowhere/libcuda.so.1")
+    device = cpu_of(kuafu)
+    exportable(kuafu, device)
+    scene = kuafu.Scene(device)
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.1)
+    with pytest.raises(CudaError, match="there is no CUDA driver"):
+        StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]), on_cuda=True)
+    assert scene.summary.light_count == 0
+
+
+def test_torch_and_the_renderer_have_one_memory(torch_on_a_gpu: Any) -> None:
+    """kuafu renders into a tensor's memory; what PyTorch writes there kuafu reads; no byte is copied between."""
+    torch = torch_on_a_gpu
+    device = kuafu.Device("auto")
+    scene = kuafu.Scene(device)
+    positions = np.float32([[-4, -4, 2], [4, -4, 2], [0, 5, 2]])
+    scene.add_instance(scene.add_mesh(positions, np.uint32([[0, 1, 2]])))
+    camera = kuafu.Camera(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]]))
+    size = 4 * 48 * 64
+    buffer = kuafu.Buffer(device, size, exportable=True, host_visible=False)
+    tensor = torch.as_tensor(CudaMemory(buffer).array("float32", (1, 48, 64, 1)), device="cuda")
+    renderer = kuafu.Renderer(device)
+    before = device.copied_bytes
+    renderer.render(scene, [camera], outputs={"depth": buffer.image("float32", (1, 48, 64, 1))})
+    assert device.copied_bytes - before < size // 16  # records of scene and camera, no image
+    assert float((tensor - 2.0).abs().max()) < 1e-5
+    tensor.fill_(7.0)
+    torch.cuda.synchronize()
+    assert np.all(buffer.read().view(np.float32) == 7.0)
+
+
+def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: Any) -> None:
+    torch = torch_on_a_gpu
+    device = simsense.Device("auto")
+    height, width, disparity = 96, 160, 7
+    texture = np.random.default_rng(1).integers(0, 255, (height, width + disparity), dtype=np.uint8)
+    pair = np.stack([texture[:, :width], texture[:, disparity:]])
+    k = np.array([[200.0, 0, 80], [0, 200.0, 48], [0, 0, 1]])
+    camera = simsense.Camera(width, height, k)
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -0.05
+    engine = simsense.Engine(device, camera, camera, left_to_right, rectified=True, max_disparity=32)
+    buffer = simsense.Buffer(device, pair.nbytes, exportable=True, host_visible=False)
+    tensor = torch.as_tensor(CudaMemory(buffer).array("uint8", pair.shape), device="cuda")
+    tensor.copy_(torch.from_numpy(pair))
+    torch.cuda.synchronize()
+    before = device.copied_bytes
+    pair = [buffer.image("uint8", (height, width), side * height * width) for side in (0, 1)]
+    out = simsense.Buffer(device, 4 * height * width, exportable=True, host_visible=False)
+    found = torch.as_tensor(CudaMemory(out).array("float32", (height, width)), device="cuda")
+    engine.compute(*pair, outputs={"disparity": out.image("float32", (height, width))})
+    assert device.copied_bytes - before < pair.nbytes // 16
+    valid = found[:, 32:] > 0
+    assert float(valid.float().mean()) > 0.95
+    assert float((found[:, 32:][valid] - disparity).abs().median()) < 0.1
+
+
+def test_torch_has_a_batchs_results_where_they_were_made(torch_on_a_gpu: Any) -> None:
+    torch = torch_on_a_gpu
+    scene = kuafu.Scene(kuafu.Device("auto"))
+    corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
+    scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
+    batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (3, 1, 1))), on_cuda=True)
+    for _ in range(2):
+        batch.take_picture()
+        batch.compute_depth()
+        for name in ("depth", "disparity", "rgba8", "true_depth"):
+            tensor = torch.as_tensor(batch.get_cuda(name), device="cuda")
+            assert tensor.is_cuda and tensor.shape[0] == 3
+            np.testing.assert_array_equal(tensor.cpu().numpy(), getattr(batch, f"get_{name}")())
+    before = scene.device.copied_bytes
+    batch.take_picture()
+    batch.compute_depth()
+    rgba8 = torch.as_tensor(batch.get_cuda("rgba8"), device="cuda")
+    assert scene.device.copied_bytes - before < rgba8.nbytes // 4  # records of scene and cameras, no image
