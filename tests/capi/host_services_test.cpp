@@ -19,8 +19,6 @@
 namespace ks::test {
 namespace {
 
-bool says(const char* text, const char* part) { return std::strstr(text, part) != nullptr; }
-
 size_t thread_count() {
   return static_cast<size_t>(std::distance(std::filesystem::directory_iterator("/proc/self/task"), std::filesystem::directory_iterator()));
 }

@@ -16,8 +16,6 @@ namespace {
 
 constexpr uint64_t second_ns = 1'000'000'000, soon_ns = 50'000'000, long_ns = 60 * second_ns;
 
-bool says(const char* text, const char* part) { return std::strstr(text, part) != nullptr; }
-
 ks_device_desc on(const VulkanHost& host) {
   ks_device_desc desc = ks_device_desc_init();
   desc.select = KS_SELECT_VULKAN, desc.vulkan = &host.desc(), desc.worker_count = 2;

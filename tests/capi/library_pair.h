@@ -52,4 +52,6 @@ typename Library::Device open_test_device() {
   return device;
 }
 
+inline bool says(const char* text, const char* part) { return std::strstr(text, part) != nullptr; }
+
 }  // namespace ks::test

@@ -14,8 +14,6 @@ namespace {
 
 using Libraries = testing::Types<Kuafu, Simsense>;
 
-bool says(const char* text, const char* part) { return std::strstr(text, part) != nullptr; }
-
 /// A struct as a library gives it to a caller that reads no headers.
 template <class T>
 void expect_same(ks_status (*init)(uint32_t, void*, uint32_t), uint32_t type, const T& inline_one) {

@@ -39,6 +39,12 @@ Outcome load(const std::filesystem::path& path, const LoadOptions& options = {})
   return out;
 }
 
+Outcome load(GltfWriter& writer, const LoadOptions& options = {}) {
+  const Folder folder;
+  writer.write_glb(folder / "a.glb");
+  return load(folder / "a.glb", options);
+}
+
 bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 bool warns(const Outcome& outcome, const std::string& part) {
@@ -138,14 +144,12 @@ TEST(HostileFile, MemoryIsTiedToTheBytesOfTheFile) {
 }
 
 TEST(HostileFile, TheLimitsCanBeSet) {
-  const Folder folder;
   GltfWriter w;
   std::vector<float> positions(3 * 300000, 0.0f);
   w.mesh({{{"attributes", {{"POSITION", w.accessor(positions, type_float, "VEC3", 3)}}}}});
   w.node({{"mesh", 0}});
-  w.write_glb(folder / "a.glb");
-  EXPECT_EQ(load(folder / "a.glb").error, "");
-  const std::string error = load(folder / "a.glb", {.memory_bytes = 1 << 20}).error;
+  EXPECT_EQ(load(w).error, "");
+  const std::string error = load(w, {.memory_bytes = 1 << 20}).error;
   EXPECT_TRUE(has(error, "KUAFU_LOAD_MEMORY_MB allows more")) << error;
   const LoadLimits small = load_limits({}, 1000), large = load_limits({}, 1 << 20);
   EXPECT_EQ(large.memory_bytes - small.memory_bytes, memory_per_file_byte * ((1 << 20) - 1000));
@@ -220,7 +224,6 @@ TEST(HostileFile, NothingOutsideTheFolderIsReadUnlessAllowed) {
 // --- Messages ---
 
 TEST(HostileFile, NamesStayInTheirLineAndMessagesAreBounded) {
-  const Folder folder;
   GltfWriter w;
   for (int i = 0; i < 3000; ++i)
     w.root["materials"].push_back(
@@ -228,8 +231,7 @@ TEST(HostileFile, NamesStayInTheirLineAndMessagesAreBounded) {
   w.root["materials"][0]["name"] = "evil\nERROR: all is lost\x1b[2J" + std::string(5000, 'x');
   w.triangle(0);
   w.node({{"mesh", 0}, {"name", "two\nlines"}});
-  w.write_glb(folder / "a.glb");
-  const Outcome outcome = load(folder / "a.glb");
+  const Outcome outcome = load(w);
   ASSERT_EQ(outcome.error, "");
   EXPECT_LE(outcome.warnings.size(), 100u);
   for (const std::string& warning : outcome.warnings) {
@@ -240,7 +242,6 @@ TEST(HostileFile, NamesStayInTheirLineAndMessagesAreBounded) {
 }
 
 TEST(HostileFile, AMemberThatIsMisspeltIsSaidOnceWithTheNearestName) {
-  const Folder folder;
   GltfWriter w;
   w.triangle();
   w.triangle();
@@ -249,8 +250,7 @@ TEST(HostileFile, AMemberThatIsMisspeltIsSaidOnceWithTheNearestName) {
   w.root["accessors"][1]["something\nelse"] = 1;
   w.root["accessors"][1]["extras"] = {{"anything", 1}};
   w.node({{"mesh", 0}});
-  w.write_glb(folder / "a.glb");
-  const Outcome outcome = load(folder / "a.glb");
+  const Outcome outcome = load(w);
   ASSERT_EQ(outcome.error, "");
   EXPECT_EQ(outcome.warnings.size(), 3u);
   EXPECT_TRUE(warns(outcome, "meshes[0]/primitives[0]: member 'indeces' is unknown and ignored; is 'indices' meant?"));
@@ -258,21 +258,17 @@ TEST(HostileFile, AMemberThatIsMisspeltIsSaidOnceWithTheNearestName) {
   EXPECT_TRUE(warns(outcome, "accessors[1]: member 'something else' is unknown and ignored"));
 
   for (int i = 0; i < 3000; ++i) w.root["nodes"][0][std::to_string(i)] = i;
-  w.write_glb(folder / "a.glb");
-  EXPECT_EQ(load(folder / "a.glb").warnings.size(), 11u);
+  EXPECT_EQ(load(w).warnings.size(), 11u);
 }
 
 TEST(HostileFile, BoundsThatAreNotThoseOfTheDataAreSaidWithBoth) {
-  const Folder folder;
   GltfWriter w;
   w.thing();
   w.root["accessors"][0]["min"] = {0, 0, 0};
   w.root["accessors"][0]["max"] = {1, 1, 0};
-  w.write_glb(folder / "a.glb");
-  EXPECT_TRUE(load(folder / "a.glb").warnings.empty());
+  EXPECT_TRUE(load(w).warnings.empty());
   w.root["accessors"][0]["max"] = {1, 3, 0};
-  w.write_glb(folder / "a.glb");
-  EXPECT_TRUE(warns(load(folder / "a.glb"), "POSITION: component 1 goes from 0 to 1, but the accessor's min and max say 0 to 3"));
+  EXPECT_TRUE(warns(load(w), "POSITION: component 1 goes from 0 to 1, but the accessor's min and max say 0 to 3"));
 }
 
 TEST(HostileFile, MtlStatementsBeforeTheFirstMaterialAreLeftOutAndSaid) {
@@ -299,15 +295,13 @@ TEST(HostileFile, ColladaAccessorsStayInsideOfTheirArrays) {
 }
 
 TEST(HostileFile, IndicesThatDoNotFitAreNotWrapped) {
-  const Folder folder;
   GltfWriter w;
   w.thing();
   for (const char* field :
        {"/nodes/0/mesh", "/scenes/0/nodes/0", "/meshes/0/primitives/0/attributes/POSITION", "/accessors/0/bufferView"}) {
     GltfWriter changed = w;
     changed.root[json::json_pointer(field)] = uint64_t{1} << 32;
-    write_text(folder / "a.glb", changed.glb());
-    EXPECT_NE(load(folder / "a.glb").error, "") << field << " 2^32 became 0";
+    EXPECT_NE(load(changed).error, "") << field << " 2^32 became 0";
   }
 }
 

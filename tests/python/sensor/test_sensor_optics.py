@@ -82,7 +82,7 @@ def test_a_still_sensor_takes_the_pictures_of_a_pinhole_at_rest(small_config, ta
 
 @pytest.mark.parametrize("readout", ["rows_down", "rows_up"])
 def test_shutters_of_the_configuration_are_the_cameras(small_config, readout):
-    """What they do to an edge is kuafu's: tests/kuafu/frame/camera_law_test.cpp."""
+    """kuafu's laws say what they do to an edge: tests/kuafu/frame/camera_law_test.cpp."""
     small_config.ir_line_time_s, small_config.ir_readout, small_config.rgb_exposure_s = 1e-4, readout, 0.01
     sensor = StereoDepthSensor(small_config, wall_scene(DISTANCE_M))
     for camera in sensor.ir_cameras():
