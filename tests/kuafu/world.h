@@ -22,6 +22,12 @@ inline constexpr double pi = std::numbers::pi;
 
 inline void ok(ks_status status) { ASSERT_EQ(status, KS_OK) << kuafu_last_error(); }
 
+/// What a call answered that must not succeed: this status, and a message with this part.
+inline void expect_refused(ks_status status, const std::string& part, ks_status expected = KS_ERROR_INVALID_ARGUMENT) {
+  EXPECT_EQ(status, expected) << part;
+  EXPECT_NE(std::string(kuafu_last_error()).find(part), std::string::npos) << kuafu_last_error();
+}
+
 /// One device per program: compiling shaders once is what makes these tests quick.
 inline kuafu_device shared_device(uint32_t worker_count = 0) {
   static std::map<uint32_t, kuafu_device> devices;
@@ -287,6 +293,16 @@ class World {
   /// All images of all views; samples, bounces and seed are those of `desc()`.
   std::map<uint32_t, Pixels> render(const std::vector<kuafu_view_desc>& views, const std::vector<uint32_t>& outputs) {
     std::map<uint32_t, Pixels> images;
+    ok(try_render(views, outputs, images));
+    return images;
+  }
+  /// What a render answers that may fail.
+  ks_status status_of(const kuafu_view_desc& view, uint32_t output = KUAFU_OUTPUT_RADIANCE) {
+    std::map<uint32_t, Pixels> images;
+    return try_render({view}, {output}, images);
+  }
+  ks_status try_render(const std::vector<kuafu_view_desc>& views, const std::vector<uint32_t>& outputs,
+                       std::map<uint32_t, Pixels>& images) {
     std::vector<kuafu_output_desc> descs;
     std::vector<kuafu_buffer> buffers;
     const uint32_t band_channels = views[0].band == KUAFU_BAND_INFRARED ? 1 : 3;
@@ -307,13 +323,13 @@ class World {
     desc_.view_count = uint32_t(views.size());
     desc_.outputs = descs.data();
     desc_.output_count = uint32_t(descs.size());
-    ok(kuafu_renderer_render(renderer_, scene_, &desc_));
+    const ks_status status = kuafu_renderer_render(renderer_, scene_, &desc_);
     for (size_t i = 0; i < buffers.size(); ++i) {
       Pixels& p = images[outputs[i]];
-      ok(kuafu_buffer_read(buffers[i], 0, p.values.data(), p.values.size() * 4));
+      if (status == KS_OK) ok(kuafu_buffer_read(buffers[i], 0, p.values.data(), p.values.size() * 4));
       kuafu_buffer_release(buffers[i]);
     }
-    return images;
+    return status;
   }
   /// samples of a pixel, bounces of a path: of all images from now on.
   Pixels radiance(const kuafu_view_desc& view, std::optional<uint32_t> samples = {}, std::optional<uint32_t> bounces = {}) {

@@ -142,18 +142,14 @@ TEST(Deformation, misuse_is_an_error_that_says_why) {
   world.add(sphere(0.2, 4, true), lambert(0.5f));
   const Shape ball = sphere(0.2, 4, true);
   const auto count = uint32_t(ball.positions.size() / 3);
-  const auto refused = [&](ks_status status, const char* part) {
-    EXPECT_EQ(status, KS_ERROR_INVALID_ARGUMENT);
-    EXPECT_NE(std::string(kuafu_last_error()).find(part), std::string::npos) << kuafu_last_error();
-  };
   const float *positions = ball.positions.data(), *normals = ball.normals.data();
-  refused(kuafu_scene_update_mesh(world.scene(), 2, positions, normals, count), "there is no mesh 2");
-  refused(kuafu_scene_update_mesh(world.scene(), 1, positions, normals, count - 1), "positions for its");
-  refused(kuafu_scene_update_mesh(world.scene(), 1, positions, nullptr, count), "0 normals");
-  refused(kuafu_scene_update_mesh(world.scene(), 1, nullptr, normals, count), "positions is NULL");
+  expect_refused(kuafu_scene_update_mesh(world.scene(), 2, positions, normals, count), "there is no mesh 2");
+  expect_refused(kuafu_scene_update_mesh(world.scene(), 1, positions, normals, count - 1), "positions for its");
+  expect_refused(kuafu_scene_update_mesh(world.scene(), 1, positions, nullptr, count), "0 normals");
+  expect_refused(kuafu_scene_update_mesh(world.scene(), 1, nullptr, normals, count), "positions is NULL");
   std::vector<float> spoilt = ball.positions;
   spoilt[4] = NAN;
-  refused(kuafu_scene_update_mesh(world.scene(), 1, spoilt.data(), normals, count), "position 1 is not finite");
+  expect_refused(kuafu_scene_update_mesh(world.scene(), 1, spoilt.data(), normals, count), "position 1 is not finite");
 }
 
 TEST(Tracers, one_that_the_device_lacks_is_refused_with_what_to_use) {

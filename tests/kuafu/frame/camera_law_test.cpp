@@ -310,13 +310,7 @@ TEST(Camera, what_it_cannot_be_is_refused_with_the_numbers) {
   const auto refused = [&](const auto& change, const char* part) {
     kuafu_view_desc view = camera(8, 8);
     change(view.camera);
-    kuafu_render_desc desc = world.desc();
-    kuafu_output_desc output{};
-    desc.views = &view;
-    desc.outputs = &output;
-    desc.view_count = desc.output_count = 1;
-    EXPECT_EQ(kuafu_renderer_render(world.renderer(), world.scene(), &desc), KS_ERROR_INVALID_ARGUMENT);
-    EXPECT_NE(std::string(kuafu_last_error()).find(part), std::string::npos) << kuafu_last_error();
+    expect_refused(world.status_of(view), part);
   };
   using Desc = kuafu_camera_desc;
   refused([](Desc& c) { c.lens_radius_m = 0.01; }, "focus_m is 0");
