@@ -11,12 +11,17 @@ import tempfile
 import time
 from pathlib import Path
 
+import pytest
+
 _PROGRAM = "chromium"
 _ANSWER_S = 60.0
 
 
 def is_installed() -> bool:
     return shutil.which(_PROGRAM) is not None
+
+
+needs_chromium = pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium")
 
 
 class Page:

@@ -18,7 +18,7 @@ from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, Sha
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.report.strips import strip_page
-from chromium import Page, is_installed
+from chromium import Page, needs_chromium
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "examples" / "effects" / "README.md"
@@ -304,7 +304,7 @@ def test_strengths_go_from_no_effect_over_the_typical_one_to_twice_as_much(world
     assert changes == sorted(changes) and changes[-1] > 1.5 * changes[len(strips) // 2]
 
 
-@pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium to test the page")
+@needs_chromium
 def test_the_slider_of_a_page_changes_its_pictures_and_words(world, tmp_path):
     effect = builtin()["projector_defocus"]
     file = tmp_path / "strip.html"

@@ -20,8 +20,7 @@ from activestereo.effects import Model, View, builtin
 from activestereo.effects.engines.layers import request_key, rig_request
 from activestereo.report.summary import summary_table, what_is_missed
 from activestereo.report.write import write_report
-from lab_worlds import RememberingRenderer, WorldRenderer
-from virtual_sensor.sensor import expected
+from lab_worlds import RememberingRenderer, WorldRenderer, error_of_truth
 
 import kuafu
 
@@ -42,19 +41,8 @@ def test_noise_floor_is_the_worlds_own_noise(lab_world, comparison):
     """Against the residual of the noise-free truth itself, which no model can beat."""
     capture = comparison.capture
     for split in ("train", "test"):
-        squares = [
-            np.mean(
-                (
-                    capture.ir(f, side)
-                    - expected(lab_world.sensor, lab_world.views[f.id, side], f.exposure_gain, f.projector_power)
-                )
-                ** 2
-            )
-            for f in capture.split(split)
-            for side in ("left", "right")
-        ]
         floor = comparison.scores["ir"][split]["noise_floor_dn"]
-        assert floor == pytest.approx(np.sqrt(np.mean(squares)), rel=0.03)
+        assert floor == pytest.approx(error_of_truth(lab_world, capture, split), rel=0.03)
 
 
 def test_the_right_model_leaves_little_to_explain(comparison):

@@ -18,9 +18,8 @@ from activestereo.compare.nuisances import solve_bounded
 from activestereo.compare.render import render_frames
 from activestereo.effects import View
 from activestereo.report.summary import summary_table
-from lab_worlds import WorldRenderer
+from lab_worlds import WorldRenderer, error_of_truth
 from scipy.optimize import nnls
-from virtual_sensor.sensor import expected
 from virtual_sensor.world import dot_pattern, make_world
 
 
@@ -127,18 +126,7 @@ def test_a_pair_without_repeats_tells_its_noise(world, cache, tmp_path):
     for split in ("train", "test"):
         score = scores["ir"][split]
         assert score["noise_floor_from"] == ["pair"]
-        squares = [
-            np.mean(
-                (
-                    capture.ir(f, side)
-                    - expected(world.sensor, world.views[f.id, side], f.exposure_gain, f.projector_power)
-                )
-                ** 2
-            )
-            for f in capture.split(split)
-            for side in ("left", "right")
-        ]
-        assert score["noise_floor_dn"] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.3)
+        assert score["noise_floor_dn"] == pytest.approx(error_of_truth(world, capture, split), rel=0.3)
 
 
 def test_a_pair_without_a_smooth_place_tells_nothing(world, cache):

@@ -9,11 +9,9 @@ import pytest
 from activestereo.report.write import write_report
 from activestereo.report.models import model_images
 from report_worlds import WITH_MODEL
-from chromium import Page, is_installed
+from chromium import Page, needs_chromium
 
-pytestmark = pytest.mark.skipif(
-    not is_installed(), reason="no chromium: install Debian's package chromium to test the report's page"
-)
+pytestmark = needs_chromium
 
 _HEIGHT, _WIDTH = 90, 160
 

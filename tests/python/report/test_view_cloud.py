@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import read_capture
-from chromium import is_installed
+from chromium import needs_chromium
 from view_page import View
 
-pytestmark = pytest.mark.skipif(
-    not is_installed(), reason="no chromium: install Debian's package chromium to test the page of activestereo view"
-)
+pytestmark = needs_chromium
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,10 @@ import pytest
 
 from activestereo.capture.capture import read_capture
 from activestereo.model import read_model
-from chromium import is_installed
+from chromium import needs_chromium
 from view_page import View
 
-pytestmark = pytest.mark.skipif(
-    not is_installed(), reason="no chromium: install Debian's package chromium to test the page of activestereo view"
-)
+pytestmark = needs_chromium
 BLACK_DN = 4.0
 
 

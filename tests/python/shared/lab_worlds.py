@@ -12,6 +12,7 @@ from activestereo.capture.images import read_gray, write_gray
 from activestereo.effects.engines.layers import request_key
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.effects.core.view import Layers
+from virtual_sensor.sensor import expected
 from virtual_sensor.view import PatternSource, look
 
 DEPTH_SCALE_M = 1e-4
@@ -81,3 +82,15 @@ def altered(world, folder, change):
             image = change(read_gray(path).astype(np.float64), side)
             write_gray(path, np.clip(np.rint(image), 0, 255).astype(np.uint8))
     return copy
+
+
+def error_of_truth(world, capture, split):
+    """Root mean square of what the world's own noise-free images leave, DN."""
+    squares = [
+        np.mean(
+            (capture.ir(f, s) - expected(world.sensor, world.views[f.id, s], f.exposure_gain, f.projector_power)) ** 2
+        )
+        for f in capture.split(split)
+        for s in ("left", "right")
+    ]
+    return np.sqrt(np.mean(squares))
