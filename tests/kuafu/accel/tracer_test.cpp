@@ -10,7 +10,6 @@
 #include <optional>
 
 #include "device/error.h"
-#include "kuafu/accel/brute_force.h"
 #include "kuafu/accel/worlds.h"
 
 namespace kuafu::test {

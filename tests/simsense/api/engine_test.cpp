@@ -2,6 +2,7 @@
 // Promises of simsense_engine_compute: any strides and formats, batches, any subset of outputs, seeded noise, buffers without copies,
 // parameters that change.
 #include <cstring>
+#include <functional>
 #include <string>
 #include <thread>
 
@@ -247,29 +248,21 @@ TEST(Engine, RefusesASecondCallWhileOneIsUnderWay) {
   const std::vector<uint8_t> images(width * height, 9);
   std::vector<float> depth(width * height);
   const simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}));
-  struct Second {
-    simsense_engine engine;
-    simsense_compute_desc desc = simsense_compute_desc_init();
-    ks_status status = KS_OK;
-    std::string message;
-  } second{engine.get()};
-  second.desc.left = second.desc.right = host_image(images, {height, width});
-  second.desc.outputs = &output;
-  second.desc.output_count = 1;
-  simsense_compute_desc desc = second.desc;
-  desc.progress_user = &second;
-  desc.progress = [](void* user, float) -> int32_t {
-    Second& other = *static_cast<Second*>(user);
-    std::thread([&] {
-      other.status = simsense_engine_compute(other.engine, &other.desc);
-      other.message = simsense_last_error();
-    }).join();
+  simsense_compute_desc second = simsense_compute_desc_init();
+  second.left = second.right = host_image(images, {height, width});
+  second.outputs = &output, second.output_count = 1;
+  std::function<void()> beside = [&] {
+    EXPECT_EQ(simsense_engine_compute(engine.get(), &second), KS_ERROR_INVALID_STATE);
+    EXPECT_NE(std::string(simsense_last_error()).find("engine is inside another call"), std::string::npos) << simsense_last_error();
+  };
+  simsense_compute_desc desc = second;
+  desc.progress_user = &beside;
+  desc.progress = [](void* call, float) -> int32_t {
+    std::thread(*static_cast<std::function<void()>*>(call)).join();
     return 0;
   };
   EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_OK) << simsense_last_error();
-  EXPECT_EQ(second.status, KS_ERROR_INVALID_STATE);
-  EXPECT_NE(second.message.find("engine is inside another call"), std::string::npos) << second.message;
-  EXPECT_EQ(simsense_engine_compute(engine.get(), &second.desc), KS_OK) << "the engine is free again: " << simsense_last_error();
+  EXPECT_EQ(simsense_engine_compute(engine.get(), &second), KS_OK) << "the engine is free again: " << simsense_last_error();
 }
 
 class EngineBuffers : public testing::TestWithParam<uint32_t> {};
@@ -280,13 +273,7 @@ TEST_P(EngineBuffers, AreReadAndWrittenInPlace) {
   const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
   const Pair pair = photograph(0.7);
   const auto expected = depth_of(engine, pair);
-  const auto make = [&](uint64_t bytes) {
-    const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes, KS_BUFFER_HOST_VISIBLE);
-    simsense_buffer buffer = nullptr;
-    EXPECT_EQ(simsense_buffer_create(device.get(), &create, &buffer), KS_OK) << simsense_last_error();
-    return Buffer(buffer);
-  };
-  const Buffer inputs = make(2 * width * height), output = make(16 + width * height * 4);
+  const Buffer inputs = make_buffer(device, 2 * width * height), output = make_buffer(device, 16 + width * height * 4);
   void *in = nullptr, *out = nullptr;
   ASSERT_EQ(simsense_buffer_map(inputs.get(), &in), KS_OK);
   ASSERT_EQ(simsense_buffer_map(output.get(), &out), KS_OK);
@@ -317,10 +304,7 @@ TEST(EngineBuffersOfTheBestDevice, AreNotCopiedAndHostImagesAre) {
   const Device device = open_device(KS_SELECT_AUTO);
   if (!device) GTEST_SKIP() << "no Vulkan device here: " << simsense_last_error();
   const uint64_t pixels = width * height;
-  const ks_buffer_create_desc create = ks_buffer_create_desc_init(pixels * 4, 0);
-  simsense_buffer handle = nullptr;
-  ASSERT_EQ(simsense_buffer_create(device.get(), &create, &handle), KS_OK) << simsense_last_error();
-  const Buffer buffer(handle);
+  const Buffer buffer = make_buffer(device, pixels * 4, 0);
   void* mapped = nullptr;
   if (simsense_buffer_map(buffer.get(), &mapped) == KS_OK) GTEST_SKIP() << "this device, which has no memory of its own, maps every buffer";
   const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
@@ -354,10 +338,8 @@ TEST_P(EngineSubmission, GivesWhatComputeGivesOnceWaitedFor) {
   const EngineHandle engine = open_engine(device, rig, small_parameters());
   const Pair pair = photograph(0.7);
   const auto expected = depth_of(engine, pair);
-  const ks_buffer_create_desc create = ks_buffer_create_desc_init(2 * width * height + 4 * width * height, KS_BUFFER_HOST_VISIBLE);
-  simsense_buffer handle = nullptr;
-  ASSERT_EQ(simsense_buffer_create(device.get(), &create, &handle), KS_OK) << simsense_last_error();
-  const Buffer buffer(handle);
+  const Buffer buffer = make_buffer(device, 2 * width * height + 4 * width * height);
+  const simsense_buffer handle = buffer.get();
   ASSERT_EQ(simsense_buffer_write(handle, 0, pair.left.data(), pair.left.size()), KS_OK);
   ASSERT_EQ(simsense_buffer_write(handle, pair.left.size(), pair.right.data(), pair.right.size()), KS_OK);
   simsense_image left = host_image(pair.left, {height, width}), right = left, depth = host_image(expected, {height, width});

@@ -29,6 +29,13 @@ inline Device open_device(uint32_t select = KS_SELECT_HOST, uint32_t workers = 2
   return Device(device);
 }
 
+inline Buffer make_buffer(const Device& device, uint64_t bytes, uint32_t flags = KS_BUFFER_HOST_VISIBLE) {
+  const ks_buffer_create_desc create = ks_buffer_create_desc_init(bytes, flags);
+  simsense_buffer buffer = nullptr;
+  EXPECT_EQ(simsense_buffer_create(device.get(), &create, &buffer), KS_OK) << simsense_last_error();
+  return Buffer(buffer);
+}
+
 /// Both imagers with the same signal.
 inline EngineHandle open_engine(const Device& device, const simsense_rig_desc& rig, const simsense_parameters& parameters,
                                 const simsense_signal& signal = simsense_signal_init()) {
