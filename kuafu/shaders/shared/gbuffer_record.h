@@ -19,10 +19,9 @@ KUAFU_CONST gbuffer_light = 4u;     // per pixel of both cameras
 KUAFU_CONST gbuffer_cells = 5u;     // per cell of the left camera
 KUAFU_CONST gbuffer_sky = 6u;       // the same
 KUAFU_CONST gbuffer_smooth = 7u;    // the same
-KUAFU_CONST gbuffer_mirror = 8u;    // the same, for each camera
-KUAFU_CONST gbuffer_bounce = 9u;    // per pixel of both cameras
-KUAFU_CONST gbuffer_blend = 10u;    // the same
-KUAFU_CONST gbuffer_average = 11u;  // per pixel of both imagers, under supersampling
+KUAFU_CONST gbuffer_bounce = 8u;    // per pixel of both cameras
+KUAFU_CONST gbuffer_blend = 9u;     // the same
+KUAFU_CONST gbuffer_average = 10u;  // per pixel of both imagers, under supersampling
 
 // GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
@@ -47,7 +46,6 @@ struct GbufferCell {
   float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
   float smooth_room, smooth_indirect;  // the same, mixed with neighbours of the same surface
   vec3 normal;                         // in the camera
-  vec2 mirrored[2];                    // radiance that lobes get on the way to each camera: of the room, of the projector
 };
 KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)
 

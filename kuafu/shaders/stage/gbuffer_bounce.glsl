@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage `gbuffer`, light between surfaces, as far as the image shows them. Matt surfaces get the room's light over the horizons that the
-// depth image has about them, and from below the horizons what is seen there sends out (Jimenez et al., "Practical Realtime Strategies for
-// Accurate Indirect Occlusion", 2016). Lobes look along mirrored rays. All of it is found in the left camera's image, for both cameras: a
-// point that sends light to all sides has one radiance, and what two images miss of it differs.
-const int horizon_slices = 4, horizon_steps = 8;
-const float horizon_growth = 1.7f;    // of the steps
-const float horizon_reach_m = 1.0f;   // what is farther away hides half of what it would, or less
-const int mirror_rays = 32, mirror_steps = 12;
+// Stage `gbuffer`, light between surfaces, as far as the image shows them. Matt surfaces get the room's light past what the depth image has
+// about them, and from that what it sends out (Jimenez et al., "Practical Realtime Strategies for Accurate Indirect Occlusion", 2016). Lobes
+// look along mirrored rays. All of it is found in the left camera's image, for both cameras: a point that sends light to all sides has one
+// radiance, and what two images miss of it differs.
+const int horizon_slices = 4, horizon_steps = 10, horizon_sectors = 32;
+const float horizon_growth = 2.0f;    // of the steps
+const float horizon_reach_m = 3.0f;   // what is farther away hides half of what it would, or less
+const float thickness_m = 0.15f;      // of things, along the view
+const float steepest_surface = 3.0f;  // a tangent: between steps that part more, the image shows an edge
+const int mirror_rays = 32;           // of an imager's pixel or, under supersampling, more
+const float weak_lobes = 0.2f;        // lobes that reflect no more get half of the rays
+const int mirror_steps = 12;
+const float mirror_reach_m = 1.8f;    // rays that have come so far see the room
 const float golden_turn = 0.618034f;  // between facets
 const float plane_share = 4e-3f;      // of its distance: a point that lies so far from a cell's plane is of its surface by half
 const int hidden_steps = 12;          // of a cell, past what hides a point from the left camera
@@ -98,7 +103,8 @@ Met met_in(uint first_cell, vec2 wanted) {
   m.pixel = clamp(wanted, vec2(0.0f), most);
   int column = int(uint(m.pixel.x + 0.5f) / gbuffer_cell_px), row = int(uint(m.pixel.y + 0.5f) / gbuffer_cell_px);
   m.cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
-  m.inverse_depth = push.record.at[0].cells.at[m.cell].inverse_depth;
+  uint line = first_cell / cells_per_view() * push.record.at[0].height + uint(m.pixel.y + 0.5f);
+  m.inverse_depth = push.record.at[0].cameras[0].inverse_depth.at[line * push.record.at[0].width + uint(m.pixel.x + 0.5f)];
   vec2 beyond = (wanted - m.pixel) / float(gbuffer_cell_px);
   if (m.inverse_depth == 0.0f) return m;
   if (beyond.x != 0.0f) m.inverse_depth += change_beyond(first_cell, column, row, beyond.x < 0.0f ? 1 : -1, 0, beyond.x);
@@ -108,10 +114,14 @@ Met met_in(uint first_cell, vec2 wanted) {
 
 Met met_at(IN(GbufferCamera) camera, uint first_cell, vec3 q) { return met_in(first_cell, camera.centre + camera.focal * xy(q) / q.z); }
 
-/// On one side of a slice, whose normal is `axis`; `side` is the way on the image, `tilt` the normal's in the slice, towards that side.
+/// On one side of a slice, whose normal is `axis`; `side` is the way on the image, `tilt` the normal's in the slice, towards that side. Of its
+/// sectors, which send equal shares of light, each thing hides those between its front and its back (Therrien et al., "Screen Space Indirect
+/// Lighting with Visibility Bitmask", 2023).
 Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to_camera, vec3 axis, vec2 pixel, vec2 side, float tilt, float reach) {
   Horizon found = Horizon(0.0f, 0.0f, 0.0f);
-  float highest = min(tilt + 0.5f * pi, pi), open = horizon_arc(highest, tilt);
+  float highest = min(tilt + 0.5f * pi, pi), all = horizon_arc(highest, tilt), per_sector = max(all, 1e-4f) / float(horizon_sectors);
+  float before_x = 0.0f, before_z = 0.0f, before_angle = highest;
+  uint hidden = 0u;
   for (int s = 0; s < horizon_steps; ++s) {
     vec2 at = pixel + side * (reach * float(gbuffer_cell_px));
     reach *= horizon_growth;
@@ -119,17 +129,25 @@ Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to
     if (!(m.inverse_depth > 1e-3f)) continue;
     vec3 way = seen_position(camera, at, m.inverse_depth) - here;
     way -= axis * dot(way, axis);
-    float distance = length(way), angle = angle_of(dot(way, to_camera) / max(distance, 1e-6f));
+    float z = dot(way, to_camera), x = sqrt(max(dot(way, way) - z * z, 1e-12f)), distance = sqrt(x * x + z * z);
     float near = horizon_reach_m / (horizon_reach_m + max(distance - horizon_reach_m, 0.0f));
-    angle = mix(highest, angle, near * near);
+    float angle = mix(highest, angle_of(z / max(distance, 1e-6f)), near * near);
+    float back_z = z - thickness_m, back = angle_of(back_z * inversesqrt(x * x + back_z * back_z));
+    bool goes_on = abs(z - before_z) < steepest_surface * abs(x - before_x);
+    float last = goes_on ? max(back, before_angle) : back;
+    before_z = z;
+    before_x = x;
+    before_angle = angle;
     if (!(angle < highest)) continue;
-    float rest = horizon_arc(angle, tilt), hidden = max(open - rest, 0.0f);
-    found.laser += hidden * push.record.at[0].cells.at[m.cell].laser;
-    found.albedo += hidden * push.record.at[0].cells.at[m.cell].albedo;
-    highest = angle;
-    open = rest;
+    uint from = uint(max(horizon_arc(angle, tilt), 0.0f) / per_sector + 0.5f), to = min(uint(max(horizon_arc(min(last, highest), tilt), 0.0f) / per_sector + 0.5f), uint(horizon_sectors));
+    if (from >= to) continue;
+    uint sectors = (0xffffffffu >> (uint(horizon_sectors) + from - to)) << from, fresh = sectors & ~hidden;
+    float share = float(bitCount(fresh)) * per_sector;
+    hidden |= sectors;
+    found.laser += share * push.record.at[0].cells.at[m.cell].laser;
+    found.albedo += share * push.record.at[0].cells.at[m.cell].albedo;
   }
-  found.room = open;
+  found.room = max(all - float(bitCount(hidden)) * per_sector, 0.0f);
   return found;
 }
 
@@ -216,11 +234,10 @@ void smooth_cell(uint i) {
   push.record.at[0].cells.at[i].smooth_indirect = sum.y / weights;
 }
 
-/// (room, indirect, and what lobes get of both on the way to a camera) at a pixel of the left one: of the cells about it, those that are of
-/// its surface.
-vec4 arriving_at(uint first_cell, vec2 pixel, float inverse, uint camera) {
+/// Shares of the room and the indirect radiance at a pixel of the left camera: of the cells about it, those that are of its surface.
+vec2 arriving_at(uint first_cell, vec2 pixel, float inverse) {
   vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base;
-  vec4 sum = vec4(0.0f);
+  vec2 sum = vec2(0.0f);
   vec3 point = seen_position(push.record.at[0].cameras[0], pixel, inverse);
   float weights = 0.0f;
   for (int k = 0; k < 4; ++k) {
@@ -228,8 +245,7 @@ vec4 arriving_at(uint first_cell, vec2 pixel, float inverse, uint camera) {
     int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
     uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
     float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (same_surface(cell, cell_pixel(column, row), point) + 1e-3f);
-    sum += weight * vec4(push.record.at[0].cells.at[cell].smooth_room, push.record.at[0].cells.at[cell].smooth_indirect,
-                         push.record.at[0].cells.at[cell].mirrored[camera].x, push.record.at[0].cells.at[cell].mirrored[camera].y);
+    sum += weight * vec2(push.record.at[0].cells.at[cell].smooth_room, push.record.at[0].cells.at[cell].smooth_indirect);
     weights += weight;
   }
   return sum / weights;
@@ -259,7 +275,7 @@ vec2 seen_light(uint first_cell, IN(Met) m, float ambient) {
 }
 
 /// What comes along a ray: the light of the surface that it meets in the image, or the room's.
-vec2 light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
+vec2 light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 direction, float first_step_m, float growth, float ambient) {
   float t = first_step_m, before = 0.0f;
   for (int s = 0; s < mirror_steps; ++s) {
     vec3 q = here + t * direction;
@@ -277,40 +293,37 @@ vec2 light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 dire
       return seen_light(first_cell, met_at(camera, first_cell, here + t * direction), ambient);
     }
     before = t;
-    t *= 1.5f;
+    t *= growth;
   }
   return vec2(ambient, 0.0f);
 }
 
-/// What comes from where a lobe looks, of the room and of the projector: by facets whose tilts share GGX's distribution among them.
-vec2 mirrored_light(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
-  vec3 normal = in_camera(camera, s.normal), to_camera = in_camera(camera, s.to_camera), here = in_camera(camera, s.position - camera.view.origin);
-  Frame frame = frame_around(normal);
-  float step_m = 2.0f * float(gbuffer_cell_px) / (camera.focal.x * s.inverse_depth), alpha = roughness * roughness;
+/// What lobes get of the room and of the projector, as their BSDF weighs it, by facets that the camera sees. The samples of an imager's pixel
+/// look along different rays.
+vec2 mirrored_light(uint first_cell, IN(GbufferSurface) s, IN(GbufferPlace) p, int rays, float ambient) {
+  IN(GbufferCamera) camera = push.record.at[0].cameras[0];
+  vec3 here = in_camera(camera, s.position - camera.view.origin);
+  Frame frame = frame_around(in_camera(camera, s.normal));
+  MaterialPoint m = material_at(s);
+  vec3 wo = to_local(frame, in_camera(camera, s.to_camera));
+  wo.z = max(wo.z, 1e-3f);
+  float layer = (1.0f - m.metallic) * mix(m.coat, 1.0f, m.transmission), metal = m.metallic * max_component(m.base), alpha = m.roughness * m.roughness;
+  uint n = push.record.at[0].supersampling, own = p.row % n * n + p.column % n;
+  float step_m = 1.5f * float(n) / (camera.focal.x * s.inverse_depth), weights = 0.0f;
+  float growth = pow(max(mirror_reach_m / step_m, 4.0f), 1.0f / float(mirror_steps - 1));
   vec2 sum = vec2(0.0f);
-  for (int k = 0; k < mirror_rays; ++k) {
-    float share = (float(k) + 0.5f) / float(mirror_rays);
-    vec3 facet = normalize(to_world(frame, vec3(unit_circle(float(k) * golden_turn) * (alpha * sqrt(share / (1.0f - share))), 1.0f)));
-    vec3 mirrored = facet * (2.0f * dot(facet, to_camera)) - to_camera;
-    mirrored += normal * (2.0f * max(-dot(mirrored, normal), 0.0f));
-    sum += light_along(camera, first_cell, here, mirrored, step_m, ambient);
+  for (int k = 0; k < rays; ++k) {
+    uint number = uint(k) * n * n + own;
+    vec3 h = sample_visible_normal(wo, alpha, vec2(fract(float(number) * golden_turn), (float(number) + 0.5f) / float(uint(rays) * n * n)));
+    vec3 wi = reflect(-wo, h);
+    if (wi.z <= 0.0f) continue;
+    float cosine = dot(wo, h), cos_t;
+    float f = metal + (m.metallic - metal) * schlick_weight(cosine) + layer * fresnel_dielectric(min(cosine, 1.0f), 1.0f / m.ior, cos_t);
+    float weight = f * ggx_visibility(wo.z, wi.z, max(alpha, mirror_alpha)) * wi.z;
+    sum += weight * light_along(camera, first_cell, here, to_world(frame, wi), step_m, growth, ambient);
+    weights += weight;
   }
-  return sum / float(mirror_rays);
-}
-
-/// The lobes of all pixels of a cell get the light that those of its middle pixel get on the way to each camera.
-void mirror_in_cell(uint i) {
-  uint cells = push.record.at[0].environments * cells_per_view(), camera = i / cells, cell = i - camera * cells;
-  GbufferPlace p = cell_place(cell);
-  float ambient = push.record.at[0].ambient.at[p.environment];
-  vec2 found = vec2(ambient, 0.0f);
-  if (push.record.at[0].cells.at[cell].lobes > 0.0f && push.record.at[0].cells.at[cell].inverse_depth > 0.0f) {
-    GbufferSurface s = surface_at_pixel(p);
-    s.to_camera = normalize(push.record.at[0].cameras[camera].view.origin - s.position);
-    float roughness = push.record.at[0].scene.at[0].materials.at[s.material].roughness;
-    found = mirrored_light(push.record.at[0].cameras[0], p.environment * cells_per_view(), s, roughness, ambient);
-  }
-  push.record.at[0].cells.at[cell].mirrored[camera] = found;
+  return weights > 0.0f ? sum / weights : vec2(ambient, 0.0f);
 }
 
 void bounce_pixel(uint i, IN(GbufferPlace) p) {
@@ -318,10 +331,12 @@ void bounce_pixel(uint i, IN(GbufferPlace) p) {
   float ambient = push.record.at[0].ambient.at[p.environment], direct = push.record.at[0].laser.at[i], indirect = 0.0f, room = ambient;
   if (inverse > 0.0f) {
     uint first_cell = p.environment * cells_per_view();
-    vec4 arriving = arriving_at(first_cell, vec2(left_column(p, inverse), float(p.row)), inverse, p.camera);
+    vec2 arriving = arriving_at(first_cell, vec2(left_column(p, inverse), float(p.row)), inverse);
     float matt = push.record.at[0].matt.at[i], lobes = push.record.at[0].lobes.at[i];
-    room = matt * arriving.x * ambient + lobes * arriving.z;
-    indirect = matt * arriving.y + lobes * arriving.w;
+    int rays = (lobes > weak_lobes ? mirror_rays : mirror_rays / 2) / int(push.record.at[0].supersampling);
+    vec2 mirrored = lobes > 0.0f ? mirrored_light(first_cell, surface_at_pixel(p), p, rays, ambient) : vec2(0.0f);
+    room = matt * arriving.x * ambient + lobes * mirrored.x;
+    indirect = matt * arriving.y + lobes * mirrored.y;
   }
   push.record.at[0].room.at[i] = room;
   push.record.at[0].laser.at[i] = direct + indirect;
@@ -389,7 +404,6 @@ void gbuffer_step(uint i) {
   else if (step == gbuffer_cells) mean_of_cell(i);
   else if (step == gbuffer_sky) look_around(i);
   else if (step == gbuffer_smooth) smooth_cell(i);
-  else if (step == gbuffer_mirror) mirror_in_cell(i);
   else if (step == gbuffer_bounce) bounce_pixel(i, gbuffer_place(i));
   else if (step == gbuffer_blend) blend_pixel(i, gbuffer_place(i));
   else average_pixel(i);

@@ -96,7 +96,6 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   step("bounce", gbuffer_cells, cells);
   step("bounce", gbuffer_sky, cells);
   step("bounce", gbuffer_smooth, cells);
-  step("bounce", gbuffer_mirror, 2 * cells);
   step("bounce", gbuffer_bounce, pixels);
   step("blend", gbuffer_blend, pixels);
   if (fine) step("average", gbuffer_average, pair.launch.pixel_count());

@@ -173,6 +173,27 @@ def test_a_corner_gets_less_of_the_room_and_light_of_its_other_wall():
     assert light[10] > 0.85  # far above the floor
 
 
+def test_a_thing_far_before_a_wall_hides_little_of_its_room():
+    """A strip 0.1 m wide, 1 m before a wall, fills 0.1 rad about the normal of the wall beside it: 5 % of its light."""
+    given = wall(1.5, shape=(48, 100))
+    given["depth"][..., 40:60] = 0.5
+    light = lit(given, ambient=1.0, laser_power=[0.0])["radiance"][0, 0] / 0.5
+    assert light[24, 30:38].min() > 0.9 and light[24, 62:70].min() > 0.9
+
+
+def test_lobes_look_as_far_in_finer_images():
+    """A metal floor 0.25 m below a camera mirrors a wall of 0.3 of the room's light, up to 1.1 m away."""
+    height, floor = 120, {}
+    for n in (1, 4):
+        v = (np.arange(height * n) - (height * n - 1) / 2) / (n * FOCAL_PX)
+        depth = np.minimum(np.where(v > 0, 0.25 / np.maximum(v, 1e-9), np.inf), 1.6)
+        given = {"depth": np.broadcast_to(depth[None, :, None], (1, height * n, 40 * n))}
+        looks = {"metallic": 1.0, "roughness": 0.1, "ir_albedo": 0.3}
+        floor[n] = lit(given, looks, ambient=1.0, laser_power=[0.0], supersampling=n)["radiance"][0, 0, -20:, 20]
+    assert floor[1].max() < 0.2
+    np.testing.assert_allclose(floor[4], floor[1], rtol=0.1)
+
+
 def away_from_edges(depth):
     """Whether a pixel and its eight neighbours have one depth."""
     around = np.lib.stride_tricks.sliding_window_view(np.pad(depth, 1, "edge"), (3, 3))
