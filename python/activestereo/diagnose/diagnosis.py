@@ -284,8 +284,9 @@ def examine(
     outcome = Search(evidence, model, chosen, settings).run()
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
     with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
-    found, (explained, left) = told(replace(outcome, rest=with_names), settings=settings)
-    confirmed = replace(outcome, rest=replace(outcome.rest, test_explained=explained, test_left=left))
+    found, (explained, left, unlike) = told(replace(outcome, rest=with_names), settings=settings)
+    tested = replace(outcome.rest, test_explained=explained, test_left=left, test_unlike=unlike)
+    confirmed = replace(outcome, rest=tested)
     if _verdict(confirmed, numbers) != found.result["verdict"]:
         return told(confirmed, settings=replace(settings, phases=Phases(None, PHASES)))[0]
     return replace(found, result=found.result | _verdict_evidence(confirmed, numbers))
@@ -306,31 +307,39 @@ def _verdict(outcome: Outcome, numbers: Numbers) -> str:
     return verdict_of(outcome.rest, bool(outcome.names), outcome.evidence.has_floor, numbers)
 
 
+_Tested = tuple[float | None, float | None, float]
+_UNTESTED: _Tested = (None, None, 0.0)
+
+
 def _test_errors(
     outcome: Outcome, test: Sequence[Observation], standing: ImageErrors, after: ImageErrors, numbers: Numbers
-) -> tuple[float | None, float | None]:
-    """Returns (explained, left) of the test frames, as Remainder has them. standing, after: errors without and with the
-    named effects.
+) -> _Tested:
+    """Returns (explained, left, unlike) of the test frames, as Remainder has them. standing, after: errors without and
+    with the named effects.
 
     Errors beside a name have the weights of fits, by which misplaced edges count less; without a name edges may be all
     that a missing effect changes. They are None without test frames, and if noise is named, which the weights lack. No
     model predicts draws: beside them test frames count if other names explain something, and as far as their error
     exceeds the one of train frames, which grows as the draws' levers do."""
     if not test or any(n.id in outcome.noise for n in outcome.names):
-        return None, None
+        return _UNTESTED
     if not outcome.names:
         noise = outcome.evidence.noise_model
         test = [replace(o, weight=np.full(o.weight.shape, 1.0 / noise.image_variance(o))) for o in test]
     square = _mean_square(test, after)
-    explained, left = _mean_square(test, standing) - square, square - 1.0
+    explained, left, unlike = _mean_square(test, standing) - square, square - 1.0, 0.0
     if draws := [n.effect for n in outcome.names if n.field is not None]:
         if outcome.rest.explained - outcome.rest.drawn < numbers.least_excess:
-            return None, None
+            return _UNTESTED
         growth = max(draws_growth(effect, after, outcome.solution.nuisances.black_dn) for effect in draws)
         left -= growth * (_mean_square(outcome.evidence.train, after) - 1.0)
         if left <= explained:
-            return None, None
-    return explained, left
+            return _UNTESTED
+    elif outcome.names:
+        frames = [[o for o in test if o.frame.id == f] for f in sorted({o.frame.id for o in test})]
+        errors = [(_mean_square(frame, standing), _mean_square(frame, after)) for frame in frames]
+        unlike = max((with_ - 1.0) / max(without - with_, numbers.scene_error) for without, with_ in errors)
+    return explained, left, unlike
 
 
 def _mean_square(observations: Sequence[Observation], errors: ImageErrors) -> float:
@@ -347,7 +356,7 @@ def _told(
     chosen: Sequence[Effect],
     out_of_reach: Sequence[tuple[Effect, str]],
     settings: Settings,
-) -> tuple[Diagnosis, tuple[float | None, float | None]]:
+) -> tuple[Diagnosis, _Tested]:
     """Turns the outcome of a search into a Diagnosis, with _test_errors(). chosen: the effects that the search judged.
     out_of_reach: the others, each with the reason."""
     phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
@@ -397,7 +406,7 @@ def _told(
     result["own"] = {e.id: _why(e, result, model) for e in candidates if builtin().get(e.id) is not e}
     complete = found_model(evidence, accepted, solution, found)
     before = after = None
-    tested: tuple[float | None, float | None] = (None, None)
+    tested = _UNTESTED
     if settings.errors is not None:
         phases.begin(BOTH)
         errors = settings.errors.at_stated_geometry(complete)

@@ -253,6 +253,9 @@ class Search:
             return False
         most = max((c.gain for c in found.values()), default=0.0)
         likely = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
+        # Scores are linear: two that move the same frames far, such as shutters, score little beside each other.
+        kin, lost = {e.family for e in formulas}, self._rounds[-2].fits if len(self._rounds) > 1 else {}
+        likely += [c for n, c in found.items() if n in lost and c not in likely and self._effect(n).family in kin]
         given = self._solution.model, self._solution.phi, likely, self._chi2, self._rendering, self._settings.workers
         fits = refits(self._fitter, self._scored, *given)
         now = self._rounds[-1] = replace(now, fits=fits)

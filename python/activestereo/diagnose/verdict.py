@@ -27,8 +27,9 @@ class Remainder:
     above the noise. structure, structure_before: of the residual with and without named effects (goodness.py).
     strain: how far a named effect moves the rig or an albedo from its stated value, in stated deviations; if none is
     named, the second farthest albedo. test_explained, test_left: explained and left on test frames, None if they tell
-    nothing. names: how many effects of expected images are named, at least 1. is_full: whether the search reached its
-    largest number of names.
+    nothing. test_unlike: left in one test frame over what is explained there, at least an error of the scene
+    measurement; the largest of all frames. names: how many effects of expected images are named, at least 1. is_full:
+    whether the search reached its largest number of names.
     """
 
     explained: float
@@ -39,6 +40,7 @@ class Remainder:
     drawn: float = 0.0
     test_explained: float | None = None
     test_left: float | None = None
+    test_unlike: float = 0.0
     names: int = 1
     is_full: bool = False
 
@@ -50,7 +52,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
     Beside other effects the structure must be a small part of what one name took of the first one, for formulas are not
     exact; names that share out an effect of no library leave more. No more error may be left than is explained in
-    expected images, neither on train nor on test frames. Test frames must confirm either case.
+    expected images, neither on train nor on test frames, nor in one of these. Test frames must confirm either case.
     """
     if rest.is_full:
         return float("inf")
@@ -65,7 +67,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     train = max(structure, rest.left / max(in_images, numbers.structure))
     unconfirmed = test_left / max(rest.test_explained or 0.0, numbers.structure)
     beside = _TRAIN * train + _TEST * unconfirmed if is_tested else train
-    return max(beside, rest.strain / numbers.strain, unconfirmed)
+    return max(beside, rest.strain / numbers.strain, unconfirmed, rest.test_unlike)
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:

@@ -100,6 +100,7 @@ def fitted(name, chi2):
         (Remainder(0.04, 0.5, 0.03, 0.03, drawn=0.04), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.9, test_left=0.25), True, True, EFFECT),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.3, test_left=0.4), True, True, UNKNOWN),
+        (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.9, test_left=0.25, test_unlike=1.5), True, True, UNKNOWN),
         (Remainder(0.0, 0.02, 0.01, 0.01, test_left=0.2), False, True, NONE),
         (Remainder(0.0, 0.02, 0.01, 0.01, test_left=0.6), False, True, UNKNOWN),
         (Remainder(0.2, 0.4, 0.0, 0.1), True, True, UNKNOWN),
@@ -154,7 +155,7 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
             },
         )
 
-    explained, unexplained = _test_errors(outcome, test, errors(0.4), errors(0.0), NUMBERS)
+    explained, unexplained, _ = _test_errors(outcome, test, errors(0.4), errors(0.0), NUMBERS)
     assert (explained, unexplained) == (pytest.approx((0.4, left - 4.0 * 0.25)) if denies else (None, None))
     tested = replace(outcome.rest, test_explained=explained, test_left=unexplained)
     assert (verdict_of(tested, True, True, NUMBERS) == UNKNOWN) == denies

@@ -23,7 +23,7 @@ _BLUR_INSTANTS, _BLUR_SUB = 8, 2
 _FRAMES_BEFORE = 8
 # Effects on rays and surfaces; all others act on images.
 RAY_EFFECTS = frozenset(
-    "projector_defocus pattern_scale_drift pattern_rotation dot_gain_spread dot_astigmatism projector_vignetting "
+    "projector_defocus pattern_scale_drift pattern_shear dot_gain_spread dot_astigmatism projector_vignetting "
     "laser_power_drift"
     " emitter_bands second_projector ambient_ir specular transmission subsurface interreflection haze radial_distortion"
     " tangential_distortion thin_prism imager_tilt dim_dots rectification_resampling"

@@ -88,7 +88,7 @@ OUTSIDE = {
     "column_crosstalk": Entry((0.44, 1.1, 2.4, 5.1), {"fraction": 0.1}),
     "image_lag": Entry((0.55, 1.5, 3.5, 7.9), {"fraction": 0.05}),
     "tap_gain": Entry((0.86, 2.4, 5, 8), {"gain": 0.05}),
-    "pattern_rotation": Entry((0.42, 1.1, 2.6, 5.9), {"angle_rad": 1e-3}, signed=True),
+    "pattern_shear": Entry((0.42, 1.1, 2.6, 5.9), {"angle_rad": 1e-3}, signed=True),
     "emitter_bands": Entry((0.79, 2, 4.4, 9.4), {"depth": 0.05}, {"cycles": (4.0, 7.0)}),
     "lens_dust": Entry((1, 2, 3, 4.5), {"depth": 0.2}),
     "column_smear": Entry((0.74, 2, 4.6, 8), {"fraction": 0.1}),

@@ -39,9 +39,8 @@ class Emitter:
         shading = self._shading(x, y, frame)
         if "pattern_scale_drift" in h:
             x, y = _diffracted(x, y, frame, **h["pattern_scale_drift"])
-        if "pattern_rotation" in h:
-            c, s = np.cos(h["pattern_rotation"]["angle_rad"]), np.sin(h["pattern_rotation"]["angle_rad"])
-            x, y = c * x + s * y, c * y - s * x
+        if "pattern_shear" in h:  # The orders of two crossed gratings are not at right angles.
+            x, y = x + h["pattern_shear"]["angle_rad"] * y, y + h["pattern_shear"]["angle_rad"] * x
         u, v = self.K[0, 0] * x + self.K[0, 2], self.K[1, 1] * y + self.K[1, 2]
         if coarse:
             value = _sample(self._coarse, u, v)
