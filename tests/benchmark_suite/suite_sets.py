@@ -25,8 +25,8 @@ _CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5, "wider":
 ALL = ("single", "pairs", "outside", "none", "depth", "wider")
 _SMALL = (
     ("none", 0), ("none", 1), ("single", "projector_defocus"), ("single", "radial_distortion"),
-    ("single", "response_gamma"),
-    ("single", "rolling_shutter"), ("single", "vignetting"), ("single", "prnu"), ("single", "laser_power_drift"),
+    ("single", "response_gamma"), ("pairs", ("rolling_shutter", "exposure_desync")),
+    ("single", "vignetting"), ("single", "prnu"), ("single", "laser_power_drift"),
     ("single", "stereo_pitch"), ("pairs", ("lens_psf", "projector_defocus")), ("outside", "column_crosstalk"),
 )  # fmt: skip
 
