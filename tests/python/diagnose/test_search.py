@@ -161,6 +161,25 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
     assert (verdict_of(tested, True, True, NUMBERS) == UNKNOWN) == denies
 
 
+@pytest.mark.parametrize("after, unlike", [((1.1, 1.1), 0.1 / 0.8), ((1.1, 1.75), 0.75 / NUMBERS.scene_error)])
+def test_each_test_frame_has_to_confirm_a_name(after, unlike):
+    """The mean of both frames confirms either name; the second frame denies one."""
+    test = [
+        SimpleNamespace(key=i, frame=SimpleNamespace(id=i), weight=np.ones(4), pixels=4, picked=lambda: slice(None))
+        for i in range(2)
+    ]
+    outcome = SimpleNamespace(names=[SimpleNamespace(id="thermal_drift", field=None, effect=None)], noise=())
+    standing, named = (
+        SimpleNamespace(squares={i: np.full(4, square) for i, square in enumerate(both)})
+        for both in ((2.4, 1.9), after)
+    )
+    explained, left, found = _test_errors(outcome, test, standing, named, NUMBERS)
+    assert found == pytest.approx(unlike)
+    mean = Remainder(0.8, 0.02, 0.01, 0.6, test_explained=explained, test_left=left)
+    assert verdict_of(mean, True, True, NUMBERS) == EFFECT
+    assert verdict_of(replace(mean, test_unlike=found), True, True, NUMBERS) == (UNKNOWN if unlike > 1.0 else EFFECT)
+
+
 def test_a_name_is_stated_the_likelier_right_the_less_is_missing():
     stated = [probability_right(missing, True) for missing in (0.1, 0.4, 0.9, 1.5, 1e9)]
     assert stated == sorted(stated, reverse=True)
