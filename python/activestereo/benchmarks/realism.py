@@ -8,6 +8,7 @@ import io
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,6 @@ from activestereo.benchmarks.real_views import (
     real_views,
     simulated,
 )
-from activestereo.benchmarks.sim_to_real import Figure
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
@@ -34,6 +34,18 @@ HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
 _DRAWS, _LEVEL = 4000, 0.9
 
 Values = dict[str, list[dict[str, float]]]  # {method: for each view, {measure: value}}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A value with its 90 % interval; NaN = undefined."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return "–" if isnan(self.value) else f"{self.value:.2f} ({self.low:.2f} to {self.high:.2f})"
 
 
 @dataclass(frozen=True)

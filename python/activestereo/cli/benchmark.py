@@ -13,21 +13,6 @@ from activestereo.report.screen import Figure, command, screen
 
 _MOST_BARS = 6
 
-_TEXT = """\
-Tells how well simulated depth ranks methods as a real camera's depth does, from their
-scores in each world: Pearson's and Spearman's correlation over the methods and the mean
-gap between scores, with 95 % intervals over the views. SCORES.csv has a header and one
-line for each view, or for each score from 0 to 1:
-
-  criterion,method,world,view,found       within 10 mm,ICP on clean,raster,7,1
-  criterion,method,world,score            within 10 mm,a network,real,0.83
-
-Depth of 'generate' with a camera's preset, and the same with another camera, are worlds.
-
-example:
-  activestereo benchmark sim-to-real scores.csv networks.csv --real lab
-"""
-
 _REALISM_TEXT = """\
 How close simulated depth comes to a camera's: captures with a scene's model, as
 'calibrate world' or 'calibrate scene' make them, are simulated in nine ways: clean
@@ -57,27 +42,6 @@ def add_parser(commands: cli.Commands) -> None:
     text = "rays per pixel (default: 16)"
     parser.add_argument("--samples-per-pixel", type=cli.integer_from(1), default=16, metavar="N", help=text)
     cli.add_shared(parser, json=True)
-    text = "measure how well simulated depth ranks methods as real depth does"
-    parser = cli.add_command(kinds, "sim-to-real", text, _TEXT, _run)
-    parser.add_argument("scores", type=Path, nargs="+", metavar="SCORES.csv", help="a table of scores")
-    parser.add_argument("--real", default="real", metavar="WORLD", help="the world of reality (default: real)")
-    cli.add_shared(parser, seed="of the resampled views", json=True, verbose="the table of all worlds, in Markdown")
-
-
-def _run(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.sim_to_real import agreement_table, agreements, closest, read_scores
-
-    found = agreements(read_scores(args.scores), args.real, args.seed)
-    if args.json:
-        cli.print_json({key: {world: own.as_json() for world, own in worlds.items()} for key, worlds in found.items()})
-        return
-    sentence, best = closest(found, args.real)
-    rows = sorted(
-        ((w, c, own) for c, worlds in found.items() for w, own in worlds.items()), key=lambda row: row[0] != best
-    )
-    figures = [Figure(f"{w}, {c}", str(own.pearson), max(own.pearson.value, 0.0)) for w, c, own in rows[:_MOST_BARS]]
-    notes = ["above: Pearson's correlation with the real scores over the methods, 95 %"]
-    print(screen(sentence, figures, notes, details="\n".join(agreement_table(found)), verbose=args.verbose))
 
 
 def _capture(text: str) -> tuple[Path, Path | None]:
