@@ -14,18 +14,13 @@ from activestereo.capture.images import read_gray
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_text
 from activestereo.common.shown import printable
-from activestereo.report.lettering import write_figure
 
 _TEXT = """\
 States what one rectified infrared pair of a real sensor tells without a known
 scene, each with its 95 % interval: saturated pixels, gain and offset of the right
 camera against the left, how far its rows lie off, and, beside the device's own depth,
-by how much f x baseline or the disparity is off; then its dots, noise, black level
-and left-right residual. Prints the tables and writes DIR/pair.json.
-
---against SIMULATED: a folder of 'activestereo simulate', or one with left.png and
-right.png, of a like view with the same --k and --baseline. Both pairs stand side by
-side in the table and in DIR/against.png.
+by how much f x baseline or the disparity is off. Prints the table and writes
+DIR/pair.json.
 
 example, the D435 pair of SimSense's tests:
   activestereo pair left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 \\
@@ -42,61 +37,32 @@ def add_parser(commands: cli.Commands) -> None:
     parser.add_argument("--device-depth", type=Path, metavar="DEPTH.png", help=text)
     text = "metres per unit of it (default: 0.001)"
     parser.add_argument("--depth-scale", type=cli.positive, default=0.001, metavar="M", help=text)
-    text = "a simulated pair's folder, shown beside this one"
-    parser.add_argument("--against", type=Path, metavar="SIMULATED", help=text)
     cli.add_shared(parser, out=True, json=True)
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.compare.pair_findings import findings_text, pair_findings, pair_statistics, statistics_text
+    from activestereo.compare.pair_findings import findings_text, pair_findings
 
-    left, right = _read(args.left, args.right)
-    device = None if args.device_depth is None else _device_disparity(args, left.shape)
-    pairs = {"this pair": (left, right)}
-    if args.against is not None:
-        named = [tuple(args.against / f"{stem}{side}.png" for side in ("left", "right")) for stem in ("ir_", "")]
-        files = next((own for own in named if all(file.is_file() for file in own)), None)
-        if files is None:
-            raise cli.CommandError(
-                f"{args.against}: holds neither ir_left.png and ir_right.png nor left.png and right.png"
-            )
-        pairs["against"] = _read(*files)
-    disparity = {name: _match(args, *pair) for name, pair in pairs.items()}
-    max_dn = {name: float(np.iinfo(pair[0].dtype).max) for name, pair in pairs.items()}
-    findings = pair_findings(left, right, disparity["this pair"], max_dn["this pair"], device)
-    statistics = {name: pair_statistics(*pair, disparity[name], max_dn[name]) for name, pair in pairs.items()}
-    cli.make_folder(args.out)
-    told = {"findings": findings, "statistics": statistics["this pair"]}
-    told |= {"against": statistics["against"]} if "against" in pairs else {}
-    entries = {name: [f.as_json() for f in own] for name, own in told.items()}
-    write_text(args.out / "pair.json", json.dumps(entries, indent=1) + "\n")
-    if "against" in pairs:
-        from activestereo.report.pictures import pair_figure
-
-        write_figure(args.out / "against.png", pair_figure(pairs, disparity, statistics))
-    if args.json:
-        cli.print_json(entries)
-        return
-    print(findings_text(findings))
-    print(f"\n{statistics_text(statistics)}")
-    print(f"written: pair.json{', against.png' if 'against' in pairs else ''} in {printable(args.out)}")
-
-
-def _read(left_path: Path, right_path: Path) -> tuple[np.ndarray, np.ndarray]:
-    left, right = (read_gray(path, key="image") for path in (left_path, right_path))
+    left, right = (read_gray(path, key="image") for path in (args.left, args.right))
     if left.shape != right.shape or left.dtype != right.dtype:
-        named = ((left_path, left), (right_path, right))
+        named = ((args.left, left), (args.right, right))
         kinds = ", ".join(f"{path} is {image.shape[::-1]} {image.dtype}" for path, image in named)
         raise cli.CommandError(f"the images differ: {kinds}")
-    return left, right
-
-
-def _match(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    device = None if args.device_depth is None else _device_disparity(args, left.shape)
     gain = 1.0 if left.dtype == np.uint8 else 255.0 / max(left.max(), right.max(), 1)
     camera, left_to_right = simsense.Camera(left.shape[1], left.shape[0], args.k), np.eye(4)
     left_to_right[0, 3] = -args.baseline
     engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, gain=gain)
-    return np.maximum(engine.compute(left, right, ("disparity",))["disparity"], 0.0)
+    disparity = np.maximum(engine.compute(left, right, ("disparity",))["disparity"], 0.0)
+    findings = pair_findings(left, right, disparity, float(np.iinfo(left.dtype).max), device)
+    cli.make_folder(args.out)
+    entries = {"findings": [f.as_json() for f in findings]}
+    write_text(args.out / "pair.json", json.dumps(entries, indent=1) + "\n")
+    if args.json:
+        cli.print_json(entries)
+        return
+    print(findings_text(findings))
+    print(f"written: pair.json in {printable(args.out)}")
 
 
 def _device_disparity(args: argparse.Namespace, shape: tuple[int, ...]) -> np.ndarray:

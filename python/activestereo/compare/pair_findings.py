@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures faults of a rectified infrared pair without a scene: saturation, gain and offset between the cameras, row
-offset, and f x baseline against the device's own depth; and statistics of its dots and noise. Intervals are 95 %, from
-a bootstrap over blocks of the image: pixels are not independent.
-"""
+offset, and f x baseline against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image:
+pixels are not independent."""
 
 from __future__ import annotations
 
@@ -11,10 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, map_coordinates, maximum_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 
-from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.where import interval
 
 _BLOCK_PX = 48
@@ -156,84 +153,4 @@ def findings_text(findings: Sequence[Finding]) -> str:
         lines.append(f"{f.text + ':':42}{value:9.3g}{mark}{unit:3}({low:.3g} to {high:.3g})")
     if not all(f.stands_out for f in findings):
         lines.append("* a perfect pair may show this, too")
-    return "\n".join(lines)
-
-
-BLUR_PX = 4.0
-# Least height of a dot's peak above its surroundings, in standard deviations of the noise.
-_PEAK = 5.0
-_LEVELS_DN = (20.0, 40.0)
-_SMOOTHEST = 0.25
-_DARKEST = 1e-3
-_WARP_NOISE = 0.75  # share of white noise that cubic interpolation keeps on average over all fractions of a pixel
-
-Image = NDArray[np.float64]
-
-
-def residual_image(left: Image, right: Image, disparity: NDArray[np.floating]) -> tuple[Image, NDArray[np.bool_]]:
-    """Subtracts the right image, read at the disparity, from the left one. Returns (the difference, high-pass filtered,
-    DN; a mask of the pixels that both cameras see)."""
-    v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
-    seen = (disparity > 0) & (u - disparity >= 1)
-    there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
-    rest = np.where(seen, left - there, 0.0)
-    weight = gaussian_filter(seen.astype(np.float64), BLUR_PX)
-    return np.where(seen, rest - gaussian_filter(rest, BLUR_PX) / np.maximum(weight, 1e-6), 0.0), seen
-
-
-def pair_statistics(left: Image, right: Image, disparity: NDArray[np.floating], max_dn: float) -> list[Finding]:
-    """Measures statistics of dots and noise in one rectified pair, DN [height][width], for comparison with a simulated
-    pair. disparity: matched, 0 = none.
-
-        dot RMS      of the left image less its Gaussian blur of 4 px
-        residual     the same of left less right at the matched disparity, over sqrt 2, as a share of the dot RMS
-        noise        half of the variance of left less right in smooth parts: speckle and disparity errors are in it
-        black level  the darkest thousandth of both images: an upper bound
-    """
-    left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
-    blocks, inside = Blocks(left.shape), left < max_dn - 1
-    rest, seen = residual_image(left, right, disparity)
-    sharp = left - gaussian_filter(left, BLUR_PX)
-    both = seen & inside & (right < max_dn - 1)
-    dots = blocks.sums(sharp**2, both)
-    count = np.maximum(blocks.sums(1.0, both), 1.0)
-    slope = gaussian_gradient_magnitude(left, 1.0)
-    is_smooth = slope <= np.quantile(slope, _SMOOTHEST)
-    chosen = rest[both & is_smooth] ** 2 / (1.0 + _WARP_NOISE)  # variance of one camera
-    noise_dn2 = np.maximum(chosen, ROUNDING_VARIANCE) if chosen.size else np.array([ROUNDING_VARIANCE])
-    peaks = (sharp == maximum_filter(sharp, 3)) & (sharp > _PEAK * np.sqrt(np.median(noise_dn2))) & inside
-    everywhere = np.ones(left.shape, bool)
-    area, density = blocks.sums(1.0, everywhere), blocks.sums(1e3 * peaks, everywhere)
-    height = blocks.sums(sharp, peaks) / np.maximum(blocks.sums(1.0, peaks), 1.0)
-    left_over = np.sqrt(blocks.sums(rest**2, both) / 2.0 / np.maximum(dots, 1e-9))
-    out = [
-        _finding("background_dn", "median of the left image", np.full(len(area), np.median(left)), "DN"),
-        _finding("dots_per_1000_px", "peaks of dots in 1000 pixels", density / area, ""),
-        _finding("dot_peak_dn", "mean height of a dot", height, "DN"),
-        _finding("dot_rms_dn", "RMS of dots and texture, left", np.sqrt(dots / count), "DN"),
-        _finding("residual_share", "left less right, over that RMS", left_over, "1"),
-    ]
-    level = gaussian_filter(left, 1.0)
-    chosen = both & (level > _LEVELS_DN[0]) & (level < _LEVELS_DN[1]) & is_smooth
-    if chosen.sum() > 200:
-        variance = blocks.sums(rest**2, chosen) / np.maximum(blocks.sums(1.0, chosen), 1.0) / (1.0 + _WARP_NOISE)
-        out.append(_finding("noise_20_40_dn", "noise at 20 to 40 DN, at most", np.sqrt(variance), "DN"))
-    darkest = float(np.quantile(np.concatenate([left.ravel(), right.ravel()]), _DARKEST))
-    out.append(_finding("black_dn", "black level, at most", np.full(len(area), darkest), "DN"))
-    return out
-
-
-def statistics_text(columns: dict[str, list[Finding]]) -> str:
-    """Returns a text table with a row for each figure and a column for each pair. columns: {column's name: its
-    Findings}."""
-    lines = [f"{'':32}" + "".join(f"{name:>24}" for name in columns)]
-    for shown in {f.name: f for findings in columns.values() for f in findings}.values():
-        (scale, unit), line = (100.0, "%") if shown.unit == "1" else (1.0, shown.unit), f"{shown.text + ':':32}"
-        for findings in columns.values():
-            found = next((f for f in findings if f.name == shown.name), None)
-            text = "-" if found is None else f"{scale * found.value:.3g} {unit}"
-            if found is not None and found.high > found.low:
-                text += f" ({scale * found.low:.3g}-{scale * found.high:.3g})"
-            line += f"{text:>24}"
-        lines.append(line)
     return "\n".join(lines)
