@@ -276,7 +276,7 @@ def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
 
 
 def _run_scene(args: argparse.Namespace) -> None:
-    from activestereo.calibrate.height_field import NOTE, write_height_field
+    from activestereo.calibrate.world.mesh import NOTE, write_height_field
 
     if args.out.suffix not in (".gltf", ".glb"):
         raise cli.CommandError(f"{args.out}: -o is the name of a .gltf or .glb file")

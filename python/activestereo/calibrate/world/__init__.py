@@ -2,10 +2,10 @@
 """Measures a real camera and a room from views with depth: without wall, board or repeats.
 
 views     reads a recording and refuses unusable views    calibrate/world/views.py
-camera    focal length, centre, baseline, the pair's rows calibrate/world/camera.py
-poses     camera pose of each view                        calibrate/world/poses.py
+pair      baseline, the pair's rows                       calibrate/world/pair_geometry.py
+poses     each view's camera pose, focal length, centre   calibrate/world/poses.py
 pattern   the projector's position and dots               calibrate/world/pattern.py
 light     albedo, room light, exposures, lens falloff     calibrate/world/light.py
-mesh      the measured surfaces as a scene file           calibrate/world/mesh.py
+mesh      the measured surfaces: scene file and masks     calibrate/world/mesh.py
 world     the steps one after the other                   calibrate/world/world.py
 """

@@ -15,7 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.calibrate.world.joint import joint_covariance
-from activestereo.calibrate.world.views import Image, Mask, blurred, near_edges, normals_of, pixel_grid, points_of
+from activestereo.calibrate.world.views import (
+    Image,
+    Mask,
+    blurred,
+    near_edges,
+    normals_of,
+    pixel_grid,
+    places_of,
+    points_of,
+    same_surface,
+)
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame, binned
 from activestereo.common.computed_once import computed_once
 
@@ -130,10 +140,8 @@ class Room:
         to_left = np.eye(4) if side == "left" else np.linalg.inv(self.rig.left_to_right)
         points = points_of(depth_m, K)
         there = _moved(points, projector.left_to_projector @ to_left)
-        z = np.maximum(there[..., 2], 0.05)
-        u = projector.K[0, 0] * there[..., 0] / z + projector.K[0, 2]
-        v = projector.K[1, 1] * there[..., 1] / z + projector.K[1, 2]
-        dots = cv2.remap(pattern, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR, borderValue=0.0)
+        u, v, _ = places_of(points, projector.left_to_projector @ to_left, projector.K)
+        dots = cv2.remap(pattern, u, v, cv2.INTER_LINEAR, borderValue=0.0)
         normal = _moved(normals_of(points), _turn_of(projector.left_to_projector @ to_left))
         distance = np.maximum(np.linalg.norm(there, axis=-1), 0.05)
         geometry = np.abs((normal * there).sum(axis=-1)) / distance**3
@@ -175,14 +183,10 @@ class Room:
         a_to_b = np.linalg.inv(self.pose(b)) @ self.pose(a)
         points = points_of(a.depth_m, a.K)
         there = _moved(points, a_to_b)
-        z = np.maximum(there[..., 2], 0.05)
-        column = (b.K[0, 0] * there[..., 0] / z + b.K[0, 2]).astype(np.float32)
-        row = (b.K[1, 1] * there[..., 1] / z + b.K[1, 2]).astype(np.float32)
+        column, row, same = same_surface(points, a_to_b, b.K, b.depth_m, _SAME_SURFACE)
         height, width = b.dn.shape
-        seen = a.usable & (column > _BORDER_PX) & (column < width - _BORDER_PX - 1)
+        seen = same & a.usable & (column > _BORDER_PX) & (column < width - _BORDER_PX - 1)
         seen &= (row > _BORDER_PX) & (row < height - _BORDER_PX - 1)
-        depth = cv2.remap(b.depth_m, column, row, cv2.INTER_LINEAR)
-        seen &= np.abs(depth - z) < _SAME_SURFACE * z
         clear = cv2.erode(b.usable.astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)).astype(np.float32)
         seen &= cv2.remap(clear, column, row, cv2.INTER_LINEAR) > 0.99
         normal = _moved(normals_of(points), _turn_of(a_to_b))

@@ -26,8 +26,8 @@ from activestereo.calibrate.world.views import (
     blurred,
     correlation,
     normals_of,
-    places_of,
     points_of,
+    same_surface,
 )
 
 _SLOW_PX, _AMPLITUDE_PX, _WHOLE_PX = 4.0, 9.0, 8.0
@@ -180,10 +180,8 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
 def seen_by(first: LightView, second: LightView, a_to_b: Pose, K: NDArray[np.float64]) -> tuple[Image, Image, Mask]:
     """Projects each pixel of the first view into the second. Returns (column, row, mask of the pixels whose surface the
     second view shows, too). a_to_b: 4x4 from the first to the second camera's frame."""
-    column, row, z = places_of(first.points, a_to_b, K)
-    depth = cv2.remap(second.view.depth_m, column, row, cv2.INTER_LINEAR)
-    known = cv2.remap(second.known.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
-    return column, row, known & (z > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
+    column, row, same = same_surface(first.points, a_to_b, K, second.view.depth_m, _SAME_SURFACE)
+    return column, row, same & (cv2.remap(second.known.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99)
 
 
 def solve_light(

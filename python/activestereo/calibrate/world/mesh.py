@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the measured scene as a glTF file. Each view's surface is a mesh with its own albedo and room light, without
-the parts that an earlier view has."""
+the parts that an earlier view has. Masks the part of each image that the scene predicts."""
 
 from __future__ import annotations
 
@@ -12,11 +12,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
+from scipy.ndimage import distance_transform_edt
 
 from activestereo.calibrate.world.light import Textures
 from activestereo.calibrate.world.overlaps import Pose
-from activestereo.calibrate.world.views import Image, Mask, SceneView, normals_of, places_of, points_of
-from activestereo.capture.capture import Camera
+from activestereo.calibrate.world.views import (
+    Image,
+    Mask,
+    SceneView,
+    near_edges,
+    normals_of,
+    pixel_grid,
+    points_of,
+    same_surface,
+)
+from activestereo.capture.capture import Camera, Capture, Rig
 from activestereo.common import srgb
 from activestereo.scene_io.gltf_writer import CLAMP, GltfWriter
 from activestereo.scene_io.meshes import Mesh, depth_triangles
@@ -24,8 +34,10 @@ from activestereo.scene_io.meshes import Mesh, depth_triangles
 _MOST_TRIANGLES = 1_000_000
 _JUMP = 0.03  # neighbours farther apart than this share of their depth belong to two surfaces
 _SAME_SURFACE = 0.015
+_MASK_EDGE_PX = 9
 _SEAM_PX = 5  # views overlap by this width, so that no light falls between them
 _BRIGHTEST_ALBEDO = 0.8
+_IR_ALBEDO = 0.5  # of a surface that only its depth tells
 _BRIGHT = 0.998  # this quantile of a texture is its brightest value
 
 
@@ -93,11 +105,9 @@ def _already_seen(
     points = points_of(view.depth_m, K)
     had = np.zeros(view.depth_m.shape, bool)
     for other, own in zip(others, poses, strict=True):
-        column, row, z = places_of(points, np.linalg.inv(own) @ pose, K)
+        column, row, same = same_surface(points, np.linalg.inv(own) @ pose, K, other.depth_m, _SAME_SURFACE)
         inner = cv2.erode(other.surface.astype(np.uint8), np.ones((_SEAM_PX, _SEAM_PX), np.uint8), borderValue=0)
-        seen = cv2.remap(inner, column, row, cv2.INTER_NEAREST) > 0
-        depth = cv2.remap(other.depth_m, column, row, cv2.INTER_LINEAR)
-        had |= seen & (z > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
+        had |= same & (cv2.remap(inner, column, row, cv2.INTER_NEAREST) > 0)
     return had
 
 
@@ -121,3 +131,88 @@ def surface_mesh(
 def add_camera(writer: GltfWriter, name: str, pose: Pose, camera: Camera) -> None:
     angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
     writer.add_camera(name, pose, angle, camera.width / camera.height)
+
+
+def known_masks(
+    views: Sequence[SceneView], poses: Sequence[Pose], is_train: Sequence[bool], rig: Rig
+) -> dict[tuple[int, str], Mask]:
+    """Masks the known part of the scene in each image: measured surfaces, far from edges, that a second view has
+    measured, too; one in a single view would be predicted by that view itself. Returns {(frame id, side): mask [height,
+    width]}. is_train: whether each view is not held out for the test; those held out do not count."""
+    out: dict[tuple[int, str], Mask] = {}
+    for k, view in enumerate(views):
+        known = (view.depth_m > 0) & ~near_edges(view.depth_m, _MASK_EDGE_PX)
+        others = [j for j, used in enumerate(is_train) if used and j != k]
+        elsewhere = np.full(known.shape, not others)
+        for j in others:
+            to_other = np.linalg.inv(poses[j]) @ poses[k]
+            column, row, same = same_surface(
+                points_of(view.depth_m, rig.left.K), to_other, rig.left.K, views[j].depth_m, _SAME_SURFACE
+            )
+            inside = cv2.remap(views[j].surface.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
+            elsewhere |= inside & same
+        known &= elsewhere
+        out[view.frame.id, "left"] = known
+        out[view.frame.id, "right"] = _warp_to_right(view, known, rig)
+    return out
+
+
+def _warp_to_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
+    """Warps a mask of the left image to the right image by the view's depth. Right pixels near surfaces outside the
+    mask are left out."""
+    column, row = pixel_grid(known.shape)
+    disparity = rig.left.K[0, 0] * rig.baseline_m / np.maximum(view.depth_m, 1e-3)
+    at = np.rint(column - disparity + rig.right.K[0, 2] - rig.left.K[0, 2]).astype(int)
+    inside = (view.depth_m > 0) & (at >= 0) & (at < known.shape[1])
+    hit, foreign = np.zeros(known.shape, np.uint8), np.zeros(known.shape, np.uint8)
+    rows = row.astype(int)
+    hit[rows[inside & known], at[inside & known]] = 1
+    foreign[rows[inside & ~known], at[inside & ~known]] = 1
+    square = np.ones((3, 3), np.uint8)
+    return np.asarray((cv2.morphologyEx(hit, cv2.MORPH_CLOSE, square) > 0) & (cv2.dilate(foreign, square) == 0))
+
+
+NOTE = (
+    "warning: this scene is what the camera measured, errors included: what it saw wrongly (gloss, glass, edges) is "
+    "truth in it, what it did not see is empty, one albedo holds for all, and depth simulated on it tells nothing of "
+    "the device's own bias. Give geometry where you have it"
+)
+
+
+def write_height_field(path: Path, capture: Capture, frame_id: int | None, step_px: int) -> tuple[int, float, int]:
+    """Writes a scene file with the surface, in world axes, that all frames at the pose of a frame measured (None: the
+    first frame with depth), and the camera. step_px: pixels between its vertices. Returns (number of triangles, share
+    of the image that is a surface, number of frames). Raises ValueError if no such frame has depth, or if hardly any of
+    it is measured."""
+    known = [f for f in capture.frames if f.depth_path is not None]
+    with_depth = [f for f in known if frame_id in (None, f.id)]
+    if not with_depth:
+        which = "every frame" if frame_id is None else f"frames[id={frame_id}] is not there or"
+        raise ValueError(f"{capture.path}: {which} has no depth: record the depth stream, too")
+    pose = with_depth[0].camera_to_world
+    repeats = [f for f in known if np.allclose(f.camera_to_world, pose, atol=1e-9)]
+    # The median of each pixel's measured values; 0 where fewer than half of the frames have one.
+    stack = np.array([capture.depth(frame) for frame in repeats], dtype=np.float32)
+    often = (stack > 0).sum(axis=0) * 2 > len(repeats)
+    depth = np.zeros(stack.shape[1:], np.float32)
+    depth[often] = np.nanmedian(np.where(stack > 0, stack, np.nan)[:, often], axis=0)
+    smooth = cv2.medianBlur(depth, 5)
+    depth = np.where((depth > 0) & (np.abs(smooth - depth) < _JUMP * depth), smooth, depth)
+    solid = depth[tuple(distance_transform_edt(depth == 0, return_distances=False, return_indices=True))]
+    mesh = surface_mesh(depth, solid, depth > 0, capture.rig.left.K, pose, step_px)
+    count = 0 if mesh is None else len(mesh.indices)
+    height, width = (-(-side // step_px) - 1 for side in depth.shape)
+    share = count / max(2.0 * height * width, 1.0)
+    if mesh is None or share < 0.01:
+        told = f"{100 * share:.2f} % of it is a surface: it has too few measured pixels"
+        raise ValueError(f"{with_depth[0].depth_path}: {told}")
+    writer = GltfWriter("activestereo calibrate scene")
+    gray = {"baseColorFactor": [_IR_ALBEDO] * 3 + [1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    material = writer.add_material(
+        "measured surface", pbrMetallicRoughness=gray, doubleSided=True, extras={"ir_albedo": _IR_ALBEDO},
+        extensions={"KHR_materials_specular": {"specularFactor": 0.0}},
+    )  # fmt: skip
+    writer.add_placed_mesh("measured surface", mesh, material, np.eye(4))
+    add_camera(writer, "camera", pose, capture.rig.left)
+    writer.write(path)
+    return count, share, len(repeats)

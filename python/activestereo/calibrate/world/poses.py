@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates the pose of each view. One least-squares fit brings all overlaps' points onto each other's planes, which
-closes loops. Focal length and centre are free in it, as far as views have turned enough to determine them."""
+"""Estimates the pose of each view, and focal length and centre of the camera. One least-squares fit for each scene
+brings all overlaps' points onto each other's planes, which closes loops. Surfaces agree only under the true focal
+length and centre, as far as views have turned enough to determine them."""
 
 from __future__ import annotations
 
@@ -30,6 +31,11 @@ _MAD = 1.4826  # a normal distribution's deviation over its median distance from
 _LEAST_DISTANCE_M = 5e-5
 # Errors of depth are correlated within blocks of this side; a block counts once in the intervals.
 _BLOCK_PX = 80
+# Scenes of one camera agree to this, px. Common errors of depth are in no scene's own interval.
+_SCENE_PX = 0.4
+# A scene with a larger deviation than this, px, does not determine the camera.
+_MOST_DEVIATION_PX = 6.0
+_Z90 = 1.645
 
 
 @dataclass(frozen=True)
@@ -184,3 +190,38 @@ def _camera_derivatives(c: Contact, a_to_b: Pose, camera: NDArray[np.float64]) -
         out[:, 1] += sign * -normal[:, 0] * z / camera[0]
         out[:, 2] += sign * -normal[:, 1] * z / camera[0]
     return out
+
+
+@dataclass(frozen=True)
+class CameraEstimate:
+    """The estimated intrinsics. mean: (focal length, centre's column, centre's row), px. covariance: [3, 3]. source:
+    'overlaps' or 'nominal'. text: a line for the user."""
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    source: str
+    text: str
+
+    @property
+    def K(self) -> NDArray[np.float64]:
+        f, cx, cy = self.mean
+        return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+
+
+def camera_from_overlaps(scenes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> CameraEstimate | None:
+    """Combines the (mean, covariance) that each scene's overlapping views give to one estimate; None if no scene
+    determines the camera. Scenes that differ by more than their intervals widen the result (Birge 1932)."""
+    told = [(m, c) for m, c in scenes if np.sqrt(np.diag(c)).max() < _MOST_DEVIATION_PX]
+    if not told:
+        return None
+    weights = [np.linalg.inv(c + _SCENE_PX**2 * np.eye(3)) for _, c in told]
+    covariance = np.linalg.inv(np.sum(weights, axis=0))
+    mean = covariance @ np.sum([w @ m for w, (m, _) in zip(weights, told, strict=True)], axis=0)
+    misfit = sum(float((m - mean) @ w @ (m - mean)) for w, (m, _) in zip(weights, told, strict=True))
+    covariance *= max(1.0, misfit / max(3 * (len(told) - 1), 1))
+    (f, cx, cy), sd = mean, _Z90 * np.sqrt(np.diag(covariance))
+    text = (
+        f"camera: f {f:.1f} +- {sd[0]:.1f} px, centre ({cx:.1f} +- {sd[1]:.1f}, {cy:.1f} +- {sd[2]:.1f}) px, from "
+        f"overlaps of views in {len(told)} scene{'s' * (len(told) > 1)} (90 %)"
+    )
+    return CameraEstimate(mean, covariance, "overlaps", text)

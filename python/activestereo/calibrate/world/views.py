@@ -34,7 +34,8 @@ _LEAST_DEPTH = 0.2
 @dataclass(frozen=True)
 class SceneView:
     """A frame's images [height, width]. left, right: DN. depth_m: 0 = none. surface: mask of measured depth far from
-    edges. agreement: correlation of both cameras' high-pass images at that depth."""
+    edges. agreement: correlation of both cameras' high-pass images at that depth. clipped: saturated share of the left
+    image."""
 
     frame: Frame
     left: Image
@@ -42,6 +43,7 @@ class SceneView:
     depth_m: Image
     surface: Mask
     agreement: float
+    clipped: float = 0.0
 
 
 def read_views(
@@ -72,19 +74,13 @@ def read_views(
         raise ValueError(
             f"{where}: one view with depth: record two or more that overlap, from places the camera turned to"
         )
-    bright = {view.frame.id: clipped_share(view.left, capture.rig.max_dn) for view in views}
     bright_lines = [
-        f"{100 * share:.0f} % of frame {frame}'s left image is saturated ({capture.rig.max_dn} DN) and tells nothing: "
-        "record with less exposure, gain or laser power"
-        for frame, share in bright.items()
-        if share > _MUCH_CLIPPED
+        f"{100 * view.clipped:.0f} % of frame {view.frame.id}'s left image is saturated ({capture.rig.max_dn} DN) and "
+        "tells nothing: record with less exposure, gain or laser power"
+        for view in views
+        if view.clipped > _MUCH_CLIPPED
     ]
     return views, [f"left out: {reason}" for reason in refused] + bright_lines
-
-
-def clipped_share(image: Image, max_dn: int) -> float:
-    """Returns the share of an image's pixels that are saturated."""
-    return float((image >= max_dn).mean())
 
 
 def _read(capture: Capture, frame: Frame) -> SceneView:
@@ -92,7 +88,7 @@ def _read(capture: Capture, frame: Frame) -> SceneView:
     depth = capture.depth(frame)
     assert depth is not None
     name = f"{capture.path}: frame {frame.id}"
-    clipped = clipped_share(left, capture.rig.max_dn)
+    clipped = float((left >= capture.rig.max_dn).mean())
     if clipped > _MOST_CLIPPED:
         raise ValueError(
             f"{name}: {100 * clipped:.0f} % of the left image is saturated ({capture.rig.max_dn} DN): record with less "
@@ -102,7 +98,7 @@ def _read(capture: Capture, frame: Frame) -> SceneView:
         raise ValueError(
             f"{name}: only {100 * (depth > 0).mean():.0f} % of its depth is measured: come nearer, or leave it out"
         )
-    view = SceneView(frame, left, right, depth, (depth > 0) & ~near_edges(depth), 0.0)
+    view = SceneView(frame, left, right, depth, (depth > 0) & ~near_edges(depth), 0.0, clipped)
     agreement = _agreement(view, capture.rig)
     if agreement < _LEAST_AGREEMENT:
         raise ValueError(
@@ -151,6 +147,16 @@ def places_of(points: Image, pose: NDArray[np.float64], K: NDArray[np.float64]) 
     z = np.maximum(moved[..., 2], 1e-3)
     column, row = (np.asarray(K[i, i] * moved[..., i] / z + K[i, 2], np.float32) for i in (0, 1))
     return column, row, z
+
+
+def same_surface(
+    points: Image, pose: NDArray[np.float64], K: NDArray[np.float64], depth_m: Image, share: float
+) -> tuple[Image, Image, Mask]:
+    """Returns places_of() the points in another view, (column, row), and a mask of those that the other view's depth
+    has there, too: within this share of it."""
+    column, row, z = places_of(points, pose, K)
+    depth = cv2.remap(depth_m, column, row, cv2.INTER_LINEAR)
+    return column, row, (z > 0.05) & (np.abs(depth - z) < share * z)
 
 
 def normals_of(points: Image) -> Image:

@@ -18,7 +18,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.camera import CameraEstimate, camera_from_overlaps
 from activestereo.calibrate.world.joint import block, read_covariance
 from activestereo.calibrate.world.light import (
     BLACK_BY_EXPOSURES_DN,
@@ -31,13 +30,18 @@ from activestereo.calibrate.world.light import (
     response_of,
     solve_light,
 )
-from activestereo.calibrate.world.masks import known_masks
-from activestereo.calibrate.world.mesh import write_scene
+from activestereo.calibrate.world.mesh import known_masks, write_scene
 from activestereo.calibrate.world.overlaps import MOVED_ON, Overlap, Surface, find_overlap
 from activestereo.calibrate.world.pair_geometry import pair_geometry
 from activestereo.calibrate.world.pattern import PatternEstimate, recover_pattern
 from activestereo.calibrate.world.pictures import exposure_picture, poses_picture, scene_pictures
-from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
+from activestereo.calibrate.world.poses import (
+    CameraEstimate,
+    PoseEstimate,
+    camera_from_overlaps,
+    group_views,
+    solve_poses,
+)
 from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.capture.write import write_capture
