@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from activestereo.benchmarks.real_views import (
+from real_views import (
     PATCH_PX,
     RealView,
     depth_measures,
@@ -15,7 +15,7 @@ from activestereo.benchmarks.real_views import (
     planar_patches,
     statistics,
 )
-from activestereo.benchmarks.realism import DEVICE, HOLES, NOISE, Board, Figure, verdicts
+from bench_realism import DEVICE, HOLES, NOISE, Board, Figure, verdicts
 
 _FB_PX_M, _SIZE = 50.0, (192, 288)
 

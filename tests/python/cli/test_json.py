@@ -13,7 +13,7 @@ from command_line import leaves
 
 TABLES = {
     "simulate", "presets", "depth", "pair", "compare", "diagnose", "effect list",
-    "effect check", "effect show", "benchmark realism",
+    "effect check", "effect show",
     "doctor", "model show", "model diff", "calibrate noise", "calibrate drift",
     "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate world",
     "calibrate camera", "calibrate poses", "calibrate dots", "calibrate exposure", "calibrate albedo",
