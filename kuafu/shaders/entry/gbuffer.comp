@@ -14,6 +14,8 @@ layout(constant_id = 4) const uint step = gbuffer_read;
 #include "stage/gbuffer.glsl"
 #include "stage/gbuffer_warp.glsl"
 #include "stage/gbuffer_bounce.glsl"
+#include "stage/gbuffer_lobes.glsl"
+#include "stage/gbuffer_blend.glsl"
 
 void main() {
   uint i = line_index();

@@ -267,11 +267,17 @@ bool takes_light(IN(Bsdf) b) {
          wears_sheen(b.sheen);
 }
 
-/// Fresnel's reflectance of layer and metal where light meets a facet at this cosine.
-Spectrum lobe_fresnel(IN(Bsdf) b, float cosine) {
-  Spectrum f = b.metal + (Spectrum(b.metallic) - b.metal) * schlick_weight(cosine);
+/// Fresnel's reflectance of metal, and of a share of a layer, where light meets a facet at this cosine.
+Spectrum plain_fresnel(Spectrum metal, float metallic, float layer, float layer_eta, float cosine) {
+  Spectrum f = metal + (Spectrum(metallic) - metal) * schlick_weight(cosine);
   float cos_t;
-  if (b.layer > 0.0f) f += Spectrum(b.layer * fresnel_dielectric(min(cosine, 1.0f), b.coat_eta, cos_t));
+  if (layer > 0.0f) f += Spectrum(layer * fresnel_dielectric(min(cosine, 1.0f), layer_eta, cos_t));
+  return f;
+}
+
+/// That of the lobe.
+Spectrum lobe_fresnel(IN(Bsdf) b, float cosine) {
+  Spectrum f = plain_fresnel(b.metal, b.metallic, b.layer, b.coat_eta, cosine);
   if (!wears_thin_film(b.thin_film.film)) return f;
   ThinFilmWaves waves = thin_film_waves(b.thin_film.film, cosine);
   Spectrum filmed = thin_film_over(waves, b.metal_base) * b.metallic + thin_film_over(waves, Spectrum(b.thin_film.base)) * b.layer;

@@ -37,15 +37,20 @@ KUAFU_CONST gbuffer_bad_albedo = 2u;
 KUAFU_CONST gbuffer_bad_material = 3u;
 KUAFU_CONST gbuffer_no_error = 0xffffffffu;
 
-KUAFU_CONST gbuffer_cell_px = 4u;  // on a side of the cells in which light between surfaces is found
+KUAFU_CONST gbuffer_cell_px = 4u;         // on a side of the cells in which light between surfaces is found
+KUAFU_CONST gbuffer_horizon_sides = 8u;   // of slices through a cell, two of each
+KUAFU_CONST gbuffer_horizon_steps = 10u;  // along each
+KUAFU_CONST gbuffer_mirror_steps = 12u;   // of rays that lobes look along
 
 /// What surfaces near one another exchange, by cell. An odd number of words: those of neighbours lie in different banks of a GPU's cache.
 struct GbufferCell {
-  float inverse_depth, laser;          // of what is there; the mean radiance of the projector's light
-  float albedo, lobes;                 // the mean share that is reflected, and that by lobes
+  float inverse_depth, laser, albedo;  // of what is there; the mean radiance of the projector's light, and what is reflected
   float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
   float smooth_room, smooth_indirect;  // the same, mixed with neighbours of the same surface
+  float sent_room, sent_laser;         // what is sent, likewise
   vec3 normal;                         // in the camera
+  float plane_m;                       // of all points of its plane, along it
+  vec2 beyond;                         // at the image's border: what inverse_depth changes by past it, per cell along columns and rows
 };
 KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)
 

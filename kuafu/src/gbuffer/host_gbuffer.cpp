@@ -28,12 +28,16 @@ struct Gbuffer {
   const GbufferPush& push;
   const uint step = push.step;
 #include "stage/gbuffer.glsl"
+#include "stage/gbuffer_blend.glsl"
 #include "stage/gbuffer_bounce.glsl"
+#include "stage/gbuffer_lobes.glsl"
 #include "stage/gbuffer_warp.glsl"
 };
 
 constexpr uint lane_count = host::lane_count;
-using Floats = host::Lanes<float>;
+template <class T>
+using Lanes = host::Lanes<T>;
+using Floats = Lanes<float>;
 
 struct alignas(64) VertexLanes {
   Floats base, metallic, roughness, specular, ior, transmission, coat, wo[3], wi[3];
@@ -85,13 +89,7 @@ Gbuffer::GbufferPlace next_place(Gbuffer& stage, Gbuffer::GbufferPlace before, u
   return before;
 }
 
-void bounce_pixels(Gbuffer& stage, uint first, uint end) {
-  Gbuffer::GbufferPlace place = stage.gbuffer_place(first);
-  for (uint i = first; i < end; ++i) {
-    if (i > first) place = next_place(stage, place, i);
-    stage.bounce_pixel(i, place);
-  }
-}
+#include "gbuffer/host_bounce_lanes.inc"
 
 void light_pixels(Gbuffer& stage, uint first, uint end) {
   const Vec2Array table = stage.push.record.at[0].scene.at[0].specular_albedo;
@@ -121,6 +119,7 @@ void host::gbuffer(const GbufferPush& push, uint32_t first, uint32_t end) {
   Gbuffer stage{push};
   if (push.step == gbuffer_light) return light_pixels(stage, first, end);
   host::in_vectors([&] {
+    if (push.step == gbuffer_sky) return look_around(stage, first, end);
     if (push.step == gbuffer_bounce) return bounce_pixels(stage, first, end);
     for (uint32_t i = first; i < end; ++i) stage.gbuffer_step(i);
   });
