@@ -20,7 +20,7 @@ RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "mitsuba", "denoise", "cancel"),
     "Matching": ("matcher", "matcher_vulkan", "accuracy", "pairs", "subpixel", "invented"),
-    "Sensor": ("sensor", "gbuffer", "gbuffer_gpu", "camera", "realism", "generate"),
+    "Sensor": ("sensor", "gbuffer", "gbuffer_gpu", "camera", "realism", "noise_profiles", "generate"),
     "Calibration": ("calibrate", "materials"),
 }
 HEAD = """# Benchmarks

@@ -38,7 +38,7 @@ from activestereo.common.shown import PlainStream, printable
 # Files of this package, in the order of their commands in --help.
 _COMMANDS = (
     "demo", "simulate", "view", "presets", "depth", "pair", "compare", "diagnose", "model",
-    "calibrate", "import_capture", "effect", "generate", "doctor",
+    "calibrate", "import_capture", "effect", "benchmark", "generate", "doctor",
 )  # fmt: skip
 
 # Printed without a command; README.md has the same table.

@@ -252,6 +252,18 @@ def baseline(text: str) -> float:
     return value
 
 
+def names_of(what: str, known: Sequence[str]) -> Callable[[str], list[str]]:
+    """Returns a parser of comma-separated names, each one of `known`. what: the kind of name in errors."""
+
+    def parse(text: str) -> list[str]:
+        for name in text.split(","):
+            if name not in known:
+                raise argparse.ArgumentTypeError(unknown(what, name, known))
+        return text.split(",")
+
+    return parse
+
+
 def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("the name of a folder is needed; . is the present one")

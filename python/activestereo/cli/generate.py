@@ -10,6 +10,8 @@ from activestereo.cli import arguments as cli
 from activestereo.common.progress_bar import ProgressBar, duration
 from activestereo.report.screen import command, screen
 
+FORMATS = ("lerobot", "mcap")
+
 _TEXT = """\
 Puts things on a table again and again, each time with other poses, lamps and another
 view, and takes pictures with a depth sensor. THING is a file of one thing:
@@ -42,7 +44,7 @@ def add_parser(commands: cli.Commands) -> None:
     parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
     cli.add_shared(parser, unit="the file of a THING", keep_transparent=True)
     cli.add_shared(parser, out=True, device=True, verbose="all things that no frame shows")
-    rare = parser.rare_group("many machines and ranges")
+    rare = parser.rare_group("many machines, formats and ranges")
     rare.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
     parser.add_argument("--count", type=cli.integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
@@ -61,6 +63,8 @@ def add_parser(commands: cli.Commands) -> None:
     parser.add_argument("--ir-size", type=cli.size, metavar="WxH", help=text)
     text = "samples per pixel (default: 16)"
     parser.add_argument("--spp", "--samples-per-pixel", type=cli.integer_from(1), default=16, metavar="N", help=text)
+    text = f"also in these formats, once all frames are there: comma-separated, of {', '.join(FORMATS)}"
+    rare.add_argument("--also", type=cli.names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     rare.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
@@ -75,6 +79,7 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.benchmarks.generate.formats import require_formats, write_formats
     from activestereo.benchmarks.generate.run import generate
     from activestereo.benchmarks.generate.studio import Ranges, Settings
 
@@ -82,6 +87,10 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError("--ray-cpus goes with --ray, which is not given")
     if args.ray is not None and args.workers is not None:
         raise cli.CommandError("--workers does not go with --ray, whose workers take their place: --ray-cpus")
+    try:
+        require_formats(args.also)
+    except ImportError as error:
+        raise cli.CommandError(f"--also: {error}") from error
     for path in args.things:
         if not path.exists():
             raise cli.CommandError(f"{path}: there is no such file")
@@ -105,5 +114,8 @@ def run(args: argparse.Namespace) -> None:
         notes += [f"{measured:.1f} % of what is there is measured; {invented:.1f} % of the depths are invented"]
     unseen = [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
+    if args.also and not done.missing:
+        write_formats(args.out, args.count, args.also)
+        notes += [f"also {', '.join(args.also)}"]
     steps = [command("view", args.out, *cli.carried(args, "device"))]
     print(screen(f"{'; '.join(notes)}, in {args.out}.", (), unseen, steps, verbose=args.verbose))

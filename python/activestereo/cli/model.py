@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Implements `activestereo add`, which adds an effect to a sensor model or changes its parameters, and `activestereo
-model show | diff`, which prints models."""
+model show | diff | export`, which prints a model or exports it as other simulators' noise models."""
 
 import argparse
 from pathlib import Path
 
+from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import arguments as cli
 from activestereo.common.input_files import read_json
+from activestereo.common.progress_bar import ProgressBar
 from activestereo.common.shown import printable
 from activestereo.report.screen import wrapped_lines
+
+EXPORTS = ("isaac", "gazebo", "elevation_mapping")
 
 _ADD = """\
 Adds an effect to a model, or gives one that it has other parameters. They come
@@ -21,15 +25,19 @@ examples:
 """
 
 _TEXT = """\
-A sensor model (model.json) in words.
+A sensor model (model.json) in words, and in what other simulators have.
 
   show   what a model says: calibration, pattern, imager, effects, materials, and what the
          fit left over; which of its parts the engines simulate, and which cost a copy
   diff   what two models say differently
+  export fits the noise models of other simulators to a model, or to a preset, by simulating it in
+         rooms of solids; writes their own files and says what they cannot express
 
 examples:
   activestereo model show out/diagnosis/model.json
   activestereo model diff before.json after.json
+  activestereo model export model.json --to isaac,gazebo -o out/profiles
+  activestereo model export D435 --held-out 5 -o out/profiles
 """
 
 
@@ -45,7 +53,7 @@ def add_parser(commands: cli.Commands) -> None:
     cli.add_shared(parser, effects=True)
     text = "the model to write; may be the same file"
     parser.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=text)
-    parser = cli.add_command(commands, "model", "show a sensor model in words, tell two apart", _TEXT)
+    parser = cli.add_command(commands, "model", "show a sensor model in words, tell two apart, export it", _TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     show = cli.add_command(actions, "show", "what models say", "", run_show)
     show.add_argument("files", nargs="+", type=Path, metavar="FILE", help="model.json")
@@ -53,6 +61,16 @@ def add_parser(commands: cli.Commands) -> None:
     diff.add_argument("files", nargs=2, type=Path, metavar="FILE", help="model.json")
     for action in (show, diff):
         cli.add_shared(action, effects=", where a model has some", json=True)
+    export = cli.add_command(actions, "export", "as noise models of other simulators", "", run_export)
+    export.add_argument("model", metavar="MODEL", help="model.json, or the name of a preset")
+    text = f"comma-separated: {', '.join(EXPORTS)} (default: all)"
+    export.add_argument("--to", type=cli.names_of("system", EXPORTS), default=list(EXPORTS), metavar="NAMES", help=text)
+    text = "also tells how far defaults and profiles are from the sensor in N other rooms"
+    export.add_argument("--held-out", type=cli.integer_from(0), default=0, metavar="N", help=text)
+    text = "the preset that says what a model.json does not (default: D435)"
+    export.add_argument("--sensor", default="D435", metavar="NAME", help=text)
+    cli.add_shared(export, out=True, device=True, samples={"default": 16, "help": "rays per pixel (default: 16)"})
+    cli.add_shared(export, seed="of the rooms", effects=", where the model has some", json=True)
 
 
 def run_add(args: argparse.Namespace) -> None:
@@ -124,3 +142,31 @@ def run_diff(args: argparse.Namespace) -> None:
         cli.print_json(differences(*models))
     else:
         print(wrapped_lines((diff(*models) or "the two say the same").splitlines()))
+
+
+def run_export(args: argparse.Namespace) -> None:
+    from activestereo.benchmarks.noise_profiles import export
+    from activestereo.compare.model_file import library
+    from activestereo.model import read_model
+
+    model = read_model(args.model, library(*args.effects)) if args.model.endswith(".json") else None
+    of = StereoDepthSensorConfig
+    config = of(args.model) if model is None else of.from_model(model, args.sensor)
+    config.samples_per_pixel = args.spp
+    cli.make_folder(args.out)
+    with ProgressBar("simulating the sensor") as bar:
+        found = export(config, model, args.to, args.out, args.held_out, args.seed, args.device, bar)
+    if args.json:
+        cli.print_json(found)
+        return
+    left_out = sorted({e.effect.id for e in model.effects if e.surfaces}) if model is not None else []
+    if left_out:
+        print(f"left out, for they are on surfaces of a capture: {', '.join(left_out)}")
+    for name, told in found.items():
+        values = ", ".join(f"{key} {value:.4g}" for key, value in told["parameters"].items())
+        print(f"{name}: {args.out / told['file']}: {values}")
+        for line in told["lacks"]:
+            print(f"  cannot express {line}")
+        if told["held_out"]:
+            far = ("{error_px:.3f} px and {holes:.3f} of holes".format(**d) for d in told["held_out"].values())
+            print("  from the sensor in other rooms: default {}, this profile {}".format(*far))

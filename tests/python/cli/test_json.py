@@ -13,8 +13,8 @@ from command_line import leaves
 
 TABLES = {
     "simulate", "presets", "depth", "pair", "compare", "diagnose", "effect list",
-    "effect check", "effect show",
-    "doctor", "model show", "model diff", "calibrate noise", "calibrate drift",
+    "effect check", "effect show", "benchmark sim-to-real", "benchmark realism",
+    "doctor", "model show", "model diff", "model export", "calibrate noise", "calibrate drift",
     "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate world",
     "calibrate camera", "calibrate poses", "calibrate dots", "calibrate exposure", "calibrate albedo",
 }  # fmt: skip

@@ -7,7 +7,7 @@
 | studio.py | one frame: layout, camera, light, pictures |
 | bop.py | folders and files of the BOP format |
 | ray_actors.py | frames from the machines of a Ray cluster |
-| run.py | workers, resuming, progress |
+| run.py | workers, resuming, progress, other formats |
 
 Frame n depends only on the settings, the seed and n. Neither workers nor interruptions change a picture.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the files of the BOP format (Hodan et al., BOP: Benchmark for 6D object pose estimation, ECCV 2018;
+"""Writes and reads the files of the BOP format (Hodan et al., BOP: Benchmark for 6D object pose estimation, ECCV 2018;
 its scenes' format is described beside the BOP toolkit).
 
     DIR/camera.json  DIR/models/models_info.json  DIR/dataset.json
@@ -17,7 +17,8 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ import simsense
 from activestereo.benchmarks.generate.studio import Frame, Thing
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
+from activestereo.capture.images import read_color, read_gray
 from activestereo.common.accuracy import is_invented
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import (
@@ -43,6 +45,8 @@ from activestereo.sensor.results import camera_info, depth_engine
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
 _RECORDS = ".frames"
+# Frames are independent; formats that need times get this rate.
+FRAMES_PER_S = 30
 
 
 def is_done(out: Path, number: int) -> bool:
@@ -190,3 +194,36 @@ def record_path(out: Path, number: int) -> Path:
 
 def _write_json(path: Path, content: Any) -> None:
     write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A frame read from the data set. rgb: uint8 [h, w, 3]; depth_mm, depth_true_mm: uint16 [h, w], 0 = none; ir_left,
+    ir_right: [h, w]; k: 3x3, of the RGB camera; camera_to_world: 4x4, its pose, metres, camera axes x right, y down, z
+    forward."""
+
+    number: int
+    rgb: NDArray[np.uint8]
+    depth_mm: NDArray[np.uint16]
+    depth_true_mm: NDArray[np.uint16]
+    ir_left: NDArray[Any]
+    ir_right: NDArray[Any]
+    k: NDArray[np.float64]
+    camera_to_world: NDArray[np.float64]
+
+
+def stored_frames(out: Path, count: int) -> Iterator[Stored]:
+    """Reads frames 0 to count - 1 of the data set `out`, one at a time."""
+    for number in range(count):
+        folder, name = scene_folder(out, number), f"{number % FRAMES_PER_SCENE:06d}.png"
+        depth, true, left, right = (
+            read_gray(folder / kind / name) for kind in ("depth", "depth_true", "ir_left", "ir_right")
+        )
+        camera = read_json(record_path(out, number))["camera"]
+        world_to_camera = np.eye(4)
+        world_to_camera[:3, :3] = np.reshape(camera["cam_R_w2c"], (3, 3))
+        world_to_camera[:3, 3] = np.array(camera["cam_t_w2c"]) / 1000.0
+        k = np.reshape(np.array(camera["cam_K"], np.float64), (3, 3))
+        yield Stored(
+            number, read_color(folder / "rgb" / name), depth, true, left, right, k, np.linalg.inv(world_to_camera)
+        )

@@ -1,31 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How close simulated depth comes to a camera's: all methods on all real views, with intervals from resampled views.
-
-    PYTHONPATH=build/python python3 tests/bench/bench_realism.py CAPTURE[=DIR]... --out DIR [--sensor d415] [--spp 16]
-
-Captures with a scene's model, as 'calibrate world' or 'calibrate scene' make them, are simulated in nine ways: clean
-depth, Gaussian noise, the data sheet's, simkinect, Redwood, isaac-like, raster stereo, a camera's preset, and the
-preset with the capture's own projector, pattern, black level and light (calibrated). Holes, bias, noise, edges and
-the infrared pair are measured as the device's are -> DIR/realism.json, realism.html. =DIR: the device's own depth of
-a capture whose depth is a better instrument's, 16-bit PNG files in millimetres, in order of the frames.
-"""
+"""Evaluates all methods on all real views, with intervals from resampled views. Writes JSON and one page."""
 
 from __future__ import annotations
 
-import argparse
 import base64
 import io
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from math import isnan
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from real_views import (
+from activestereo.benchmarks.real_views import (
     DISTANCE_NAMES,
     METHODS,
     depth_measures,
@@ -34,29 +23,17 @@ from real_views import (
     real_views,
     simulated,
 )
+from activestereo.benchmarks.sim_to_real import Figure
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.output_files import write_text
-from activestereo.common.progress_bar import ProgressBar
 
 DEVICE = "device"
 HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
 _DRAWS, _LEVEL = 4000, 0.9
 
 Values = dict[str, list[dict[str, float]]]  # {method: for each view, {measure: value}}
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A value with its 90 % interval; NaN = undefined."""
-
-    value: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return "–" if isnan(self.value) else f"{self.value:.2f} ({self.low:.2f} to {self.high:.2f})"
 
 
 @dataclass(frozen=True)
@@ -200,28 +177,3 @@ def _figure(name: str, disparity: NDArray[np.float32], low: float, high: float) 
     Image.fromarray(pixels).save(buffer, "png")
     source = base64.b64encode(buffer.getvalue()).decode()
     return f'<figure><img src="data:image/png;base64,{source}"><figcaption>{text(name)}</figcaption></figure>'
-
-
-def _capture(text: str) -> tuple[Path, Path | None]:
-    capture, _, depth = text.partition("=")
-    return Path(capture), Path(depth) if depth else None
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("captures", nargs="+", type=_capture, metavar="CAPTURE[=DIR]")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--sensor", default="d415")
-    parser.add_argument("--spp", type=int, default=16)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--device", default="auto")
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    with ProgressBar("simulating in nine ways") as bar:
-        found = board(args.captures, args.sensor, args.spp, args.seed, args.device, bar)
-    write_board(found, args.out, {"sensor": args.sensor, "samples": args.spp, "seed": args.seed})
-    print("\n".join(verdicts(found)))
-
-
-if __name__ == "__main__":
-    main()
