@@ -130,12 +130,6 @@ def exposure_of_median(green: np.float32) -> float:
     return float(max(np.float32(0.25) / shared, DARKEST))
 
 
-def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArray[np.float32]:
-    """Returns sRGB-encoded colours 0..1. radiance: [..., height, width, 3]. exposure: factor on radiance; None or 0 =
-    that of rgb_exposure()."""
-    return srgb(radiance, exposure or rgb_exposure(radiance))
-
-
 def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32]:
     """Applies sRGB's transfer curve (IEC 61966-2-1) to linear values times a factor, clipped to 0..1. It is accurate to
     2e-5. It reads a table over the value's square root, in which the curve is nearly straight."""

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.camera.auto_exposure import encoded_rgb
+from activestereo.camera.auto_exposure import rgb_exposure, srgb
 from activestereo.camera.config_limits import DEPTH_MAPS
 from activestereo.camera.plan import ir_intrinsics, matcher_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
@@ -185,7 +185,8 @@ class SensorResults(ABC):
     def get_rgb(self) -> NDArray[np.float32]:
         """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and
         copies three times as much."""
-        return encoded_rgb(self._engine.rgb_output("radiance"), self._engine.plan.rgb_exposure)
+        radiance = self._engine.rgb_output("radiance")
+        return srgb(radiance, self._engine.plan.rgb_exposure or rgb_exposure(radiance))
 
     def get_true_depth(self) -> NDArray[np.float32]:
         """Returns float32 metres in the RGB camera to the first surface at each pixel's centre; 0 = none."""

@@ -131,7 +131,9 @@ def recover_pattern(
     r = {}
     for view, f, (own, hits) in zip(views, dots, sums, strict=True):
         others = _mean(total - own, count - hits, 0.15)
-        r[view.frame.id] = _explained(canvas, f, others, place)
+        seen = sampled(others, *canvas.pixels(f.points, place))
+        known = np.isfinite(seen)
+        r[view.frame.id] = correlation(seen[known], f.value[known]) if known.sum() > 1000 else 0.0
     estimate = PatternEstimate(_mean(total, count, 0.15), canvas.K, place, covariance, r)
     if not estimate.r_median() > _LEAST_R:
         covered = [f.used.sum() / max(view.surface.sum(), 1) for view, f in zip(views, dots, strict=True)]
@@ -156,12 +158,6 @@ def _some(view: DotView, rng: np.random.Generator) -> DotView:
     rows = np.sort(rng.choice(len(pick), _MOST_PIXELS // 64, replace=False))
     index = pick[rows].ravel()
     return DotView(view.value[index], view.points[index], view.used)
-
-
-def _explained(canvas: _Canvas, view: DotView, pattern: Image, place: Vector) -> float:
-    seen = sampled(pattern, *canvas.pixels(view.points, place))
-    known = np.isfinite(seen)
-    return correlation(seen[known], view.value[known]) if known.sum() > 1000 else 0.0
 
 
 def sampled(image: Image, u: NDArray, v: NDArray) -> NDArray[np.float32]:

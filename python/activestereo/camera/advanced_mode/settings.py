@@ -74,7 +74,10 @@ class AdvancedSettings:
         """Returns the values as text, as librealsense writes them: every param- and aux-param- key, and the other given
         keys."""
         whole = {name: key.default for name, key in keys().items() if name.startswith(("param-", "aux-param-"))}
-        return {name: _text(value) for name, value in sorted({**whole, **self.values}.items())}
+        return {
+            name: (value if isinstance(value, str) else f"{value:.6g}")
+            for name, value in sorted({**whole, **self.values}.items())
+        }
 
     def unmapped(self) -> list[str]:
         """Lists the given keys that differ from the camera's default but set no parameter here."""
@@ -121,10 +124,6 @@ def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
     if faults:
         raise ValueError(f"{source}: {'; '.join(faults)}")
     return AdvancedSettings(values)
-
-
-def _text(value: Value) -> str:
-    return value if isinstance(value, str) else f"{value:.6g}"
 
 
 _FILE = Path(__file__).with_name("presets.toml")

@@ -250,18 +250,12 @@ def disc_sampler(pattern: Pattern, diameter_px: float) -> BoxSampler:
     offsets = (np.arange(size * fine) + 0.5) / fine - reach - 0.5
     inside = (offsets[:, None] ** 2 + offsets[None] ** 2 <= radius**2).astype(np.float64)
     stamp = inside.reshape(size, fine, size, fine).sum(axis=(1, 3))
-    return BoxSampler(_convolved(pattern, stamp / stamp.sum(), reach))
-
-
-def _convolved(pattern: Pattern, stamp: np.ndarray, reach: int) -> np.ndarray:
-    """Returns the pattern convolved with a stamp, whose middle is at (reach, reach); the pattern is 0 outside the
-    image."""
     height, width = pattern.image.shape
     # A few sizes serve all stamps, so that the pattern's transform is computed once for each.
     room = 2 * max(_LEAST_ROOM_PX, 1 << (reach - 1).bit_length())
     shape = tuple(next_fast_len(size + room, real=True) for size in pattern.image.shape)
-    full = irfft2(_spectrum(pattern, shape) * rfft2(stamp.astype(np.float32), shape), shape)
-    return full[reach : reach + height, reach : reach + width]
+    full = irfft2(_spectrum(pattern, shape) * rfft2((stamp / stamp.sum()).astype(np.float32), shape), shape)
+    return BoxSampler(full[reach : reach + height, reach : reach + width])
 
 
 @lru_cache(maxsize=4)
