@@ -7,13 +7,15 @@ import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_text
 from activestereo.common.shown import printable
+from activestereo.common.text_table import columns
 from activestereo.report.lettering import write_figure
 
 if TYPE_CHECKING:
@@ -57,8 +59,6 @@ def add_parser(commands: cli.Commands) -> None:
     parser = cli.add_command(commands, "effect", "list physical effects, check your own", _TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     listing = cli.add_command(actions, "list", "the built-in effects", "", run_list)
-    text = "the whole documentation page, examples/effects/README.md"
-    listing.add_argument("--markdown", action="store_true", help=text)
     cli.add_shared(listing, json=True)
     check = cli.add_command(actions, "check", "try the laws, and columns against the sensor", _CHECK, run_check)
     check.add_argument("effects", nargs="*", metavar="EFFECT|FILE", help="ids, or files of your own effects")
@@ -73,15 +73,43 @@ def add_parser(commands: cli.Commands) -> None:
 
 
 def run_list(args: argparse.Namespace) -> None:
-    from activestereo.effects import builtin, known_differences
-    from activestereo.effects.core.catalogue import as_json, page, table
+    from activestereo.effects import builtin
 
     if args.json:
-        cli.print_json(as_json(builtin()))
-    elif args.markdown:
-        print(page(builtin(), known_differences()), end="")
+        cli.print_json(_as_json(builtin()))
     else:
-        print(table(builtin()))
+        print(_table(builtin()))
+
+
+def _engine_or_image(e: Effect) -> str:
+    return "image only" if e.engine is None else "engine"
+
+
+def _table(effects: dict[str, Effect]) -> str:
+    """Returns a text table with one line per effect: id, stage, family, and 'engine' or 'image only'. Its parameters
+    and their units follow below each line."""
+    rows = [("id", "stage", "family", "simulated")]
+    rows += [(e.id, e.stage.name.lower(), e.family, _engine_or_image(e)) for e in effects.values()]
+    head, *lines = columns(rows).splitlines()
+    for line, e in zip(lines, effects.values(), strict=True):
+        said = ", ".join(p.name if p.unit == "1" else f"{p.name} [{p.unit}]" for p in e.parameters)
+        head += f"\n{line}" + f"\n{fill(said, 80, initial_indent=4 * ' ', subsequent_indent=4 * ' ')}" * bool(said)
+    return head
+
+
+def _as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
+    """Returns one dict per effect for JSON: id, stage, family, 'engine' or 'image only', and parameters with unit and
+    range."""
+    return [
+        {
+            "id": e.id,
+            "stage": e.stage.name.lower(),
+            "family": e.family,
+            "simulated": _engine_or_image(e),
+            "parameters": [{"name": p.name, "unit": p.unit, "low": p.low, "high": p.high} for p in e.parameters],
+        }
+        for e in effects.values()
+    ]
 
 
 def run_show(args: argparse.Namespace) -> None:
@@ -113,7 +141,6 @@ def run_show(args: argparse.Namespace) -> None:
 def run_check(args: argparse.Namespace) -> None:
     from activestereo.compare.effect_trials import differences
     from activestereo.effects import broken_laws, builtin
-    from activestereo.effects.core.catalogue import as_json
 
     if args.all == bool(args.effects):
         raise cli.CommandError("name effects or files to check, or say --all")
@@ -123,7 +150,7 @@ def run_check(args: argparse.Namespace) -> None:
     broken_of = {e.id: [sentence.removeprefix(f"{e.id}: ") for sentence in broken_laws(e)] for e in chosen}
     off = {} if any(broken_of.values()) else {name: round(far, 4) for name, far in differences(chosen, args.device)}
     if args.json:
-        rows = as_json({e.id: e for e in chosen})
+        rows = _as_json({e.id: e for e in chosen})
         cli.print_json([row | {"broken": broken_of[row["id"]], "difference": off.get(row["id"])} for row in rows])
     for e in () if args.json else chosen:
         place = "takes the place of the built-in one, " * (e.id in builtin() and e is not builtin()[e.id])

@@ -1,14 +1,18 @@
+#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Describes the effects as text, from their descriptors alone: a table for the terminal, a page for the
-documentation."""
+"""Writes README.md, the page of all effects, from their descriptors.
 
-from textwrap import fill
-from typing import Any
+    PYTHONPATH=build/python python3 examples/effects/make_page.py            # writes it
+    PYTHONPATH=build/python python3 examples/effects/make_page.py --check    # fails where it is not what they say
+"""
 
-from activestereo.common.text_table import columns, markdown
-from activestereo.effects.core.descriptor import Effect, Stage
+import sys
+from pathlib import Path
 
-_INDENT = 4 * " "
+from activestereo.common.text_table import markdown
+from activestereo.effects import Effect, Stage, builtin, known_differences
+
+PAGE = Path(__file__).resolve().parent / "README.md"
 _WHERE = {
     Stage.PROJECTOR: "Light leaves the projector",
     Stage.MEDIUM: "Light passes through air",
@@ -23,44 +27,27 @@ _WHERE = {
 }
 
 
-def table(effects: dict[str, Effect]) -> str:
-    """Returns a text table with one line per effect: id, stage, family, and 'engine' or 'image only'. Its parameters
-    and their units follow below each line."""
-    rows = [("id", "stage", "family", "simulated")]
-    rows += [(e.id, e.stage.name.lower(), e.family, _where(e)) for e in effects.values()]
-    head, *lines = columns(rows).splitlines()
-    for line, e in zip(lines, effects.values(), strict=True):
-        said = ", ".join(p.name if p.unit == "1" else f"{p.name} [{p.unit}]" for p in e.parameters)
-        head += f"\n{line}" + f"\n{fill(said, 80, initial_indent=_INDENT, subsequent_indent=_INDENT)}" * bool(said)
-    return head
+def main(arguments: list[str]) -> int:
+    text = page(builtin(), known_differences())
+    if arguments == ["--check"]:
+        if text != PAGE.read_text(encoding="utf-8"):
+            print("examples/effects/README.md is not what the effects say: run make_page.py there")
+        return int(text != PAGE.read_text(encoding="utf-8"))
+    PAGE.write_text(text, encoding="utf-8")
+    return 0
 
 
-def as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
-    """Returns one dict per effect for JSON: id, stage, family, 'engine' or 'image only', and parameters with unit and
-    range."""
-    return [
-        {
-            "id": e.id,
-            "stage": e.stage.name.lower(),
-            "family": e.family,
-            "simulated": _where(e),
-            "parameters": [{"name": p.name, "unit": p.unit, "low": p.low, "high": p.high} for p in e.parameters],
-        }
-        for e in effects.values()
-    ]
-
-
-def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
-    """Returns the documentation page in Markdown: an introduction with an example, the table of engine fields, and
-    every effect by stage. differences: {effect id: relative difference of its image function from the engines}, see
-    compare/effect_trials.py."""
+def page(effects: dict[str, Effect], differences: dict[str, float]) -> str:
+    """The page in Markdown: an introduction with an example, the table of engine fields, and every effect by stage.
+    differences: {effect id: relative difference of its image function from the engines}."""
+    _, example = (PAGE.parent / "filter_haze.py").read_text().split("\n", 1)  # below the licence
     in_engine = sum(e.engine is not None for e in effects.values())
     lines = [
         "# Physical effects",
         "",
-        _INTRODUCTION.format(count=len(effects), engine=in_engine, example=EXAMPLE.strip()),
+        _INTRODUCTION.format(count=len(effects), engine=in_engine, example=example.strip()),
     ]
-    lines += _engine_table(effects, differences or {})
+    lines += _engine_table(effects, differences)
     for stage in Stage:
         chosen = [e for e in effects.values() if e.stage is stage]
         if chosen:
@@ -70,16 +57,12 @@ def page(effects: dict[str, Effect], differences: dict[str, float] | None = None
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _where(e: Effect) -> str:
-    return "image only" if e.engine is None else "engine"
-
-
 def _engine_table(effects: dict[str, Effect], differences: dict[str, float]) -> list[str]:
     rows = []
     for e in effects.values():
         fields = e.image_only if e.engine is None else ", ".join(f"`{name}`" for name in e.engine_fields)
         difference = f"{100 * differences[e.id]:.1f} %" if e.id in differences else ""
-        rows.append((f"[{e.id}](#{e.id})", _where(e), fields, difference))
+        rows.append((f"[{e.id}](#{e.id})", "image only" if e.engine is None else "engine", fields, difference))
     head = ("effect", "simulated in", "engine fields, or why there is none", "difference")
     return ["## In the engines", "", _ENGINE, "", *markdown(head, rows), ""]
 
@@ -105,17 +88,6 @@ def _entry(e: Effect) -> list[str]:
     return [*lines, ""]
 
 
-EXAMPLE = '''\
-from activestereo.effects import Parameter, Stage, effect
-
-
-@effect("filter_haze", stage=Stage.OPTICS, family="glare", source="my bench, May",
-        parameters=[Parameter("fraction", unit="1", neutral=0.0, low=0.0, high=0.3, typical=0.05)])
-def filter_haze(image, view, fraction):
-    """A hazy filter spreads a fraction of all light evenly over the picture."""
-    return (1 - fraction) * image + fraction * image.mean(axis=(-2, -1), keepdims=True)
-'''
-
 _ENGINE = """\
 A simulated sensor applies most effects by changing these fields of kuafu and simsense, so that they cost no time. The
 lab makes its images for scans from the same fields, without a render: cameras look up other pixels, dots lie elsewhere
@@ -135,7 +107,7 @@ in the order of the pipeline, from the projector to the depth map; {engine} of t
 engines. Each effect is one function in `python/activestereo/effects`, of engine fields or of images, below a descriptor
 with its parameters. At its *neutral* parameters an effect changes nothing. A *typical* value is about as far
 from neutral as real sensors are: a fit starts from the assumption that parameters deviate by about this much (the
-standard deviation of its prior). This page is made by `activestereo effect list --markdown`.
+standard deviation of its prior). This page is made by `make_page.py`.
 
 ## Your own effect
 
@@ -152,3 +124,7 @@ built-in files are examples, and `python/activestereo/effects/core/engine.py` is
 be written in C, as a shared library with the descriptors of `ks/effect.h`; [tinted_window.c](tinted_window.c) is an
 example.
 """
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
