@@ -9,7 +9,7 @@ import numpy as np
 from activestereo.diagnose.fields import field_parameters
 from activestereo.diagnose.goodness import Interval, design_effect, intervals
 from activestereo.diagnose.numbers import Numbers
-from activestereo.diagnose.search import Name, Outcome, Round
+from activestereo.diagnose.outcome import Name, Outcome, Round
 from activestereo.diagnose.verdict import missing, probability_right
 from activestereo.effects import Effect, Parameter
 from activestereo.effects.core.surfaces import material_numbers

@@ -227,7 +227,7 @@ def refits(
 
     def settled(space: ParameterSpace) -> Solution:
         name = _name(space)
-        is_close = gains[name] >= _CLOSE * max(gains.values())
+        is_close = gains[name] >= _CLOSE * max(gains.values()) or max(gains.values()) < 0.0
         s = first[name].solution
         return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 0, _TOLERANCE)
 

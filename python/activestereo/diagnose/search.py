@@ -6,7 +6,7 @@ had passed for noise and misplaced edges. The rig's geometry is measured again t
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.goodness import design_effect, local_structure, occam_nats
 from activestereo.diagnose.linear import Columns, Linear, fitted_model, linearised, scores, some_pixels
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
+from activestereo.diagnose.outcome import Fields, Name, Outcome, Round
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.refit import Refit, formula_error, is_response, refit_free_curve, refits
 from activestereo.diagnose.selection import (
@@ -52,62 +53,6 @@ _OF_A_FIELD = -3.0
 _AS_STATED = 0.01
 # A noise term is named only if it is this share of the noise.
 _NOISE_SHARE = 0.1
-Fields = dict[str, tuple[float, FieldFit]]
-
-
-@dataclass(frozen=True)
-class Round:
-    """Holds the results of one round of the search, by effect id: candidates (scores), fields (random fields) and fits.
-    chi2, structure: of the residual before the round. members: {effect: probability} of the effects that fit alike.
-    gain: fall of chi2 by the best effect; floor, chance: the falls that it must exceed. All three are shares of
-    chi2."""
-
-    candidates: dict[str, Candidate]
-    fields: Fields
-    chi2: float
-    floor: float
-    structure: float
-    fits: dict[str, Refit] = field(default_factory=dict)
-    members: dict[str, float] = field(default_factory=dict)
-    gain: float = 0.0
-    chance: float = 0.0
-
-
-@dataclass(frozen=True)
-class Name:
-    """An effect that the search named as missing. members: {effect: probability} of all that this recording cannot tell
-    apart, the effect first. gain: fall of the mean squared residual, in noise variances. missed: share of the gain that
-    the effect's formula may have failed to explain. field: fit of its random field, or None. seen: the round that named
-    it; None if repeated frames showed it."""
-
-    effect: Effect
-    members: dict[str, float]
-    gain: float
-    missed: float = 0.0
-    field: FieldFit | None = None
-    seen: Round | None = None
-
-    @property
-    def id(self) -> str:
-        return self.effect.id
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a search. first, solution: fits without and with the named effects, on a random part of the pixels.
-    rows: residuals of all train images under `solution`, less the predicted random fields. noise: {effect: fitted noise
-    term}. unjudged: {effect: reason}. rest: the numbers behind the verdict."""
-
-    evidence: Evidence
-    fitter: Fitter
-    first: Solution
-    solution: Solution
-    rows: tuple[ImageResidual, ...]
-    names: tuple[Name, ...]
-    noise: dict[str, NoiseTerm]
-    unjudged: dict[str, str]
-    rest: Remainder
-    rounds: tuple[Round, ...]
 
 
 class Search:
@@ -121,6 +66,7 @@ class Search:
         self._settings, self._numbers, self._rendering = settings, settings.numbers, settings.rendering
         self._names: list[Name] = []
         self._drawn: dict[ImageKey, np.ndarray] = {}
+        self._draws: dict[str, dict[ImageKey, np.ndarray]] = {}
         self._needless: set[str] = set()
         self._rounds: list[Round] = []
         self._measured = evidence
@@ -148,6 +94,7 @@ class Search:
             columns = carried(columns, before, self._scored)
             self._widen_last_set(linear, atoms, columns)
             self._structure = local_structure(self._rows)
+        self._widen_set_of_inexact()
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
         drawn = sum(n.gain for n in self._names if n.field is not None)
         left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
@@ -288,17 +235,41 @@ class Search:
         field = fields[name][1] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, field, now)
         self._names.append(named)
-        if named.field is not None:  # its predicted draws are taken off the images
-            pairs = zip(self._rows, named.field.residuals, strict=True)
-            self._take_off({row.observation.key: row.residual - rest for row, rest in pairs})
-            self._fit_again(self._solution)
-        elif self._accept(fits[name].solution):
+        if named.field is not None:
+            self._take_draws(named, self._rows, named.field)
+            return True
+        if self._accept(fits[name].solution):
             self._swap_last()
+        self._draw_again()
         return True
 
+    def _take_draws(self, name: Name, rows: Sequence[ImageResidual], field: FieldFit | None) -> None:
+        """Subtracts the predicted draws of a named field from the images, in place of those subtracted before; None:
+        the field has none. rows: the residuals that it was fitted to."""
+        rest = [row.residual for row in rows] if field is None else field.residuals
+        drawn = {row.observation.key: row.residual - left for row, left in zip(rows, rest, strict=True)}
+        before, self._draws[name.id] = self._draws.get(name.id, {}), drawn
+        self._take_off({key: image - before.get(key, 0.0) for key, image in drawn.items()})
+        self._fit_again(self._solution)
+
+    def _draw_again(self) -> None:
+        """Estimates the draws of named fields again, which an effect that was missing had changed. A field without
+        draws goes."""
+        for name in [n for n in self._names if n.field is not None]:
+            drawn, at = self._draws[name.id], self._names.index(name)
+            rows = [row._replace(residual=row.residual + drawn[row.observation.key]) for row in self._rows]
+            black_dn = float(self._solution.phi[SCALES - 1])
+            share, field = fields_of([name.effect], rows, black_dn, self._numbers).get(name.id, (0.0, None))
+            self._take_draws(name, rows, field)
+            if field is None:
+                del self._names[at]
+                self._needless.add(name.id)
+            else:
+                gain = share / (1.0 - share) * self._chi2 / self._pixels
+                self._names[at] = replace(name, field=field, gain=gain)
+
     def _widen_last_set(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> None:
-        """Adds effects to the last named one's set that can imitate a part of its image change (stand_ins()). Together
-        they get the probability 1 - Numbers.credible."""
+        """Adds effects to the last named one's set that can imitate a part of its image change (stand_ins())."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
@@ -306,10 +277,24 @@ class Search:
         others = [a for a in kin if self._is_open(a.effect)]
         rows = np.concatenate([columns[:0], *(columns[atom.columns()] for atom in others)])
         floor = self._floor() / self._pixels
-        if more := stand_ins(linear, name.effect, numbered(others), rows, floor, self._numbers):
-            left_out = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
-            kept = {member: p * self._numbers.credible for member, p in name.members.items()}
-            self._names[-1] = replace(name, members=kept | left_out)
+        self._widen_set(name, stand_ins(linear, name.effect, numbered(others), rows, floor, self._numbers))
+
+    def _widen_set_of_inexact(self) -> None:
+        """Adds effects to the set of the name whose formula may have missed most: those that gained enough to be named
+        in the last round, but no more than it may have missed. It may be a part of their image change."""
+        in_model = {effect.id for effect, _ in self._solution.model.effects}
+        inexact = max((n for n in self._names if n.id in in_model), key=lambda n: n.gain * n.missed, default=None)
+        fits = self._rounds[-1].fits
+        left = {id: fit.chi2 for id, fit in fits.items() if self._is_open(self._effect(id))}
+        left = {id: chi2 for id, chi2 in left.items() if self._chi2 - chi2 > self._floor()}
+        if inexact is not None and left:
+            self._widen_set(inexact, [id for id in self._members(left, fits) if id not in inexact.members])
+
+    def _widen_set(self, name: Name, more: Sequence[str]) -> None:
+        """Adds effects to a name's set; together they get the probability 1 - Numbers.credible."""
+        added = dict.fromkeys(more, (1.0 - self._numbers.credible) / max(len(more), 1))
+        kept = {member: p * (self._numbers.credible if more else 1.0) for member, p in name.members.items()}
+        self._names[self._names.index(name)] = replace(name, members=kept | added)
 
     def _say_own_ranks(self, found: Mapping[str, Candidate]) -> None:
         """Reports the rank of each user's own effect by its score."""

@@ -10,6 +10,9 @@ from activestereo.diagnose.fields import field_parameters, fit_fields, has_exten
 from activestereo.diagnose.fitter import ImageResidual
 from activestereo.diagnose.goodness import local_structure
 from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.outcome import Name
+from activestereo.diagnose.pixels import SCALES
+from activestereo.diagnose.search import Search
 from activestereo.effects import builtin
 
 FIELD_SHAPE = (60, 80)
@@ -26,8 +29,12 @@ def rows_with(pattern_dn, hot_dn):
     hot = hot_dn * rng.standard_exponential(FIELD_SHAPE) * (rng.random(FIELD_SHAPE) < HOT_SHARE)
     rows = []
     for pose, exposure_s in enumerate(EXPOSURES_S):
-        frame = SimpleNamespace(id=pose, exposure_gain=exposure_s, camera_to_world=np.eye(4) + pose, is_moving=False)
+        pose_of = np.eye(4) + pose
+        frame = SimpleNamespace(
+            id=pose, exposure_gain=exposure_s, projector_power=1.0, camera_to_world=pose_of, is_moving=False
+        )
         o = SimpleNamespace(
+            key=(pose, "left"),
             side="left",
             frame=frame,
             measured=np.zeros(FIELD_SHAPE),
@@ -61,6 +68,38 @@ def test_offsets_of_all_pixels_leave_hot_ones_to_be_found():
     offsets = fitted(builtin()["fixed_pattern_noise"], rows)
     left = [r._replace(residual=x) for r, x in zip(rows, offsets.residuals, strict=True)]
     assert fitted(builtin()["hot_pixels"], left).share > 0.25 * HOT_SHARE
+
+
+def drawn_again(effect, rows, drawn):
+    """(the names of a search that took the draws `drawn` off the rows, the field that it takes off in their place)."""
+    fields = []
+    search = SimpleNamespace(
+        _names=[Name(effect, {effect.id: 1.0}, 1.0, field=object())],
+        _draws={effect.id: drawn},
+        _rows=[row._replace(residual=row.residual - drawn[row.observation.key]) for row in rows],
+        _solution=SimpleNamespace(phi=np.zeros(SCALES)),
+        _numbers=NUMBERS,
+        _needless=set(),
+        _chi2=1.0,
+        _pixels=1,
+        _take_draws=lambda name, rows, field: fields.append(field),
+    )
+    Search._draw_again(search)
+    return search._names, fields[0]
+
+
+def test_draws_are_estimated_again_once_what_hid_them_is_named():
+    """An error of one frame, such as of a late shutter, had been taken for draws of all others."""
+    effect, rows = builtin()["hot_pixels"], rows_with(0.0, HOT_DN)
+    late = [r._replace(residual=r.residual + 8.0 * np.sin(np.arange(FIELD_SHAPE[1]))) for r in rows[:1]] + [*rows[1:]]
+    hidden = fitted(effect, late)
+    drawn = {r.observation.key: r.residual - x for r, x in zip(late, hidden.residuals, strict=True)}
+    names, field = drawn_again(effect, rows, drawn)
+    share, before = (sum((r**2).sum() for r in x) for x in (fitted(effect, rows).residuals, hidden.residuals))
+    assert field.share == pytest.approx(fitted(effect, rows).share) and share < 0.9 * before
+    assert [n.field for n in names] == [field] and names[0].gain > 0.0
+    none = rows_with(0.0, 0.0)
+    assert drawn_again(effect, none, {r.observation.key: np.ones(FIELD_SHAPE) for r in none})[0] == []
 
 
 def test_only_the_freer_field_imitates_the_other():

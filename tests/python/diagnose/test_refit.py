@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
+from activestereo.diagnose import refit
 from activestereo.diagnose.dictionary import atoms_of, columns_of
 from activestereo.diagnose.fitter import Fitter, ParameterSpace
 from activestereo.diagnose.gather import gather
@@ -103,6 +104,18 @@ def test_a_further_name_explains_what_the_formula_of_the_first_cannot_look_like(
     both = fitter.refine(space, start, named.phi, 6)
     beyond = gain_beyond(freed(linearised(fitter, named), [first], 0.035), both)
     assert low <= beyond / (named.sums.total - both.sums.total) <= high
+
+
+def test_fits_that_are_all_worse_than_none_take_more_steps(clean, monkeypatch):
+    """A lamp saturates images at its starts, where slopes tell nothing of how far to go."""
+    vignetting = builtin()["vignetting"]
+    fitter, base = fit(seen(clean, partial(corners, falloff=0.0, gain=0.0)), ParameterSpace.of(Model()), 4)
+    far = partial(fitter.refine, theta=np.full(len(vignetting.parameters), 0.9), phi=base.phi, iterations=0)
+    monkeypatch.setattr(refit, "_from_starts", lambda fitter, space, *_: far(space))
+    chosen = [SimpleNamespace(best=SimpleNamespace(atom=SimpleNamespace(effect=vignetting)), starts=())]
+    assert far(ParameterSpace.of(Model(), vignetting)).sums.total > base.sums.total
+    found = refit.refits(fitter, fitter, Model(), base.phi, chosen, base.sums.total, None, 1)
+    assert found["vignetting"].chi2 < 0.5 * base.sums.total
 
 
 def warm_charge(image, view):

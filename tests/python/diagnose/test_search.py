@@ -2,6 +2,7 @@
 """Parts of a search: starts, columns, sets, the cost of freedom, what a ranking tells of a round, and the verdict."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,7 +22,8 @@ from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.ranking import ranking_of
 from activestereo.diagnose.refit import Refit
-from activestereo.diagnose.search import Name, Round
+from activestereo.diagnose.outcome import Name, Round
+from activestereo.diagnose.search import Search
 from activestereo.diagnose.selection import Hit, _candidate, credible
 from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED, UNKNOWN, Remainder, probability_right, verdict_of
 from activestereo.effects import Model, Parameter, builtin
@@ -68,6 +70,27 @@ def test_what_a_name_cannot_be_told_from_has_the_figures_of_its_own_round():
     twin = ranking_of(outcome, NUMBERS, True, str)[1]
     assert (twin["effect"], twin["equivalent"]) == ("projector_vignetting", ["vignetting"])
     assert twin["gain_reduced_chi2"] == pytest.approx((150.0 - 110.0) / 100)
+
+
+def test_an_effect_that_may_hide_in_what_a_formula_misses_joins_its_set():
+    """A second fault of .01 of the noise is less than the formula of the first may have missed, of .3."""
+    first, other = EFFECTS["principal_point_offset"], EFFECTS["prnu"]
+    names = [Name(first, {first.id: 1.0}, 0.3, 0.07), Name(other, {other.id: 1.0}, 0.5, field=object())]
+    search = SimpleNamespace(
+        _names=names,
+        _rounds=[round_of(1000.0, baseline_drift=990.0, gain_error=999.0)],
+        _solution=SimpleNamespace(model=Model().with_effect(first)),
+        _chi2=1000.0,
+        _numbers=NUMBERS,
+        _effect=EFFECTS.get,
+        _is_open=lambda effect: effect is not first,
+        _floor=lambda: 7.0,
+        _members=lambda left, fits: dict.fromkeys(left, 1.0),
+    )
+    search._widen_set = partial(Search._widen_set, search)
+    Search._widen_set_of_inexact(search)
+    assert names[0].members == {first.id: pytest.approx(0.95), "baseline_drift": pytest.approx(0.05)}
+    assert names[1].members == {other.id: 1.0}
 
 
 def round_of(chi2, **fits):
