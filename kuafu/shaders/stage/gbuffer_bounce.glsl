@@ -93,13 +93,21 @@ struct Met {
   float inverse_depth;
 };
 
-Met met_in(uint environment, vec2 wanted) {
+vec2 last_pixel() { return vec2(float(push.record.at[0].width - 1u), float(push.record.at[0].height - 1u)); }
+
+bool is_past_border(vec2 pixel) {
+  vec2 last = last_pixel();
+  return pixel.x < 0.0f || pixel.y < 0.0f || pixel.x > last.x || pixel.y > last.y;
+}
+
+Met met_in(uint environment, vec2 wanted, bool past_border) {
   uint width = push.record.at[0].width, height = push.record.at[0].height;
   Met m;
-  m.pixel = clamp(wanted, vec2(0.0f), vec2(float(width - 1u), float(height - 1u)));
+  m.pixel = clamp(wanted, vec2(0.0f), last_pixel());
   uint column = uint(int(m.pixel.x + 0.5f)), row = uint(int(m.pixel.y + 0.5f));
   m.cell = environment * cells_per_view() + row / gbuffer_cell_px * push.record.at[0].cell_columns + column / gbuffer_cell_px;
   m.inverse_depth = push.record.at[0].cameras[0].inverse_depth.at[int((environment * height + row) * width + column)];
+  if (!past_border) return m;
   vec2 beyond = abs(wanted - m.pixel) / float(gbuffer_cell_px), change = push.record.at[0].cells.at[m.cell].beyond;
   m.inverse_depth += m.inverse_depth > 0.0f ? dot(beyond, change) : 0.0f;
   return m;
@@ -149,8 +157,8 @@ Horizon make_horizon(vec2 pixel, float depth, float stretch, vec3 to_camera, vec
 
 /// Of a side's sectors, which send equal shares of light, each thing hides those between its front and its back (Therrien et al., "Screen
 /// Space Indirect Lighting with Visibility Bitmask", 2023).
-void look_farther(uint environment, float reach, INOUT(Horizon) h) {
-  Met m = met_in(environment, h.pixel + h.side * reach);
+void look_farther(uint environment, float reach, bool past_border, INOUT(Horizon) h) {
+  Met m = met_in(environment, h.pixel + h.side * reach, past_border);
   float depth = 1.0f / max(m.inverse_depth, 1e-3f);
   float x = reach * depth * h.across, z = (h.depth - depth) * h.stretch + reach * depth * h.towards;
   float near = min(horizon_reach_m * horizon_reach_m / (x * x + z * z), 1.0f), per_sector = max(h.all, 1e-4f) / float(horizon_sectors);
@@ -211,7 +219,7 @@ void look_around(uint i) {
       Horizon h = make_horizon(pixel_of(p), 1.0f / s.inverse_depth, length(s.way), to_camera, normal, horizon_side(turn, k));
       float reach = first_reach(turn);
       for (uint n = 0u; n < gbuffer_horizon_steps; ++n) {
-        look_farther(p.environment, reach, h);
+        look_farther(p.environment, reach, is_past_border(h.pixel + h.side * reach), h);
         reach *= horizon_growth;
       }
       add_horizon(h, sum);

@@ -63,16 +63,16 @@ MirrorRay mirror_ray(IN(Mirror) m, uint k) {
   return r;
 }
 
-Met met_along(IN(Mirror) m, vec3 q) {
-  IN(GbufferCamera) camera = push.record.at[0].cameras[0];
-  return met_in(m.environment, camera.centre + camera.focal * xy(q) / max(q.z, 1e-3f));
+vec2 pixel_along(IN(Mirror) m, vec3 direction, float at_m) {
+  vec3 q = m.here + at_m * direction;
+  return push.record.at[0].cameras[0].centre + push.record.at[0].cameras[0].focal * xy(q) / max(q.z, 1e-3f);
 }
 
 /// A step, up to what a ray meets, which is as thick as the step is long.
-void march(IN(Mirror) m, INOUT(MirrorRay) r) {
-  vec3 q = m.here + r.at_m * r.direction;
-  float seen = met_along(m, q).inverse_depth, behind = q.z * seen - 1.0f;
-  bool meets = q.z > 1e-3f && behind > 0.0f && (q.z - max(0.1f, 2.0f * r.at_m)) * seen < 1.0f, goes_on = !(r.meets || meets);
+void march(IN(Mirror) m, bool past_border, INOUT(MirrorRay) r) {
+  float z = m.here.z + r.at_m * r.direction.z, seen = met_in(m.environment, pixel_along(m, r.direction, r.at_m), past_border).inverse_depth;
+  float behind = z * seen - 1.0f;
+  bool meets = z > 1e-3f && behind > 0.0f && (z - max(0.1f, 2.0f * r.at_m)) * seen < 1.0f, goes_on = !(r.meets || meets);
   r.behind = meets && !r.meets ? behind : r.behind;
   r.before = goes_on ? behind : r.before;
   r.before_m = goes_on ? r.at_m : r.before_m;
@@ -91,7 +91,7 @@ vec3 weighed_sent(IN(NearCell) c, float inverse) {
 /// The light where a ray crosses what is seen, between its last steps: of the cells about it, those whose depth is about that of its own.
 vec2 met_light(IN(Mirror) m, IN(MirrorRay) r) {
   float back = r.behind / max(r.behind - min(r.before, 0.0f), 1e-9f);
-  Met met = met_along(m, m.here + mix(r.at_m, r.before_m, back) * r.direction);
+  Met met = met_in(m.environment, pixel_along(m, r.direction, mix(r.at_m, r.before_m, back)), false);
   float inverse = push.record.at[0].cells.at[met.cell].inverse_depth;
   vec3 sum = weighed_sent(near_cell(m.environment, met.pixel, 0), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 1), inverse);
   sum += weighed_sent(near_cell(m.environment, met.pixel, 2), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 3), inverse);
@@ -106,7 +106,7 @@ vec2 mirrored_light(IN(Mirror) m) {
   float weights = 0.0f;
   for (uint k = 0u; k < m.rays; ++k) {
     MirrorRay r = mirror_ray(m, k);
-    for (uint n = 0u; n < gbuffer_mirror_steps && !r.meets; ++n) march(m, r);
+    for (uint n = 0u; n < gbuffer_mirror_steps && !r.meets; ++n) march(m, is_past_border(pixel_along(m, r.direction, r.at_m)), r);
     sum += r.weight * (r.meets ? met_light(m, r) : vec2(1.0f, 0.0f));
     weights += r.weight;
   }
