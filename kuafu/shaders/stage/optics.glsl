@@ -55,14 +55,21 @@ float power_of_cosine(float square, float exponent) {
   return pow(square, -0.5f * exponent);
 }
 
-float vignetting_factor(IN(OpticsRecord) f, uint column, uint row) {
+/// Where a pixel would look at z = 1 if the lens bent nothing.
+vec2 straight_ray(IN(OpticsRecord) f, uint column, uint row) {
   float y = (float(row) - f.cy) / f.fy;
-  vec2 p = vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
-  p = undistort(f.lens, p);
+  return vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
+}
+
+float vignetting_along(IN(OpticsRecord) f, vec2 p, uint column, uint row) {
   float r2 = field_square(column, row);
   vec3 a = f.vignetting_polynomial;
   float factor = max(0.0f, 1.0f + r2 * (a.x + r2 * (a.y + r2 * a.z)));
   return factor * power_of_cosine(1.0f + dot(p, p), f.vignetting_exponent);
+}
+
+float vignetting_factor(IN(OpticsRecord) f, uint column, uint row) {
+  return vignetting_along(f, undistort(f.lens, straight_ray(f, column, row)), column, row);
 }
 
 void vignetting(uint pixel) {
