@@ -18,8 +18,8 @@ from typing import Any
 
 from activestereo.common.input_files import read_toml
 from activestereo.common.limits import Limits
-from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import MATCHER, OPTICS, RENDER, SIGNAL
+from activestereo.common.shown import did_you_mean
 
 FOLDER = Path(__file__).parent / "data"
 BASES = ("data sheet", "measured", "published", "derived", "estimated")

@@ -31,10 +31,10 @@ from activestereo.common.limits import (
     Limits,
     camera_matrix_fault,
 )
-from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import MATCHER, OPTICS, RENDER, RENDERER, RIG, SIGNAL, Parameter
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose
+from activestereo.common.shown import did_you_mean
 
 # {camera: (resolution, its matrix, a copy of the matrix)}, set together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"

@@ -28,11 +28,11 @@ from activestereo.camera.config_limits import (
     check_together,
 )
 from activestereo.common.limits import SIDE, Limits
-from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.parameter_types import MatcherFields, RenderFields
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose, as_matrix
+from activestereo.common.shown import did_you_mean
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame

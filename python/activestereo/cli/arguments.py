@@ -20,11 +20,10 @@ import numpy as np
 from activestereo.common.baseline import unit_question
 from activestereo.common.input_files import read_json_object
 from activestereo.common.limits import camera_matrix_fault
-from activestereo.common.nearest import did_you_mean, nearest, unknown
 from activestereo.common.output_files import check_target, finite
 from activestereo.common.parameter import RENDER
 from activestereo.common.pose import rigid_fault
-from activestereo.common.shown import printable
+from activestereo.common.shown import did_you_mean, nearest, printable, unknown
 from activestereo.report.screen import COLUMNS, Step, command, screen
 
 # The exit status of every command; examples/guide/command_line.md explains them to users.

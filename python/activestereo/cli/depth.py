@@ -37,7 +37,7 @@ from activestereo.report.screen import Figure, command, screen
 if TYPE_CHECKING:
     from activestereo.camera.advanced_mode.matcher import PairMatcher
     from activestereo.camera.advanced_mode.settings import AdvancedSettings
-    from activestereo.capture.importers.pairs import Pair
+    from activestereo.capture.importers.bag import Pair
 
 # Settings for real pictures, tuned on pairs with truth (tests/bench/README.md, "Pairs with truth"). The engine's
 # defaults, those of the published SimSense, err more on both kinds of pictures.
@@ -225,8 +225,7 @@ def _run_recording(args: argparse.Namespace) -> None:
 
 
 def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
-    from activestereo.capture.importers.bag import is_bag
-    from activestereo.capture.importers.pairs import recorded_pairs
+    from activestereo.capture.importers.bag import is_bag, recorded_pairs
 
     if not args.left.is_dir() and not is_bag(args.left):
         raise cli.CommandError(f"{args.left}: is neither a folder nor a bag; of a pair of images give both")

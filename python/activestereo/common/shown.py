@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formats users' values and names for messages: one short line, whatever they hold."""
+"""Formats users' values and names for messages, one short line whatever they hold, and suggests the known name that a
+misspelt one probably stands for."""
 
 from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from typing import Any, TextIO
 
 _MOST_LETTERS = 40
@@ -63,3 +65,22 @@ class PlainStream:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+
+def nearest(name: object, known: Iterable[str]) -> str | None:
+    """Returns the known name that is most similar, whatever its case, or None if none is similar."""
+    by_folded = {other.casefold(): other for other in known}
+    close = get_close_matches(str(name).casefold(), by_folded, 1)
+    return by_folded[close[0]] if close else None
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """Returns the text "; did you mean 'x'?" if a known name is similar, else an empty text."""
+    close = nearest(name, known)
+    return f"; did you mean '{close}'?" if close else ""
+
+
+def unknown(what: str, name: object, known: Iterable[str]) -> str:
+    """Returns an error message: no `what` has this name. It lists the known names and suggests the most similar one."""
+    names = list(known)
+    return f"unknown {what} '{name}' (known: {', '.join(names)}){did_you_mean(name, names)}"

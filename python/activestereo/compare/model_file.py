@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
-from activestereo.common.nearest import unknown
+from activestereo.common.shown import unknown
 from activestereo.effects import Effect, Model, builtin, load_effects
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import surface_names

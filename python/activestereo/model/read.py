@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.capture.capture import SIDES, Camera
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
-from activestereo.common.nearest import unknown
+from activestereo.common.shown import unknown
 from activestereo.effects import builtin
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.surfaces import SURFACES

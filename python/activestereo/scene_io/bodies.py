@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import kuafu
-from activestereo.common.nearest import did_you_mean
 from activestereo.common.pose import PosesLike, host_array, pose_fault, pose_matrices
+from activestereo.common.shown import did_you_mean
 from activestereo.scene_io.meshes import Mesh
 
 

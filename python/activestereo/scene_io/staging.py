@@ -16,7 +16,7 @@ import numpy as np
 
 from activestereo.common import srgb
 from activestereo.common.input_files import checked_file
-from activestereo.common.nearest import unknown
+from activestereo.common.shown import unknown
 
 if TYPE_CHECKING:
     import kuafu

@@ -24,11 +24,10 @@ from scipy.ndimage import distance_transform_edt, map_coordinates, uniform_filte
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.nearest import unknown
 from activestereo.common.pose import PoseLike
-from activestereo.common.window_statistics import mean_and_deviation
+from activestereo.common.shown import unknown
 from activestereo.sensor.batch import StereoDepthSensorBatch
-from activestereo.sensor.gbuffer.cause import in_front, inverse_depth, warped
+from activestereo.sensor.gbuffer.cause import in_front, inverse_depth, mean_and_deviation, warped
 from activestereo.sensor.mounts import HasPoses
 
 Depth = NDArray[np.float32]

@@ -233,11 +233,6 @@ class SensorEngine:
         self.rig.set_exposure(now)
         self._set_signals(self.rig.signals())
 
-    def set_twist(self, twist: NDArray[np.float64]) -> None:
-        """Sets the left infrared camera's velocity in its own axes: [6], 3 in m/s and
-        3 in rad/s."""
-        self.rig.set_twist(twist)
-
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
         """Sets the sensor's temperature and the seconds since it was switched on, on
         which effects may depend. Maps of matched pictures stay."""
@@ -253,10 +248,6 @@ class SensorEngine:
         self.frame, self._place, self._speckle_draw = -1, None, -1
         self._picture.taken, self._picture.has_rgb = None, False
         self.maps.clear()
-
-    def close(self) -> None:
-        """Removes the sensors' objects from the scene."""
-        self.rig.leave()
 
     # ---- inside ----
 

@@ -18,8 +18,8 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import DEPTH_ENGINE, SIDES
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import to_tangents
-from activestereo.common.nearest import did_you_mean, unknown
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
+from activestereo.common.shown import did_you_mean, unknown
 from activestereo.sensor.cuda_memory import MAPS, PICTURES, CudaArray
 from activestereo.sensor.engine import SensorEngine
 
@@ -102,7 +102,7 @@ class SensorResults(ABC):
 
     def close(self) -> None:
         """Removes the projectors and the model's additions from the scene."""
-        self._engine.close()
+        self._engine.rig.leave()
 
     def __enter__(self: _Sensors) -> _Sensors:
         return self

@@ -20,9 +20,9 @@ from activestereo.camera.plan import SensorPlan, matcher_parameters, plan_of, si
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.capture.capture import SIDES
 from activestereo.common.limits import TEMPERATURE, TIME
-from activestereo.common.nearest import unknown
 from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress
+from activestereo.common.shown import unknown
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.model import SensorModel
 from activestereo.sensor.engine import SensorEngine
@@ -169,7 +169,7 @@ class StereoDepthSensor(SensorResults):
         still. linear, angular: m/s and rad/s in the left infrared camera's own frame (x right, y down, z forward). The
         pose during an exposure is pose exp(t [linear, angular]), as camera_velocity of captures. Nothing moves between
         pictures: set_local_pose() sets the pose in the middle of the exposure."""
-        self._engine.set_twist(checked_twist(linear, angular))
+        self._engine.rig.set_twist(checked_twist(linear, angular))
 
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
         """Sets conditions that a model's effects may depend on in the next pictures: the sensor's temperature (None:

@@ -19,7 +19,7 @@ from inject.noise import NoiseModel, measured_noise_model, with_noise
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.input_files import read_bytes, read_json
-from activestereo.common.nearest import unknown
+from activestereo.common.shown import unknown
 from activestereo.common.output_files import new_folder, write_bytes, write_text
 from activestereo.common.progress_bar import ProgressBar
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from activestereo.capture.capture import read_capture
 from activestereo.capture.importers import bag
 from activestereo.capture.importers.bag import count_pairs, intrinsic_of, read_calibration
-from activestereo.capture.importers.pairs import recorded_pairs
+from activestereo.capture.importers.bag import recorded_pairs
 from activestereo.cli import main, make_parser
 from activestereo.cli.view import shown_path
 from activestereo.report.view.library import Library

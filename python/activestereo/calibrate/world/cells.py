@@ -26,7 +26,7 @@ from activestereo.calibrate.world.views import (
     points_of,
     same_surface,
 )
-from activestereo.capture.capture import SIDES, Camera, Capture, Frame, binned
+from activestereo.capture.capture import SIDES, Capture, Frame, binned
 from activestereo.common.computed_once import computed_once
 
 # Depths that differ by less than this share are of one place; a surface is seen at no flatter angle than this cosine.
@@ -121,19 +121,16 @@ class Room:
         """Returns a view's name in `joint`: its frame's id; views of a good session have none there."""
         return f"good {self.frames[view].id}" if view >= self.judged else str(self.frames[view].id)
 
-    def _camera(self, side: str) -> Camera:
-        return self.rig.camera(side)
-
     def _pair(self, number: int, frame: Frame, pattern: Image) -> list[RoomImage]:
         depth = self.capture.depth(frame)
         assert depth is not None
         left = np.where(near_edges(depth), 0.0, depth).astype(np.float32)[::_HALF, ::_HALF]
-        left = np.ascontiguousarray(left[: self._camera("left").height, : self._camera("left").width])
+        left = np.ascontiguousarray(left[: self.rig.camera("left").height, : self.rig.camera("left").width])
         depths = {"left": left, "right": self._seen_right(left)}
         return [self._image(number, frame, side, depths[side], pattern) for side in SIDES]
 
     def _image(self, number: int, frame: Frame, side: str, depth_m: Image, pattern: Image) -> RoomImage:
-        K, whole = self._camera(side).K, self.capture.ir(frame, side).astype(np.float32)
+        K, whole = self.rig.camera(side).K, self.capture.ir(frame, side).astype(np.float32)
         height, width = depth_m.shape
         dn = cv2.resize(whole[: _HALF * height, : _HALF * width], (width, height), interpolation=cv2.INTER_AREA)
         projector = self.rig.projector
@@ -156,8 +153,8 @@ class Room:
     def _seen_right(self, left_depth: Image) -> Image:
         """Warps the left camera's depth image to the right camera. The nearest surface wins, and gaps of one pixel are
         closed."""
-        points = _moved(points_of(left_depth, self._camera("left").K), self.rig.left_to_right)
-        z, K = points[..., 2], self._camera("right").K
+        points = _moved(points_of(left_depth, self.rig.camera("left").K), self.rig.left_to_right)
+        z, K = points[..., 2], self.rig.camera("right").K
         column = np.rint(K[0, 0] * points[..., 0] / np.maximum(z, 0.05) + K[0, 2]).astype(int)
         row = np.rint(K[1, 1] * points[..., 1] / np.maximum(z, 0.05) + K[1, 2]).astype(int)
         height, width = left_depth.shape

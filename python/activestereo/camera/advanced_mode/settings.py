@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.common.input_files import read_json_object, read_toml
-from activestereo.common.nearest import did_you_mean, unknown
+from activestereo.common.shown import did_you_mean, unknown
 
 Value = float | str
 _TABLE = Path(__file__).with_name("keys.toml")

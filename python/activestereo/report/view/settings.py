@@ -11,8 +11,7 @@ from typing import Any
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import ANY, EXPOSURE, GAIN, Limits
-from activestereo.common.nearest import unknown
-from activestereo.common.shown import without_unit
+from activestereo.common.shown import unknown, without_unit
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import Quantity, SensorModel

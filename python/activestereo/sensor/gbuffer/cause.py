@@ -16,7 +16,6 @@ from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import is_distorting
 from activestereo.common.pose import PoseLike, camera_to_camera
-from activestereo.common.window_statistics import mean_and_deviation
 
 # Largest offset from the row, and largest rotation, of a view that is still warped along rows.
 _ASIDE_M, _TURNED_RAD = 5e-3, 0.02
@@ -243,3 +242,13 @@ def traced_causes(sensor: Any, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
     is_hidden = hidden_from_right(config, own, beside)
     counts, black_dn = sensor.get_ir_measured()[0][None], float(inputs.left.signal["black_level_dn"])
     return causes(config, own, is_odd, is_lit, is_hidden, counts, reason[None], black_dn, inputs.max_dn)[0]
+
+
+def mean_and_deviation(
+    images: NDArray[Any], window: tuple[int, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns (mean, standard deviation) of each pixel's window. Borders repeat the edge pixels. window: its size along
+    each axis of `images`."""
+    values = np.asarray(images, np.float64)
+    mean = uniform_filter(values, window, mode="nearest")
+    return mean, np.sqrt(np.maximum(uniform_filter(values**2, window, mode="nearest") - mean**2, 0.0))

@@ -22,8 +22,7 @@ from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.lens import is_distorting, with_finer_pixels
 from activestereo.common.limits import POWER, Limits
-from activestereo.common.nearest import unknown
-from activestereo.common.shown import shown
+from activestereo.common.shown import shown, unknown
 from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaMaps, CudaMemory, cuda_tensor, require_no_capture, wait_for
