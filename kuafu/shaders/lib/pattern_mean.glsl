@@ -8,9 +8,10 @@
 
 /// The place of a disc among the levels: level 0 is a point, level l a disc of 2^((l - 1) / 2) pixels; between two of them by variance.
 float pattern_level(float diameter_px) {
-  if (diameter_px <= 1.0f) return diameter_px * diameter_px;
-  float level = floor(2.0f * log2(diameter_px)), below = exp2(0.5f * level);
-  return 1.0f + level + diameter_px * diameter_px / (below * below) - 1.0f;
+  float square = diameter_px * diameter_px;
+  if (square <= 1.0f) return square;
+  uint bits = floatBitsToUint(square);  // 2^l times 1 to 2
+  return float(bits >> 23u) - 127.0f + uintBitsToFloat((bits & 0x7fffffu) | 0x3f800000u);
 }
 
 float pattern_mean_of_level(IN(PatternMeans) p, uint level, vec2 place) {
