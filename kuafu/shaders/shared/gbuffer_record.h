@@ -37,10 +37,11 @@ KUAFU_CONST gbuffer_bad_albedo = 2u;
 KUAFU_CONST gbuffer_bad_material = 3u;
 KUAFU_CONST gbuffer_no_error = 0xffffffffu;
 
-KUAFU_CONST gbuffer_cell_px = 4u;         // on a side of the cells in which light between surfaces is found
-KUAFU_CONST gbuffer_horizon_sides = 8u;   // of slices through a cell, two of each
-KUAFU_CONST gbuffer_horizon_steps = 10u;  // along each
-KUAFU_CONST gbuffer_mirror_steps = 12u;   // of rays that lobes look along
+KUAFU_CONST gbuffer_cell_px = 4u;          // on a side of the cells in which light between surfaces is found
+KUAFU_CONST gbuffer_horizon_sides = 8u;    // of slices through a cell, two of each
+KUAFU_CONST gbuffer_horizon_steps = 10u;   // along each
+KUAFU_CONST gbuffer_mirror_steps = 12u;    // of rays that lobes look along
+KUAFU_CONST gbuffer_mirror_halvings = 3u;  // of the last
 
 /// What surfaces near one another exchange, by cell. An odd number of words: those of neighbours lie in different banks of a GPU's cache.
 struct GbufferCell {

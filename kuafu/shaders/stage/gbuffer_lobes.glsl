@@ -19,7 +19,6 @@ struct MirrorRay {
   vec3 direction;
   float weight;
   float at_m, before_m;  // along it: of this step and the last
-  float behind, before;  // depths over those of what is seen there, less 1
   bool meets;
 };
 
@@ -57,8 +56,6 @@ MirrorRay mirror_ray(IN(Mirror) m, uint k) {
   r.weight = wi.z > 0.0f ? r.weight : 0.0f;
   r.at_m = m.first_step_m;
   r.before_m = 0.0f;
-  r.behind = 0.0f;
-  r.before = -1e-3f;
   r.meets = false;
   return r;
 }
@@ -68,16 +65,26 @@ vec2 pixel_along(IN(Mirror) m, vec3 direction, float at_m) {
   return push.record.at[0].cameras[0].centre + push.record.at[0].cameras[0].focal * xy(q) / max(q.z, 1e-3f);
 }
 
+/// A ray's depth over that of what is seen there; 0 where nothing is.
+float depth_share(IN(Mirror) m, IN(MirrorRay) r, float at_m, bool past_border) {
+  return (m.here.z + at_m * r.direction.z) * met_in(m.environment, pixel_along(m, r.direction, at_m), past_border).inverse_depth;
+}
+
 /// A step, up to what a ray meets, which is as thick as the step is long.
 void march(IN(Mirror) m, bool past_border, INOUT(MirrorRay) r) {
-  float z = m.here.z + r.at_m * r.direction.z, seen = met_in(m.environment, pixel_along(m, r.direction, r.at_m), past_border).inverse_depth;
-  float behind = z * seen - 1.0f;
-  bool meets = z > 1e-3f && behind > 0.0f && (z - max(0.1f, 2.0f * r.at_m)) * seen < 1.0f, goes_on = !(r.meets || meets);
-  r.behind = meets && !r.meets ? behind : r.behind;
-  r.before = goes_on ? behind : r.before;
+  float z = m.here.z + r.at_m * r.direction.z, share = depth_share(m, r, r.at_m, past_border);
+  bool meets = z > 1e-3f && share > 1.0f && share * (1.0f - max(0.1f, 2.0f * r.at_m) / max(z, 1e-3f)) < 1.0f, goes_on = !(r.meets || meets);
   r.before_m = goes_on ? r.at_m : r.before_m;
   r.at_m = goes_on ? r.at_m * m.growth : r.at_m;
   r.meets = r.meets || meets;
+}
+
+/// Halves the way on which a ray crosses what is seen.
+void halve(IN(Mirror) m, bool past_border, INOUT(MirrorRay) r) {
+  float middle = 0.5f * (r.before_m + r.at_m);
+  bool crossed = depth_share(m, r, middle, past_border) > 1.0f;
+  r.at_m = crossed ? middle : r.at_m;
+  r.before_m = crossed ? r.before_m : middle;
 }
 
 /// What a cell sends, of the room as a share and of the projector, and its weight about a place of this 1/m.
@@ -88,10 +95,9 @@ vec3 weighed_sent(IN(NearCell) c, float inverse) {
   return weight * vec3(room, laser, 1.0f);
 }
 
-/// The light where a ray crosses what is seen, between its last steps: of the cells about it, those whose depth is about that of its own.
+/// The light where a ray crosses what is seen: of the cells about it, those whose depth is about that of its own.
 vec2 met_light(IN(Mirror) m, IN(MirrorRay) r) {
-  float back = r.behind / max(r.behind - min(r.before, 0.0f), 1e-9f);
-  Met met = met_in(m.environment, pixel_along(m, r.direction, mix(r.at_m, r.before_m, back)), false);
+  Met met = met_in(m.environment, pixel_along(m, r.direction, r.at_m), false);
   float inverse = push.record.at[0].cells.at[met.cell].inverse_depth;
   vec3 sum = weighed_sent(near_cell(m.environment, met.pixel, 0), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 1), inverse);
   sum += weighed_sent(near_cell(m.environment, met.pixel, 2), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 3), inverse);
@@ -107,6 +113,7 @@ vec2 mirrored_light(IN(Mirror) m) {
   for (uint k = 0u; k < m.rays; ++k) {
     MirrorRay r = mirror_ray(m, k);
     for (uint n = 0u; n < gbuffer_mirror_steps && !r.meets; ++n) march(m, is_past_border(pixel_along(m, r.direction, r.at_m)), r);
+    for (uint n = 0u; n < gbuffer_mirror_halvings && r.meets; ++n) halve(m, true, r);
     sum += r.weight * (r.meets ? met_light(m, r) : vec2(1.0f, 0.0f));
     weights += r.weight;
   }

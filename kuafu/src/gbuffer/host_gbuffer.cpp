@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage `gbuffer` compiled as C++. BSDFs go in lanes.
+#include <type_traits>
+
 #include "frame/host_language.h"
 #include "gbuffer/gbuffer_light.h"
 #include "pathtrace/host_lanes.h"
