@@ -91,10 +91,10 @@ def effect_content(effect: Effect) -> str | None:
     own = builtin().get(effect.id)
     if effect is own:
         return effect.id
-    images = getattr(getattr(effect.apply, "__self__", None), "content", None)
-    if own is None or images is None or replace(effect, apply=own.apply) != own:
+    hash_of_images = getattr(getattr(effect.apply, "__self__", None), "content", None)
+    if own is None or hash_of_images is None or replace(effect, apply=own.apply) != own:
         return None
-    return f"{effect.id} {images}"
+    return f"{effect.id} {hash_of_images()}"
 
 
 def content_key(*values: object) -> str:

@@ -17,6 +17,7 @@ from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
+from activestereo.diagnose.refit import _Rendered
 from activestereo.effects import Effect, Model, builtin
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
@@ -79,6 +80,15 @@ def test_fits_with_an_effect_of_a_users_own_are_not_kept(evidence: Evidence, tmp
     for _ in range(2):
         fitted(evidence, tmp_path, OF_A_USER)
     assert work.count("_refined") == 2 and not list(tmp_path.iterdir())
+
+
+def test_rendered_images_of_an_effect_are_known_by_all_their_pixels() -> None:
+    """An array's text leaves out its middle."""
+    images = [{(0, "left"): np.zeros((3, 40, 40), np.float32)} for _ in range(3)]
+    images[2][0, "left"][1, 20, 20] = 1.0
+    haze = builtin()["haze"]
+    known, same, other = (effect_content(_Rendered(haze, np.zeros(1), change, ()).emulated()) for change in images)
+    assert known == same != other and known is not None and len(known) < 100
 
 
 def test_keys_are_of_content_alone() -> None:
