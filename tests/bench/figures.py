@@ -16,9 +16,9 @@ Each value is taken from its file of results, where machine and date stand. Page
 |measured|value|measure again by|results|
 |--|--|--|--|
 """  # noqa: E501
-# (measured, value). In braces: file.run:row:column of a benchmark; suite:measure or suite-NN:strength:measure of the
-# suite's newest or NNth generation, in percent, with its 95 % interval, or with :alone and :share without it;
-# mitsuba:measure; next:frames; rooms:named.
+# (measured, value). In braces: file.run:row:column of a benchmark; suite:measure or suite:strength:measure of the
+# suite's generation, in percent, with its 95 % interval, or with :share without it; mitsuba:measure; next:frames;
+# rooms:named.
 FIGURES = (
     (
         "depth of a real D435 pair, against the depth that the device computed, after one affine fit",
@@ -76,8 +76,8 @@ FIGURES = (
         "{gbuffer_gpu.0:4096 of 64x64:0} pairs/s (a traced z-buffer alone {gbuffer_gpu.0:4096 of 64x64:1} frames/s)",
     ),
     (
-        "the same for 256 and 1024 environments of 128x128",
-        "{gbuffer_gpu.0:256 of 128x128:0} and {gbuffer_gpu.0:1024 of 128x128:0} pairs/s",
+        "the same for 1024 environments of 128x128",
+        "{gbuffer_gpu.0:1024 of 128x128:0} pairs/s",
     ),
     (
         "a frame of `generate` without a GPU: RGB of 640x480, a D435, 16 samples",
@@ -104,7 +104,7 @@ FIGURES = (
     ("nothing hidden: `none`", "{suite:no effect: said so}"),
     ("a fault of the depth engine named first", "{suite:depth engine's fault first:share}"),
     ("90 % intervals of parameters hold the truth", "{suite:90 % intervals hold the truth}"),
-    ("weak effects, 0.4 of the noise, named", "{suite-68526:weak:named and right}"),
+    ("weak effects, 0.4 of the noise, named", "{suite:weak:named and right}"),
     ("worlds of another renderer: first name right", "{mitsuba:another renderer: first name}"),
     ("twins told apart by the frames that were asked for; by random ones", "{next:asked}; {next:random}"),
     ("effects put into real recordings: named and right", "{rooms:named}"),
@@ -148,10 +148,8 @@ def _source(place):
 
 def _file(kind):
     if kind == "suite":
-        newest = max((ROOT / SUITE).glob("generation-*.json"), key=lambda path: json.loads(path.read_text())["date"])
-        return f"{SUITE}/{newest.name}"
-    if kind.startswith("suite-"):
-        return f"{SUITE}/generation-{kind.removeprefix('suite-')}.json"
+        [run] = (ROOT / SUITE).glob("generation-*.json")
+        return f"{SUITE}/{run.name}"
     folder = SUITE if kind in ("mitsuba", "next") else "tests/bench/results"
     return f"{folder}/{kind.split('.')[0]}.json"
 
@@ -171,11 +169,9 @@ def _value(place):
     name, _, how = rest.rpartition(":")
     if how != "share":
         name, how = rest, ""
-    if kind.startswith("suite-"):
-        strength, _, name = name.partition(":")
-        measure = results["by_strength"][strength][name]
-    else:
-        measure = results["measures"][name]
+    strength, _, of_strength = name.partition(":")
+    by_strength = results.get("by_strength", {})
+    measure = by_strength[strength][of_strength] if strength in by_strength else results["measures"][name]
     if how == "share" or kind == "mitsuba":
         return f"{round(measure['value'] * measure['n'])} of {measure['n']}"
     return "{value:.0f} % ({low:.0f} to {high:.0f})".format(

@@ -6,9 +6,8 @@
     python3 tests/benchmark_suite/make_page.py --check    # fails if it differs from the results
 
 results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number n of
-test cases, and a note on how it ran. later.json has those of a smaller run of later code,
-mitsuba.json those of worlds that Mitsuba renders, and next.json the output of run_next.py; the last two are from the
-search before this one.
+test cases, and a note on how it ran. mitsuba.json has those of worlds that Mitsuba renders, and next.json the output of
+run_next.py; both are from the search before this one.
 practice.json is the output of practice.py. causes.json explains wrong answers.
 """
 
@@ -77,7 +76,6 @@ def make_page():
     """Returns the benchmark suite's README.md as text."""
     [run] = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
     lines = [HEAD, "## How often it is right", "", *_measures(run), "", *_strengths(run["by_strength"]), ""]
-    lines += [*_later(_read("later")), ""]
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
     lines += ["![Stated confidence against how often it was right](calibration.png)", ""]
     lines += ["## What goes wrong", ""]
@@ -109,16 +107,6 @@ def _value(measure, with_interval):
     if not with_interval or measure["low"] is None:
         return text
     return f"{text} ({measure['low']:.2g}-{measure['high']:.2g}; {measure['n']})"
-
-
-def _later(run):
-    values = [f"{name} {_value(measure, True)}" for name, measure in run["measures"].items()]
-    return [
-        f"By later code, {run['n']} cases of generation {run['generation']} ({run['of']}), drawn after that code was "
-        f"frozen and opened once ({run['date']}, {run['machine']}): {'; '.join(values)}. {run['then']}",
-        "",
-        f"    {run['command']} --only NAME...",
-    ]
 
 
 def _strengths(by_strength):
