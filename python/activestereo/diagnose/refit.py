@@ -224,10 +224,11 @@ def refits(
 
     first = _side_by_side(scored, fit, spaces, workers)
     gains = {name: base_of_few - f.chi2 for name, f in first.items()}
+    most_of_few = max(gains.values(), default=0.0)
 
     def settled(space: ParameterSpace) -> Solution:
         name = _name(space)
-        is_close = gains[name] >= _CLOSE * max(gains.values()) or max(gains.values()) < 0.0
+        is_close = gains[name] >= _CLOSE * most_of_few or most_of_few < 0.0
         s = first[name].solution
         return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 0, _TOLERANCE)
 

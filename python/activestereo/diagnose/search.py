@@ -292,9 +292,10 @@ class Search:
 
     def _widen_set(self, name: Name, more: Sequence[str]) -> None:
         """Adds effects to a name's set; together they get the probability 1 - Numbers.credible."""
-        added = dict.fromkeys(more, (1.0 - self._numbers.credible) / max(len(more), 1))
-        kept = {member: p * (self._numbers.credible if more else 1.0) for member, p in name.members.items()}
-        self._names[self._names.index(name)] = replace(name, members=kept | added)
+        if more:
+            added = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
+            kept = {member: p * self._numbers.credible for member, p in name.members.items()}
+            self._names[self._names.index(name)] = replace(name, members=kept | added)
 
     def _say_own_ranks(self, found: Mapping[str, Candidate]) -> None:
         """Reports the rank of each user's own effect by its score."""
