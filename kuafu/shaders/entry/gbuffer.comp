@@ -17,7 +17,23 @@ layout(constant_id = 4) const uint step = gbuffer_read;
 #include "stage/gbuffer_lobes.glsl"
 #include "stage/gbuffer_blend.glsl"
 
+/// Lobes are rare, and take far longer than all else of a pixel: those pixels fill groups of their own.
+void bounce(uint i) {
+  GbufferPlace p = gbuffer_place(min(i, push.count - 1u));
+  bool later = i < push.count && has_lobes(i, p);
+  uint place = append(later, push.record.at[0].lobe_pixels, 0u);
+  if (later) push.record.at[0].lobe_pixels.at[1u + place] = i;
+  else if (i < push.count) bounce_pixel(i, p);
+}
+
 void main() {
   uint i = line_index();
-  if (i < push.count) gbuffer_step(i);
+  if (step == gbuffer_bounce) bounce(i);
+  else if (step == gbuffer_lobes) {
+    uint count = push.record.at[0].lobe_pixels.at[0];
+    for (uint k = i; i < push.count && k < count; k += push.count) {
+      uint pixel = push.record.at[0].lobe_pixels.at[1u + k];
+      bounce_pixel(pixel, gbuffer_place(pixel));
+    }
+  } else if (i < push.count) gbuffer_step(i);
 }

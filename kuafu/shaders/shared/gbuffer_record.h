@@ -19,9 +19,10 @@ KUAFU_CONST gbuffer_light = 4u;     // per pixel of both cameras
 KUAFU_CONST gbuffer_cells = 5u;     // per cell of the left camera
 KUAFU_CONST gbuffer_sky = 6u;       // the same
 KUAFU_CONST gbuffer_smooth = 7u;    // the same
-KUAFU_CONST gbuffer_bounce = 8u;    // per pixel of both cameras
-KUAFU_CONST gbuffer_blend = 9u;     // the same
-KUAFU_CONST gbuffer_average = 10u;  // per pixel of both imagers, under supersampling
+KUAFU_CONST gbuffer_bounce = 8u;    // per pixel of both cameras; devices list those with lobes
+KUAFU_CONST gbuffer_lobes = 9u;     // devices: over those
+KUAFU_CONST gbuffer_blend = 10u;    // per pixel of both cameras
+KUAFU_CONST gbuffer_average = 11u;  // per pixel of both imagers, under supersampling
 
 // GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
@@ -87,6 +88,7 @@ struct GbufferRecord {
   UintArray between, middles;     // [right camera, projector][environment][row][place]: the last pixel there, or 0; later matt and lobes
   FloatArray matt, lobes, laser;  // [camera][environment][row][column]: shares of light from all sides that are reflected; radiance
   FloatArray room;                // the same, of the room's light; in the place of `matt`
+  UintArray lobe_pixels;          // how many, and their numbers
   GbufferCells cells;             // of the left camera, [environment][row][column]
   OutputArray outputs, averaged;  // by pixel of G-buffers and, under supersampling, by pixel of the imagers
   SceneReference scene;
@@ -110,7 +112,7 @@ struct GbufferPush {
 
 #ifdef __cplusplus
 static_assert(sizeof(GbufferCamera) == 176);
-static_assert(sizeof(GbufferRecord) == 568);
+static_assert(sizeof(GbufferRecord) == 576);
 static_assert(sizeof(GbufferPush) == 16);
 }  // namespace kuafu
 #endif

@@ -62,7 +62,6 @@ void gbuffer_step(uint i) {
   else if (step == gbuffer_cells) mean_of_cell(i);
   else if (step == gbuffer_sky) look_around(i);
   else if (step == gbuffer_smooth) smooth_cell(i);
-  else if (step == gbuffer_bounce) bounce_pixel(i, gbuffer_place(i));
   else if (step == gbuffer_blend) blend_pixel(i, gbuffer_place(i));
   else average_pixel(i);
 }

@@ -55,6 +55,7 @@ vec2 change_beyond(uint i, IN(GbufferPlace) p, float inverse) {
 }
 
 void mean_of_cell(uint i) {
+  if (i == 0u) push.record.at[0].lobe_pixels.at[0] = 0u;
   GbufferPlace p = cell_place(i);
   uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
   uint base = p.environment * pixels_per_view();
@@ -85,6 +86,28 @@ float angle_of(float cosine) {
   return cosine < 0.0f ? pi - near : near;
 }
 
+/// The left camera's image of an environment, as ways through the room need it again and again.
+struct SeenImage {
+  FloatArray inverse_depth;
+  GbufferCells cells;
+  uint width, cell_columns, first_pixel, first_cell;
+  vec2 focal, centre, last_pixel;
+};
+
+SeenImage seen_image(uint environment) {
+  SeenImage s;
+  s.inverse_depth = push.record.at[0].cameras[0].inverse_depth;
+  s.cells = push.record.at[0].cells;
+  s.width = push.record.at[0].width;
+  s.cell_columns = push.record.at[0].cell_columns;
+  s.first_pixel = environment * pixels_per_view();
+  s.first_cell = environment * cells_per_view();
+  s.focal = push.record.at[0].cameras[0].focal;
+  s.centre = push.record.at[0].cameras[0].centre;
+  s.last_pixel = vec2(float(s.width - 1u), float(push.record.at[0].height - 1u));
+  return s;
+}
+
 /// Where a way through the room meets the image: its cell, and 1/m of what stands there, which goes on in its plane beyond the border; 0
 /// where nothing is seen.
 struct Met {
@@ -93,22 +116,18 @@ struct Met {
   float inverse_depth;
 };
 
-vec2 last_pixel() { return vec2(float(push.record.at[0].width - 1u), float(push.record.at[0].height - 1u)); }
-
-bool is_past_border(vec2 pixel) {
-  vec2 last = last_pixel();
-  return pixel.x < 0.0f || pixel.y < 0.0f || pixel.x > last.x || pixel.y > last.y;
+bool is_past_border(IN(SeenImage) image, vec2 pixel) {
+  return pixel.x < 0.0f || pixel.y < 0.0f || pixel.x > image.last_pixel.x || pixel.y > image.last_pixel.y;
 }
 
-Met met_in(uint environment, vec2 wanted, bool past_border) {
-  uint width = push.record.at[0].width, height = push.record.at[0].height;
+Met met_in(IN(SeenImage) image, vec2 wanted, bool past_border) {
   Met m;
-  m.pixel = clamp(wanted, vec2(0.0f), last_pixel());
+  m.pixel = clamp(wanted, vec2(0.0f), image.last_pixel);
   uint column = uint(int(m.pixel.x + 0.5f)), row = uint(int(m.pixel.y + 0.5f));
-  m.cell = environment * cells_per_view() + row / gbuffer_cell_px * push.record.at[0].cell_columns + column / gbuffer_cell_px;
-  m.inverse_depth = push.record.at[0].cameras[0].inverse_depth.at[int((environment * height + row) * width + column)];
+  m.cell = image.first_cell + row / gbuffer_cell_px * image.cell_columns + column / gbuffer_cell_px;
+  m.inverse_depth = image.inverse_depth.at[int(image.first_pixel + row * image.width + column)];
   if (!past_border) return m;
-  vec2 beyond = abs(wanted - m.pixel) / float(gbuffer_cell_px), change = push.record.at[0].cells.at[m.cell].beyond;
+  vec2 beyond = abs(wanted - m.pixel) / float(gbuffer_cell_px), change = image.cells.at[m.cell].beyond;
   m.inverse_depth += m.inverse_depth > 0.0f ? dot(beyond, change) : 0.0f;
   return m;
 }
@@ -157,8 +176,8 @@ Horizon make_horizon(vec2 pixel, float depth, float stretch, vec3 to_camera, vec
 
 /// Of a side's sectors, which send equal shares of light, each thing hides those between its front and its back (Therrien et al., "Screen
 /// Space Indirect Lighting with Visibility Bitmask", 2023).
-void look_farther(uint environment, float reach, bool past_border, INOUT(Horizon) h) {
-  Met m = met_in(environment, h.pixel + h.side * reach, past_border);
+void look_farther(IN(SeenImage) image, float reach, bool past_border, INOUT(Horizon) h) {
+  Met m = met_in(image, h.pixel + h.side * reach, past_border);
   float depth = 1.0f / max(m.inverse_depth, 1e-3f);
   float x = reach * depth * h.across, z = (h.depth - depth) * h.stretch + reach * depth * h.towards;
   float near = min(horizon_reach_m * horizon_reach_m / (x * x + z * z), 1.0f), per_sector = max(h.all, 1e-4f) / float(horizon_sectors);
@@ -172,8 +191,8 @@ void look_farther(uint environment, float reach, bool past_border, INOUT(Horizon
   h.before_z = found ? z : h.before_z;
   h.before_x = found ? x : h.before_x;
   h.before_arc = found ? arc : h.before_arc;
-  h.laser += share * push.record.at[0].cells.at[m.cell].laser;
-  h.albedo += share * push.record.at[0].cells.at[m.cell].albedo;
+  h.laser += share * image.cells.at[m.cell].laser;
+  h.albedo += share * image.cells.at[m.cell].albedo;
 }
 
 /// Neighbours, which are mixed (smooth_cell), look other ways and at other distances.
@@ -215,11 +234,12 @@ void look_around(uint i) {
     IN(GbufferCamera) camera = push.record.at[0].cameras[0];
     vec3 to_camera = in_camera(camera, s.to_camera), normal = in_camera(camera, s.normal);
     float turn = horizon_turn(p);
+    SeenImage image = seen_image(p.environment);
     for (uint k = 0u; k < gbuffer_horizon_sides; ++k) {
       Horizon h = make_horizon(pixel_of(p), 1.0f / s.inverse_depth, length(s.way), to_camera, normal, horizon_side(turn, k));
       float reach = first_reach(turn);
       for (uint n = 0u; n < gbuffer_horizon_steps; ++n) {
-        look_farther(p.environment, reach, is_past_border(h.pixel + h.side * reach), h);
+        look_farther(image, reach, is_past_border(image, h.pixel + h.side * reach), h);
         reach *= horizon_growth;
       }
       add_horizon(h, sum);

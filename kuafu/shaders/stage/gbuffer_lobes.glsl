@@ -8,6 +8,7 @@ const float golden_turn = 0.618034f;  // between facets
 
 /// What all rays of a pixel's lobes share: in the left camera, but for `wo`, which is in the frame.
 struct Mirror {
+  SeenImage image;
   uint environment, rays, own;  // the place among the samples of an imager's pixel
   vec3 here, wo;
   Frame frame;
@@ -27,6 +28,7 @@ Mirror mirror_of(IN(GbufferSurface) s, IN(GbufferPlace) p, uint rays) {
   MaterialPoint material = material_at(s);
   uint n = push.record.at[0].supersampling;
   Mirror m;
+  m.image = seen_image(p.environment);
   m.environment = p.environment;
   m.rays = rays;
   m.own = p.row % n * n + p.column % n;
@@ -62,12 +64,12 @@ MirrorRay mirror_ray(IN(Mirror) m, uint k) {
 
 vec2 pixel_along(IN(Mirror) m, vec3 direction, float at_m) {
   vec3 q = m.here + at_m * direction;
-  return push.record.at[0].cameras[0].centre + push.record.at[0].cameras[0].focal * xy(q) / max(q.z, 1e-3f);
+  return m.image.centre + m.image.focal * xy(q) / max(q.z, 1e-3f);
 }
 
 /// A ray's depth over that of what is seen there; 0 where nothing is.
 float depth_share(IN(Mirror) m, IN(MirrorRay) r, float at_m, bool past_border) {
-  return (m.here.z + at_m * r.direction.z) * met_in(m.environment, pixel_along(m, r.direction, at_m), past_border).inverse_depth;
+  return (m.here.z + at_m * r.direction.z) * met_in(m.image, pixel_along(m, r.direction, at_m), past_border).inverse_depth;
 }
 
 /// A step, up to what a ray meets, which is as thick as the step is long.
@@ -97,7 +99,7 @@ vec3 weighed_sent(IN(NearCell) c, float inverse) {
 
 /// The light where a ray crosses what is seen: of the cells about it, those whose depth is about that of its own.
 vec2 met_light(IN(Mirror) m, IN(MirrorRay) r) {
-  Met met = met_in(m.environment, pixel_along(m, r.direction, r.at_m), false);
+  Met met = met_in(m.image, pixel_along(m, r.direction, r.at_m), false);
   float inverse = push.record.at[0].cells.at[met.cell].inverse_depth;
   vec3 sum = weighed_sent(near_cell(m.environment, met.pixel, 0), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 1), inverse);
   sum += weighed_sent(near_cell(m.environment, met.pixel, 2), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 3), inverse);
@@ -112,7 +114,7 @@ vec2 mirrored_light(IN(Mirror) m) {
   float weights = 0.0f;
   for (uint k = 0u; k < m.rays; ++k) {
     MirrorRay r = mirror_ray(m, k);
-    for (uint n = 0u; n < gbuffer_mirror_steps && !r.meets; ++n) march(m, is_past_border(pixel_along(m, r.direction, r.at_m)), r);
+    for (uint n = 0u; n < gbuffer_mirror_steps && !r.meets && r.weight > 0.0f; ++n) march(m, is_past_border(m.image, pixel_along(m, r.direction, r.at_m)), r);
     for (uint n = 0u; n < gbuffer_mirror_halvings && r.meets; ++n) halve(m, true, r);
     sum += r.weight * (r.meets ? met_light(m, r) : vec2(1.0f, 0.0f));
     weights += r.weight;
@@ -136,12 +138,16 @@ void write_bounce(uint i, IN(GbufferPlace) p, vec2 arriving, vec2 mirrored) {
   write_output(output_radiance + 1u + group_projector_indirect, p, indirect);
 }
 
+bool has_lobes(uint i, IN(GbufferPlace) p) {
+  return push.record.at[0].lobes.at[i] > 0.0f && push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel] > 0.0f;
+}
+
 void bounce_pixel(uint i, IN(GbufferPlace) p) {
   float inverse = push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel], lobes = push.record.at[0].lobes.at[i];
   vec2 arriving = vec2(0.0f), mirrored = vec2(0.0f);
   if (inverse > 0.0f) {
     arriving = arriving_at(p.environment, vec2(left_column(p, inverse), float(p.row)), inverse);
-    if (lobes > 0.0f) mirrored = mirrored_light(mirror_of(surface_at_pixel(p), p, mirror_rays_of(lobes)));
+    if (step == gbuffer_lobes) mirrored = mirrored_light(mirror_of(surface_at_pixel(p), p, mirror_rays_of(lobes)));
   }
   write_bounce(i, p, arriving, mirrored);
 }

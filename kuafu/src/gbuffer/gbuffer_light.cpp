@@ -97,6 +97,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   step("bounce", gbuffer_sky, cells);
   step("bounce", gbuffer_smooth, cells);
   step("bounce", gbuffer_bounce, pixels);
+  if (!memory_.on_host) step("bounce", gbuffer_lobes, (pixels + 3) / 4);
   step("blend", gbuffer_blend, pixels);
   if (fine) step("average", gbuffer_average, pair.launch.pixel_count());
 }
@@ -109,6 +110,7 @@ void GbufferLight::fit(const GbufferLaunch& gbuffers) {
   grow(memory_, source_, camera);
   grow(memory_, projector_inverse_, camera);
   for (auto* image : {&matt_, &lobes_, &laser_}) grow(memory_, *image, pixels);
+  grow(memory_, lobe_pixels_, memory_.on_host ? 1 : 1 + pixels);
   grow(memory_, cells_,
        uint64_t(gbuffers.environments()) * cells_along(launch.width) * cells_along(launch.height) * (sizeof(GbufferCell) / 4));
   const uint64_t error_bytes = uint64_t(gbuffers.environments()) * 4;
@@ -193,6 +195,7 @@ GbufferRecord GbufferLight::record_of(const Scene& scene, const GbufferLaunch& g
   r.lobes = memory_.address(*lobes_);
   r.laser = memory_.address(*laser_);
   r.room = memory_.address(*matt_);
+  r.lobe_pixels = memory_.address(*lobe_pixels_);
   r.cells = memory_.address(*cells_);
   r.outputs = frame.outputs();
   r.scene = tables_.address();

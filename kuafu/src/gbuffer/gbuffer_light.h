@@ -63,7 +63,7 @@ class GbufferLight {
   MappedTable<GbufferRecord> record_;
   MappedTable<float> power_, ambient_;
   MappedTable<uint32_t> places_, measured_;  // of materials
-  std::shared_ptr<ks::Buffer> inverse_[2], source_, projector_inverse_, matt_, lobes_, laser_, cells_, errors_, means_;
+  std::shared_ptr<ks::Buffer> inverse_[2], source_, projector_inverse_, matt_, lobes_, laser_, lobe_pixels_, cells_, errors_, means_;
   PatternMeans pattern_{};
   PatternKey pattern_key_;
   const Light* projector_ = nullptr;  // of this run
