@@ -88,7 +88,7 @@ struct GbufferRecord {
   UintArray between, middles;     // [right camera, projector][environment][row][place]: the last pixel there, or 0; later matt and lobes
   FloatArray matt, lobes, laser;  // [camera][environment][row][column]: shares of light from all sides that are reflected; radiance
   FloatArray room;                // the same, of the room's light; in the place of `matt`
-  UintArray lobe_pixels;          // how many, and their numbers
+  UintArray lobe_pixels;          // how many with strong and weak lobes, and their numbers
   GbufferCells cells;             // of the left camera, [environment][row][column]
   OutputArray outputs, averaged;  // by pixel of G-buffers and, under supersampling, by pixel of the imagers
   SceneReference scene;

@@ -55,7 +55,7 @@ vec2 change_beyond(uint i, IN(GbufferPlace) p, float inverse) {
 }
 
 void mean_of_cell(uint i) {
-  if (i == 0u) push.record.at[0].lobe_pixels.at[0] = 0u;
+  if (i == 0u) push.record.at[0].lobe_pixels.at[0] = push.record.at[0].lobe_pixels.at[1] = 0u;
   GbufferPlace p = cell_place(i);
   uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
   uint base = p.environment * pixels_per_view();

@@ -64,18 +64,18 @@ MirrorRay mirror_ray(IN(Mirror) m, uint k) {
 
 vec2 pixel_along(IN(Mirror) m, vec3 direction, float at_m) {
   vec3 q = m.here + at_m * direction;
-  return m.image.centre + m.image.focal * xy(q) / max(q.z, 1e-3f);
+  return m.image.centre + m.image.focal * xy(q) * (1.0f / max(q.z, 1e-3f));
 }
 
-/// A ray's depth over that of what is seen there; 0 where nothing is.
-float depth_share(IN(Mirror) m, IN(MirrorRay) r, float at_m, bool past_border) {
-  return (m.here.z + at_m * r.direction.z) * met_in(m.image, pixel_along(m, r.direction, at_m), past_border).inverse_depth;
+/// 1/m of what is seen where a ray is.
+float inverse_along(IN(Mirror) m, IN(MirrorRay) r, float at_m, bool past_border) {
+  return met_in(m.image, pixel_along(m, r.direction, at_m), past_border).inverse_depth;
 }
 
 /// A step, up to what a ray meets, which is as thick as the step is long.
 void march(IN(Mirror) m, bool past_border, INOUT(MirrorRay) r) {
-  float z = m.here.z + r.at_m * r.direction.z, share = depth_share(m, r, r.at_m, past_border);
-  bool meets = z > 1e-3f && share > 1.0f && share * (1.0f - max(0.1f, 2.0f * r.at_m) / max(z, 1e-3f)) < 1.0f, goes_on = !(r.meets || meets);
+  float z = m.here.z + r.at_m * r.direction.z, inverse = inverse_along(m, r, r.at_m, past_border);
+  bool meets = z > 1e-3f && z * inverse > 1.0f && (z - max(0.1f, 2.0f * r.at_m)) * inverse < 1.0f, goes_on = !(r.meets || meets);
   r.before_m = goes_on ? r.at_m : r.before_m;
   r.at_m = goes_on ? r.at_m * m.growth : r.at_m;
   r.meets = r.meets || meets;
@@ -84,7 +84,7 @@ void march(IN(Mirror) m, bool past_border, INOUT(MirrorRay) r) {
 /// Halves the way on which a ray crosses what is seen.
 void halve(IN(Mirror) m, bool past_border, INOUT(MirrorRay) r) {
   float middle = 0.5f * (r.before_m + r.at_m);
-  bool crossed = depth_share(m, r, middle, past_border) > 1.0f;
+  bool crossed = (m.here.z + middle * r.direction.z) * inverse_along(m, r, middle, past_border) > 1.0f;
   r.at_m = crossed ? middle : r.at_m;
   r.before_m = crossed ? r.before_m : middle;
 }

@@ -110,7 +110,7 @@ void GbufferLight::fit(const GbufferLaunch& gbuffers) {
   grow(memory_, source_, camera);
   grow(memory_, projector_inverse_, camera);
   for (auto* image : {&matt_, &lobes_, &laser_}) grow(memory_, *image, pixels);
-  grow(memory_, lobe_pixels_, memory_.on_host ? 1 : 1 + pixels);
+  grow(memory_, lobe_pixels_, memory_.on_host ? 2 : 2 + pixels);
   grow(memory_, cells_,
        uint64_t(gbuffers.environments()) * cells_along(launch.width) * cells_along(launch.height) * (sizeof(GbufferCell) / 4));
   const uint64_t error_bytes = uint64_t(gbuffers.environments()) * 4;
