@@ -98,7 +98,7 @@ void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
                 .visibility = launch.wants_visibility(),
                 .glass_passes = by_surfaces ? launch.glass_surfaces : 0};
   const uint32_t paths = memory().on_host ? host_wave_paths(size.shadow_rays_per_vertex) : most_paths(*memory().device, size);
-  const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
+  const uint32_t most = std::min(total, std::max(paths / samples, pixel_block)), wave = memory().on_host ? most : even_wave(total, most);
   // One wave of a fourth of the pixels: seldom do more ask for rays over their squares, and each wave ends in a few slow rays.
   const uint32_t square_paths = memory().on_host ? 0 : std::min(total / 4 * rays_per_square, paths);
   pixels_per_batch_ = memory().on_host ? std::min(total, wave * waves_per_worker * memory().device->workers().size()) : wave;

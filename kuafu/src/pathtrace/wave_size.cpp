@@ -26,6 +26,11 @@ uint32_t permutation_stride(uint32_t n) {
 
 uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex) { return host_wave / (1 + shadow_rays_per_vertex / 4); }
 
+uint32_t even_wave(uint32_t total, uint32_t most) {
+  const uint32_t waves = (total + most - 1) / most, even = (total + waves - 1) / waves;
+  return std::min(most, (even + pixel_block - 1) / pixel_block * pixel_block);
+}
+
 uint32_t most_paths(const ks::Device& device, const WaveSize& size) {
   if (device.is_cpu()) return cpu_wave / (1 + size.shadow_rays_per_vertex / 4);
   return gpu_wave_paths(device.info().memory_bytes, device.limits().maxComputeWorkGroupCount[0], size);

@@ -17,6 +17,8 @@ constexpr uint32_t waves_per_worker = 32;  // between two reports of progress
 uint32_t most_paths(const ks::Device& device, const WaveSize& size);
 /// The most paths of a wave on a GPU with this memory, whose dispatches have at most most_groups groups.
 uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, const WaveSize& size);
+/// The pixels of each of as few waves as `total` needs, `most` at most: even ones take less memory than full ones and a rest.
+uint32_t even_wave(uint32_t total, uint32_t most);
 /// The most samples that a pixel has in one wave. The number is fixed, since the order of sums follows from it; the rounds of a budget are
 /// short.
 constexpr uint32_t most_pass_samples(bool in_rounds) { return in_rounds ? 32 : 256; }

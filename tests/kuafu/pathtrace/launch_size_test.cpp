@@ -44,6 +44,20 @@ TEST(LaunchSize, a_wave_takes_no_more_memory_than_plain_infrared_paths_do) {
     EXPECT_LE(4ull * WordsPerPath(size).all() * gpu_wave_paths(memory_bytes, 0x7fffffff, size), 3'425'000'000u);
 }
 
+TEST(LaunchSize, even_waves_are_as_few_as_full_ones_and_no_larger) {
+  for (const uint32_t most : {32u, 1000u, 3'101'000u})
+    for (const uint32_t total : {1u, 32u, 999u, 1001u, 31'000u, 256u * 2 * 128 * 128}) {
+      if (total < most) continue;  // then one wave has all
+      const uint32_t even = even_wave(total, most), full_waves = (total + most - 1) / most;
+      EXPECT_LE(even, most);
+      EXPECT_EQ((total + even - 1) / even, full_waves) << total << " by " << most;
+      EXPECT_LT(even - total / full_waves, 33u) << total << " by " << most;
+    }
+  const WaveSize batch{.shadow_rays_per_vertex = 2, .environments = true};
+  const uint32_t samples = 4, paths = gpu_wave_paths(uint64_t(140) << 30, 0x7fffffff, batch);
+  EXPECT_LT(even_wave(256 * 2 * 128 * 128, paths / samples), 0.91 * paths / samples);
+}
+
 // 4096 x 2049 pixels of 128 invocations a group are 65568 groups. Vignetting twice as bright in the corners reaches the last of them.
 TEST(LaunchSize, an_image_may_have_more_pixels_than_a_line_of_groups) {
   SKIP_IF(ks::test::why_no_cpu_device());
