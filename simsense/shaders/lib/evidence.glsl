@@ -29,16 +29,30 @@ struct Evidence {
   int slope, match_slope, difference;
 };
 
-/// The evidence of a pixel of the image; moved: px that are added to its disparity.
-Evidence look(int x, int y, float moved) {
+int phase_of(float disparity) {
+  precise float phases = disparity * float(REFINE_PHASES);
+  precise float above = phases + 0.5f;
+  return int(floor(above));
+}
+
+/// The shape of the pull to whole pixels, by a disparity in 32nds of a pixel.
+int pull_at(int q) {
+  int off = (q & (REFINE_PHASES - 1)) - REFINE_PHASES / 2, far = abs(off);
+  int size = min(5 * (REFINE_PHASES / 2 - far), far);
+  return off < 0 ? size : -size;
+}
+
+/// The evidence of a pixel of the image. moved: px added to its disparity, and with the pull's shape.
+Evidence look(int x, int y, vec2 moved) {
   Evidence none = Evidence(false, 0, 0, 0, 0);
   float disparity = push.filtered.at[first_pixel() + uint(y) * push.width + uint(x)];
   if (disparity == push.invalid) return none;
-  precise float at = disparity + moved;
-  precise float phases = at * float(REFINE_PHASES);
-  precise float above = phases + 0.5f;
+  precise float shape = float(pull_at(phase_of(disparity))) * REFINE_PULL_UNIT;
+  precise float freed = moved.y * shape;
+  precise float stepped = disparity + moved.x;
+  precise float at = stepped + freed;
   Evidence one = none;
-  one.q = int(floor(above));
+  one.q = phase_of(at);
   int place = REFINE_PHASES * x - one.q, f = place & (REFINE_PHASES - 1), u = REFINE_PHASES - f, i = place >> 5;
   if (i < 1 || i + 2 >= int(push.width)) return none;
   one.counts = true;

@@ -11,7 +11,10 @@
 #define REFINE_WINDOW_PRIOR 3872.0f       // 1/2 DN^2/px^2 per pixel: where the texture has no more, it decides by half
 #define REFINE_CELL 16                    // px; of its rows every second one is read
 #define REFINE_CELL_SHARE 0.0078125f      // 1 / 128
+#define REFINE_CELL_FIGURES 5             // sums of g e, g w, u g e, u g w and u g u w, less what a constant makes of them
 #define REFINE_CELL_PRIOR 400.0f          // 0.005 DN^2/px^2 per pixel of 3 x 3 cells: as REFINE_WINDOW_PRIOR
+#define REFINE_PULL_RIDGE 0.0625f         // share of a pull's texture that is added to it: a step explains what either could
+#define REFINE_PULL_UNIT 0.125f           // of u
 #define REFINE_LARGEST_STEP 0.5f          // px
 
 #ifdef __cplusplus
@@ -21,7 +24,7 @@ namespace simsense {
 struct RefinePush {
   UintArray left_image, right_image;  // as CensusPush has them
   FloatArray filtered;                // [P][height][width] disparities after the median
-  FloatArray cells;                   // [P][cell rows][cell columns][2]: difference and texture
+  FloatArray cells;                   // [P][cell rows][cell columns][REFINE_CELL_FIGURES]
   FloatArray disparity;               // [P][height][width]
   uint left_byte, right_byte, image_pitch, image_stride;
   uint width, height;

@@ -8,10 +8,12 @@
 // A sum of cells with texture t weighs its step by t^2 / (t^2 + prior^2): t / (t + prior) left a fifth of the pull on faint walls.
 // Vignetting stands still in both images, a pattern of disparity 0: the slope over nine columns is taken from g, so that brightness which
 // varies slowly has no say. Noise of g and w is not common to both, so that it does not make the step too short. Each pixel is looked at
-// where its own disparity says, so that a window that sees two surfaces corrects both. First s is found for cells of 16 x 16 px, summed
-// over 3 x 3 cells and interpolated between their middles: it takes a whole wall to its place though single windows drown in noise. From
-// there a window's mean disparity, where it is less than half a pixel off, and its s give the result; a pixel whose match lies at the right
-// image's border keeps its own.
+// where its own disparity says, so that a window that sees two surfaces corrects both.
+// First cells of 16 x 16 px, summed over 3 x 3 cells and interpolated between their middles, take a whole wall to its place though single
+// windows drown in noise. A turned wall has all fractions of a pixel within a cell, which are pulled either way: the cells fit
+// e = (s + p u) w, where u is the shape that the pull of matched costs has by a disparity's fraction on rendered walls, the same for all
+// presets and sizes. From there a window's mean disparity, where it is less than half a pixel off, and its s give the result; a pixel
+// whose match lies at the right image's border keeps its own.
 //
 // Sums are of integers, so that their order does not matter: g and w in 8ths of a count per pixel, e in 48ths. Counts have 8 bits, and
 // those of wider images 12. A disparity stands in 32nds of a pixel while it is refined.

@@ -22,7 +22,7 @@ MatchBuffers::MatchBuffers(const std::shared_ptr<ks::Device>& device, const Matc
   if (parameters.detects()) high = allocate(plan.pixels()), energy = allocate(plan.pixels() * 4);
   if (!parameters.refines()) return;
   const uint64_t cell_count = uint64_t{groups_of(plan.width, REFINE_CELL)} * groups_of(plan.height, REFINE_CELL) * plan.pairs_at_once;
-  cells = allocate(cell_count * 2 * sizeof(float));
+  cells = allocate(cell_count * REFINE_CELL_FIGURES * sizeof(float));
 }
 
 PathPush path_push(const MatchPlan& plan, const MatchParameters& parameters, const MatchBuffers& buffers) {

@@ -17,8 +17,17 @@ struct Evidence {
   int32_t slope = 0, match_slope = 0, difference = 0;
 };
 
+/// Rises over the first twelfth of a pixel, falls to the middle, and is odd about that.
+int32_t pull_shape(int32_t q) {
+  const int32_t f = q & 31;
+  if (f < 3) return 5 * f;
+  if (f < 30) return 16 - f;
+  return -5 * (32 - f);
+}
+
 struct Sums {
   int32_t slope = 0, match_slope = 0, difference = 0, product = 0, texture = 0, count = 0, q = 0;
+  int32_t pulled_slope = 0, pulled_match_slope = 0, pulled_product = 0, mixed_texture = 0, pulled_texture = 0;
   void add(const Evidence& one) {
     slope += one.slope;
     match_slope += one.match_slope;
@@ -27,6 +36,12 @@ struct Sums {
     texture += one.slope * one.match_slope;
     count += one.counts;
     q += one.counts ? one.q : 0;
+    const int32_t pulled = (one.slope * pull_shape(one.q) + 4) >> 3, pulled_match = (one.match_slope * pull_shape(one.q) + 4) >> 3;
+    pulled_slope += pulled;
+    pulled_match_slope += pulled_match;
+    pulled_product += pulled * one.difference;
+    mixed_texture += pulled * one.match_slope;
+    pulled_texture += pulled * pulled_match;
   }
 };
 
@@ -54,7 +69,8 @@ class Refinement {
     find_cell_steps();
     Grid<Evidence> evidence(width_, height_);
     for (size_t y = 0; y < height_; ++y)
-      for (size_t x = 0; x < width_; ++x) evidence.at(x, y) = look(x, y, cell_step_at(x, y));
+      for (size_t x = 0; x < width_; ++x)
+        evidence.at(x, y) = look(x, y, between_cells(cell_steps_, x, y), between_cells(cell_pulls_, x, y));
     Grid<float> out = disparity_;
     for (size_t y = 0; y < height_; ++y)
       for (size_t x = 0; x < width_; ++x)
@@ -71,11 +87,13 @@ class Refinement {
     return static_cast<int32_t>(refine_count(right_.at(x, y), right_.element_bytes, p_.right_bits));
   }
 
-  Evidence look(size_t column, size_t row, float moved) const {
+  Evidence look(size_t column, size_t row, float moved, float pulled) const {
     const auto x = static_cast<ptrdiff_t>(column), y = static_cast<ptrdiff_t>(row), width = static_cast<ptrdiff_t>(width_);
     if (disparity_.at(column, row) == p_.invalid_disparity()) return {};
     Evidence out;
-    out.q = rounded(disparity_.at(column, row) + moved);
+    const float disparity = disparity_.at(column, row), shape = static_cast<float>(pull_shape(rounded(disparity))) / 8.0f;
+    const float stepped = disparity + moved, freed = pulled * shape;
+    out.q = rounded(stepped + freed);
     const int32_t place = REFINE_PHASES * static_cast<int32_t>(x) - out.q, f = place & (REFINE_PHASES - 1), u = REFINE_PHASES - f;
     const ptrdiff_t i = place >> 5;
     out.counts = i >= 1 && i + 2 < width;
@@ -99,34 +117,47 @@ class Refinement {
 
   void find_cell_steps() {
     const size_t columns = (width_ + REFINE_CELL - 1) / REFINE_CELL, rows = (height_ + REFINE_CELL - 1) / REFINE_CELL;
-    Grid<float> product(columns, rows), texture(columns, rows);
+    Grid<float> product(columns, rows), texture(columns, rows), pulled(columns, rows), mixed(columns, rows), pulled_texture(columns, rows);
     for (size_t cy = 0; cy < rows; ++cy)
       for (size_t cx = 0; cx < columns; ++cx) {
         Sums sums;
         for (size_t y = cy * REFINE_CELL; y < std::min(height_, (cy + 1) * REFINE_CELL); y += 2)
-          for (size_t x = cx * REFINE_CELL; x < std::min(width_, (cx + 1) * REFINE_CELL); ++x) sums.add(look(x, y, 0));
+          for (size_t x = cx * REFINE_CELL; x < std::min(width_, (cx + 1) * REFINE_CELL); ++x) sums.add(look(x, y, 0, 0));
         product.at(cx, cy) = less_constant(sums.product, sums.slope, sums.difference, REFINE_CELL_SHARE);
         texture.at(cx, cy) = std::max(less_constant(sums.texture, sums.slope, sums.match_slope, REFINE_CELL_SHARE), 0.0f);
+        pulled.at(cx, cy) = less_constant(sums.pulled_product, sums.pulled_slope, sums.difference, REFINE_CELL_SHARE);
+        mixed.at(cx, cy) = less_constant(sums.mixed_texture, sums.pulled_slope, sums.match_slope, REFINE_CELL_SHARE);
+        pulled_texture.at(cx, cy) =
+            std::max(less_constant(sums.pulled_texture, sums.pulled_slope, sums.pulled_match_slope, REFINE_CELL_SHARE), 0.0f);
       }
-    cell_steps_ = Grid<float>(columns, rows);
+    cell_steps_ = cell_pulls_ = Grid<float>(columns, rows);
     for (size_t cy = 0; cy < rows; ++cy)
       for (size_t cx = 0; cx < columns; ++cx) {
-        float p = 0, t = 0;
+        float e = 0, w = 0, ue = 0, uw = 0, uuw = 0;
         for (size_t y = cy - (cy > 0); y < std::min(rows, cy + 2); ++y)
-          for (size_t x = cx - (cx > 0); x < std::min(columns, cx + 2); ++x) p += product.at(x, y), t += texture.at(x, y);
-        const float squared = t * t;
-        cell_steps_.at(cx, cy) = step(p * t, squared + REFINE_CELL_PRIOR * REFINE_CELL_PRIOR);
+          for (size_t x = cx - (cx > 0); x < std::min(columns, cx + 2); ++x) {
+            e += product.at(x, y), w += texture.at(x, y);
+            ue += pulled.at(x, y), uw += mixed.at(x, y), uuw += pulled_texture.at(x, y);
+          }
+        const auto sure = [](float texture) {
+          const float least = std::max(texture, 1.0f);
+          return least + REFINE_CELL_PRIOR * REFINE_CELL_PRIOR / least;
+        };
+        const float ww = sure(w), ridge = uuw * REFINE_PULL_RIDGE, uu = sure(uuw) + ridge;
+        const float most = ww * uu, divisor = std::max(most - uw * uw, most * (0.5f * REFINE_PULL_RIDGE));
+        cell_steps_.at(cx, cy) = step(e * uu - ue * uw, divisor);
+        cell_pulls_.at(cx, cy) = step(ue * ww - e * uw, divisor);
       }
   }
 
-  float cell_step_at(size_t x, size_t y) const {
+  static float between_cells(const Grid<float>& cells, size_t x, size_t y) {
     const auto before = [](size_t pixel) { return (static_cast<ptrdiff_t>(2 * pixel) - (REFINE_CELL - 1)) >> 5; };
     const auto share = [](size_t pixel) {
       return static_cast<float>((static_cast<ptrdiff_t>(2 * pixel) - (REFINE_CELL - 1)) & 31) / 32.0f;
     };
     const auto cell = [&](ptrdiff_t cx, ptrdiff_t cy) {
-      return cell_steps_.at(std::clamp<size_t>(static_cast<size_t>(std::max<ptrdiff_t>(cx, 0)), 0, cell_steps_.width - 1),
-                            std::clamp<size_t>(static_cast<size_t>(std::max<ptrdiff_t>(cy, 0)), 0, cell_steps_.height - 1));
+      return cells.at(std::clamp<size_t>(static_cast<size_t>(std::max<ptrdiff_t>(cx, 0)), 0, cells.width - 1),
+                      std::clamp<size_t>(static_cast<size_t>(std::max<ptrdiff_t>(cy, 0)), 0, cells.height - 1));
     };
     const auto between = [](float a, float b, float t) {
       const float first = a * (1.0f - t), second = b * t;
@@ -153,7 +184,7 @@ class Refinement {
   const Grid<float>& disparity_;
   const MatchParameters& p_;
   size_t width_, height_;
-  Grid<float> cell_steps_{0, 0};
+  Grid<float> cell_steps_{0, 0}, cell_pulls_{0, 0};
 };
 
 }  // namespace

@@ -25,6 +25,15 @@ using Ints = hn::RebindToSigned<Floats>;
 
 /// The sums over a window, by name.
 enum WindowSum : size_t { sum_slope, sum_match_slope, sum_difference, sum_product, sum_texture, sum_count, sum_disparity, window_sums };
+/// A cell's, after the first five of a window; u: the pull's shape.
+enum CellSum : size_t {
+  sum_pulled_slope = 5,
+  sum_pulled_match_slope,
+  sum_pulled_product,
+  sum_mixed_texture,
+  sum_pulled_texture,
+  cell_sums
+};
 
 /// Length of a row of sums: a window's reach before the image, the same and one vector more behind it.
 inline size_t padded_width(size_t width) { return width + 2 * REFINE_REACH + 2 * hn::MaxLanes(Ints()); }
@@ -40,9 +49,9 @@ class EvidenceRow {
     for (auto* values : {&slope_, &match_slope_, &difference_, &counts_}) values->assign(width + spare, 0);
   }
 
-  /// Computes the evidence of row y. disparity: of the row, px; moved: added to it if given, px. Both are read up to a vector beyond the
-  /// row.
-  void look(const RefineImages& images, size_t y, const float* disparity, const float* moved) {
+  /// Computes the evidence of row y. disparity: of the row, px; moved and pulled: added to it if given, px, the second with the pull's
+  /// shape. All are read up to a vector beyond the row.
+  void look(const RefineImages& images, size_t y, const float* disparity, const float* moved, const float* pulled) {
     read_counts(images, y);
     const Ints ints;
     const Floats floats;
@@ -51,9 +60,11 @@ class EvidenceRow {
     for (size_t x = 0; x < width; x += lanes) {
       auto d = hn::LoadU(floats, disparity + x);
       const auto valid = hn::Ne(d, hn::Set(floats, images.invalid));
-      if (moved) d = hn::Add(d, hn::LoadU(floats, moved + x));
-      const auto phases = hn::Mul(d, hn::Set(floats, static_cast<float>(REFINE_PHASES)));
-      const auto q = hn::ConvertTo(ints, hn::Floor(hn::Add(phases, hn::Set(floats, 0.5f))));
+      if (moved) {
+        const auto shape = hn::Mul(hn::ConvertTo(floats, pull_at(phase_of(d))), hn::Set(floats, REFINE_PULL_UNIT));
+        d = hn::Add(hn::Add(d, hn::LoadU(floats, moved + x)), hn::Mul(hn::LoadU(floats, pulled + x), shape));
+      }
+      const auto q = phase_of(d);
       const auto column = hn::Iota(ints, static_cast<int32_t>(x));
       const auto place = hn::Sub(hn::ShiftLeft<5>(column), q);
       const auto at = hn::ShiftRight<5>(place);
@@ -66,8 +77,28 @@ class EvidenceRow {
   [[nodiscard]] HWY_INLINE hn::Vec<Ints> disparity(size_t x) const { return hn::LoadU(Ints(), disparity_.data() + x); }
   [[nodiscard]] HWY_INLINE hn::Vec<Ints> counts(size_t x) const { return hn::LoadU(Ints(), counts_.data() + x); }
 
-  void add_to(std::vector<int32_t> (&sums)[window_sums], size_t width, size_t before = 0) const {
+  void add_to(std::vector<int32_t> (&sums)[window_sums], size_t width, size_t before) const {
     accumulate(sums, width, before, [](auto sum, auto value) { return hn::Add(sum, value); });
+  }
+  void add_to_cells(std::vector<int32_t> (&sums)[cell_sums], size_t width) const {
+    const Ints ints;
+    const auto eighth = [&](auto v) { return hn::ShiftRight<3>(hn::Add(v, hn::Set(ints, 4))); };
+    for (size_t x = 0; x < width; x += hn::Lanes(ints)) {
+      const auto slope = hn::LoadU(ints, slope_.data() + x), match_slope = hn::LoadU(ints, match_slope_.data() + x);
+      const auto difference = hn::LoadU(ints, difference_.data() + x), shape = pull_at(disparity(x));
+      const auto pulled = eighth(hn::Mul(slope, shape)), pulled_match = eighth(hn::Mul(match_slope, shape));
+      const hn::Vec<Ints> values[cell_sums] = {slope,
+                                               match_slope,
+                                               difference,
+                                               hn::Mul(slope, difference),
+                                               hn::Mul(slope, match_slope),
+                                               pulled,
+                                               pulled_match,
+                                               hn::Mul(pulled, difference),
+                                               hn::Mul(pulled, match_slope),
+                                               hn::Mul(pulled, pulled_match)};
+      for (size_t k = 0; k < cell_sums; ++k) hn::StoreU(hn::Add(hn::LoadU(ints, sums[k].data() + x), values[k]), ints, sums[k].data() + x);
+    }
   }
   void take_from(std::vector<int32_t> (&sums)[window_sums], size_t width, size_t before) const {
     accumulate(sums, width, before, [](auto sum, auto value) { return hn::Sub(sum, value); });
@@ -75,6 +106,20 @@ class EvidenceRow {
 
  private:
   static constexpr size_t spare = 2 * hn::MaxLanes(Ints()), slope_reach = 4;
+
+  static HWY_INLINE hn::Vec<Ints> phase_of(hn::Vec<Floats> disparity) {
+    const Floats floats;
+    const auto phases = hn::Mul(disparity, hn::Set(floats, static_cast<float>(REFINE_PHASES)));
+    return hn::ConvertTo(Ints(), hn::Floor(hn::Add(phases, hn::Set(floats, 0.5f))));
+  }
+  /// The shape of the pull to whole pixels, by a disparity in 32nds of a pixel.
+  static HWY_INLINE hn::Vec<Ints> pull_at(hn::Vec<Ints> q) {
+    const Ints ints;
+    const auto half = hn::Set(ints, REFINE_PHASES / 2);
+    const auto off = hn::Sub(hn::And(q, hn::Set(ints, REFINE_PHASES - 1)), half), far = hn::Abs(off);
+    const auto size = hn::Min(hn::Mul(hn::Set(ints, 5), hn::Sub(half, far)), far);
+    return hn::IfThenElse(hn::Lt(off, hn::Zero(ints)), size, hn::Neg(size));
+  }
 
   void read_counts(const RefineImages& images, size_t y) {
     const size_t width = images.width;

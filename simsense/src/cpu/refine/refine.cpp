@@ -20,25 +20,30 @@ HWY_INLINE float less_constant(int32_t sum, int32_t a, int32_t b, float share) {
 void sum_cells(const RefineImages& images, const float* filtered, size_t row, float* cells) {
   const size_t width = images.width, columns = (width + REFINE_CELL - 1) / REFINE_CELL;
   EvidenceRow evidence(width);
-  std::vector<int32_t> sums[window_sums];
+  std::vector<int32_t> sums[cell_sums];
   for (auto& sum : sums) sum.assign(columns * REFINE_CELL, 0);
   const size_t end = std::min(images.height, (row + 1) * REFINE_CELL);
   for (size_t y = row * REFINE_CELL; y < end; y += 2) {
-    evidence.look(images, y, filtered + y * width, nullptr);
-    evidence.add_to(sums, width);
+    evidence.look(images, y, filtered + y * width, nullptr, nullptr);
+    evidence.add_to_cells(sums, width);
   }
   for (size_t c = 0; c < columns; ++c) {
-    int32_t cell[window_sums];
-    for (size_t k = 0; k < window_sums; ++k) {
+    int32_t cell[cell_sums];
+    for (size_t k = 0; k < cell_sums; ++k) {
       const int32_t* first = sums[k].data() + c * REFINE_CELL;
       cell[k] = std::accumulate(first, first + REFINE_CELL, 0);
     }
-    cells[2 * c] = less_constant(cell[sum_product], cell[sum_slope], cell[sum_difference], REFINE_CELL_SHARE);
-    cells[2 * c + 1] = std::max(less_constant(cell[sum_texture], cell[sum_slope], cell[sum_match_slope], REFINE_CELL_SHARE), 0.0f);
+    float* figures = cells + c * REFINE_CELL_FIGURES;
+    const auto of = [&](size_t sum, size_t a, size_t b) { return less_constant(cell[sum], cell[a], cell[b], REFINE_CELL_SHARE); };
+    figures[0] = of(sum_product, sum_slope, sum_difference);
+    figures[1] = std::max(of(sum_texture, sum_slope, sum_match_slope), 0.0f);
+    figures[2] = of(sum_pulled_product, sum_pulled_slope, sum_difference);
+    figures[3] = of(sum_mixed_texture, sum_pulled_slope, sum_match_slope);
+    figures[4] = std::max(of(sum_pulled_texture, sum_pulled_slope, sum_pulled_match_slope), 0.0f);
   }
 }
 
-/// The cells' steps along a row of pixels, between the middles of cells.
+/// The cells' steps, or pulls, along a row of pixels, between the middles of cells.
 class CellSteps {
  public:
   CellSteps(const float* steps, size_t columns, size_t rows)
@@ -131,17 +136,18 @@ void refine_row(const Window& window, size_t y, size_t width, float least, const
   }
 }
 
-void refine_band(const RefineImages& images, const float* filtered, const float* steps, size_t begin, size_t end, float* refined) {
+void refine_band(const RefineImages& images, const float* filtered, const float* steps, const float* pulls, size_t begin, size_t end,
+                 float* refined) {
   const size_t width = images.width, columns = (width + REFINE_CELL - 1) / REFINE_CELL,
                rows = (images.height + REFINE_CELL - 1) / REFINE_CELL;
-  CellSteps moved(steps, columns, rows);
+  CellSteps moved(steps, columns, rows), pulled(pulls, columns, rows);
   Window window(width);
   const size_t first = begin - std::min<size_t>(begin, REFINE_REACH), last = std::min(images.height, end + REFINE_REACH);
   size_t next = first;
   for (size_t y = begin; y < end; ++y) {
     if (y >= first + REFINE_REACH + 1) window.drop(y - REFINE_REACH - 1);
     for (; next < std::min(last, y + REFINE_REACH + 1); ++next) {
-      window.own_row(next).look(images, next, filtered + next * width, moved.row(next));
+      window.own_row(next).look(images, next, filtered + next * width, moved.row(next), pulled.row(next));
       window.add(next);
     }
     refine_row(window, y, width, images.least_disparity, filtered + y * width, refined + y * width);
@@ -152,6 +158,8 @@ void refine_band(const RefineImages& images, const float* filtered, const float*
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
+#include <tuple>
+
 #include "device/thread_pool.h"
 
 namespace simsense::cpu {
@@ -160,16 +168,23 @@ namespace {
 HWY_EXPORT(sum_cells);
 HWY_EXPORT(refine_band);
 
-/// The step by the sums of a cell and those around it.
-float cell_step(const std::vector<float>& cells, size_t columns, size_t rows, size_t cx, size_t cy) {
-  float product = 0, texture = 0;
+float sure_of(float texture) {
+  const float least = std::max(texture, 1.0f);
+  return least + REFINE_CELL_PRIOR * REFINE_CELL_PRIOR / least;
+}
+
+float step_of(float product, float texture) { return std::clamp(product / (6.0f * texture), -REFINE_LARGEST_STEP, REFINE_LARGEST_STEP); }
+
+/// Step and pull of a cell, from it and those around.
+std::pair<float, float> cell_step(const std::vector<float>& cells, size_t columns, size_t rows, size_t cx, size_t cy) {
+  float sums[REFINE_CELL_FIGURES] = {};
   for (size_t y = cy - (cy > 0); y < std::min(rows, cy + 2); ++y)
-    for (size_t x = cx - (cx > 0); x < std::min(columns, cx + 2); ++x) {
-      product += cells[2 * (y * columns + x)];
-      texture += cells[2 * (y * columns + x) + 1];
-    }
-  const float sure = texture * texture + REFINE_CELL_PRIOR * REFINE_CELL_PRIOR;
-  return std::clamp(product * texture / (6.0f * sure), -REFINE_LARGEST_STEP, REFINE_LARGEST_STEP);
+    for (size_t x = cx - (cx > 0); x < std::min(columns, cx + 2); ++x)
+      for (size_t k = 0; k < REFINE_CELL_FIGURES; ++k) sums[k] += cells[REFINE_CELL_FIGURES * (y * columns + x) + k];
+  const auto [product, texture, pull_product, mixed, pull_texture] = sums;
+  const float step_sure = sure_of(texture), pull_sure = sure_of(pull_texture) + pull_texture * REFINE_PULL_RIDGE;
+  const float most = step_sure * pull_sure, divisor = std::max(most - mixed * mixed, most * (0.5f * REFINE_PULL_RIDGE));
+  return {step_of(product * pull_sure - pull_product * mixed, divisor), step_of(pull_product * step_sure - product * mixed, divisor)};
 }
 
 }  // namespace
@@ -179,15 +194,18 @@ void Refinement::apply(const MatchParameters& p, ConstImage left, ConstImage rig
   const RefineImages images{
       left, right, width, height, {p.left_bits, p.right_bits}, p.invalid_disparity(), static_cast<float>(p.min_disparity)};
   const size_t columns = (width + REFINE_CELL - 1) / REFINE_CELL, rows = (height + REFINE_CELL - 1) / REFINE_CELL;
-  cells_.resize(2 * columns * rows);
+  cells_.resize(REFINE_CELL_FIGURES * columns * rows);
   cell_steps_.resize(columns * rows);
+  cell_pulls_.resize(columns * rows);
   workers.parallel_for(rows, [&](size_t row) {
-    HWY_DYNAMIC_DISPATCH(sum_cells)(images, filtered, row, cells_.data() + 2 * row * columns);
+    HWY_DYNAMIC_DISPATCH(sum_cells)(images, filtered, row, cells_.data() + REFINE_CELL_FIGURES * row * columns);
   });
-  for (size_t i = 0; i < columns * rows; ++i) cell_steps_[i] = cell_step(cells_, columns, rows, i % columns, i / columns);
+  for (size_t i = 0; i < columns * rows; ++i)
+    std::tie(cell_steps_[i], cell_pulls_[i]) = cell_step(cells_, columns, rows, i % columns, i / columns);
   constexpr size_t band = 64;
   workers.parallel_for((height + band - 1) / band, [&](size_t i) {
-    HWY_DYNAMIC_DISPATCH(refine_band)(images, filtered, cell_steps_.data(), i * band, std::min(height, (i + 1) * band), refined);
+    HWY_DYNAMIC_DISPATCH(refine_band)
+    (images, filtered, cell_steps_.data(), cell_pulls_.data(), i * band, std::min(height, (i + 1) * band), refined);
   });
 }
 

@@ -21,8 +21,8 @@ class Refinement {
              float* refined, ks::ThreadPool& workers);
 
  private:
-  std::vector<float> cells_;       // [rows][columns][2]: difference and texture
-  std::vector<float> cell_steps_;  // [rows][columns], px
+  std::vector<float> cells_;                    // [rows][columns][REFINE_CELL_FIGURES]
+  std::vector<float> cell_steps_, cell_pulls_;  // [rows][columns], px
 };
 
 }  // namespace simsense::cpu
