@@ -29,12 +29,12 @@ void main() {
   uint side = tile + 2u * f.psf_radius;
   if (gl_LocalInvocationIndex <= f.psf_radius) kernel[gl_LocalInvocationIndex] = push.kernels.at[f.psf_kernels + gl_LocalInvocationIndex];
   for (uint c = 0u; c < push.channels; ++c) {
-    for (uint v = gl_LocalInvocationID.y; v < side; v += group_rows)
-      for (uint u = gl_LocalInvocationID.x; u < side; u += tile) {
-        uint column = uint(clamp(int(first_column + u) - radius, 0, last_column)), row = uint(clamp(int(first_row + v) - radius, 0, last_row));
-        float value = push.from.at[(first_pixel + row * push.width + column) * push.channels + c];
-        light[v * side + u] = step == optics_vignetted_psf ? value * vignetting_factor(f, column, row) : value;
-      }
+    for (uint i = gl_LocalInvocationIndex; i < side * side; i += tile * group_rows) {
+      uint v = i / side, u = i - v * side;
+      uint column = uint(clamp(int(first_column + u) - radius, 0, last_column)), row = uint(clamp(int(first_row + v) - radius, 0, last_row));
+      float value = push.from.at[(first_pixel + row * push.width + column) * push.channels + c];
+      light[i] = step == optics_vignetted_psf ? value * vignetting_factor(f, column, row) : value;
+    }
     barrier();
     for (uint v = gl_LocalInvocationID.y; v < side; v += group_rows) {
       uint row = uint(clamp(int(first_row + v) - radius, 0, last_row));
