@@ -44,17 +44,16 @@ KUAFU_CONST gbuffer_horizon_steps = 10u;   // along each
 KUAFU_CONST gbuffer_mirror_steps = 12u;    // of rays that lobes look along
 KUAFU_CONST gbuffer_mirror_halvings = 3u;  // of the last
 
-/// What surfaces near one another exchange, by cell. An odd number of words: those of neighbours lie in different banks of a GPU's cache.
+/// What surfaces near one another exchange, by cell: of the room's radiance as a share, of surfaces' laser as a radiance. What is needed
+/// together is one vector.
 struct GbufferCell {
-  float inverse_depth, laser, albedo;  // of what is there; the mean radiance of the projector's light, and what is reflected
-  float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
-  float smooth_room, smooth_indirect;  // the same, mixed with neighbours of the same surface
-  float sent_room, sent_laser;         // what is sent, likewise
-  vec3 normal;                         // in the camera
-  float plane_m;                       // of all points of its plane, along it
-  vec2 beyond;                         // at the image's border: what inverse_depth changes by past it, per cell along columns and rows
+  vec4 plane;                      // normal, in the camera; metres of all points of its plane, along it
+  vec4 own;                        // the mean radiance of the projector's light, and what is reflected; at the image's border: what 1/m
+                                   // changes by past it, per cell along columns and rows
+  vec4 sent;                       // 1/m; what is sent of the room, and of laser
+  vec2 arriving, smooth_arriving;  // of both; mixed with neighbours of the same surface
 };
-KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)
+KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 16)
 
 /// A projector's pattern as pixels of one size see it: [level][row][column], each level through beams as wide as pattern_level has them.
 struct PatternMeans {
@@ -111,6 +110,7 @@ struct GbufferPush {
 };
 
 #ifdef __cplusplus
+static_assert(sizeof(GbufferCell) == 64);
 static_assert(sizeof(GbufferCamera) == 176);
 static_assert(sizeof(GbufferRecord) == 576);
 static_assert(sizeof(GbufferPush) == 16);

@@ -71,12 +71,11 @@ void mean_of_cell(uint i) {
   IN(GbufferCamera) camera = push.record.at[0].cameras[0];
   bool found = s.inverse_depth > 0.0f;
   vec3 normal = found ? in_camera(camera, s.normal) : vec3(0.0f, 0.0f, -1.0f);
-  push.record.at[0].cells.at[i].normal = normal;
-  push.record.at[0].cells.at[i].plane_m = found ? dot(normal, seen_position(camera, pixel_of(p), s.inverse_depth)) : no_plane_m;
-  push.record.at[0].cells.at[i].beyond = change_beyond(i, p, s.inverse_depth);
-  push.record.at[0].cells.at[i].inverse_depth = s.inverse_depth;
-  push.record.at[0].cells.at[i].laser = laser / count;
-  push.record.at[0].cells.at[i].albedo = albedo / count;
+  float plane_m = found ? dot(normal, seen_position(camera, pixel_of(p), s.inverse_depth)) : no_plane_m;
+  vec2 beyond = change_beyond(i, p, s.inverse_depth);
+  push.record.at[0].cells.at[i].plane = vec4(normal.x, normal.y, normal.z, plane_m);
+  push.record.at[0].cells.at[i].own = vec4(laser / count, albedo / count, beyond.x, beyond.y);
+  push.record.at[0].cells.at[i].sent = vec4(s.inverse_depth, 0.0f, 0.0f, 0.0f);
 }
 
 /// acos without a call (Abramowitz and Stegun, Handbook of Mathematical Functions, 4.4.45), off by 7e-5 at most.
@@ -127,7 +126,7 @@ Met met_in(IN(SeenImage) image, vec2 wanted, bool past_border) {
   m.cell = image.first_cell + row / gbuffer_cell_px * image.cell_columns + column / gbuffer_cell_px;
   m.inverse_depth = image.inverse_depth.at[int(image.first_pixel + row * image.width + column)];
   if (!past_border) return m;
-  vec2 beyond = abs(wanted - m.pixel) / float(gbuffer_cell_px), change = image.cells.at[m.cell].beyond;
+  vec2 beyond = abs(wanted - m.pixel) / float(gbuffer_cell_px), change = vec2(image.cells.at[m.cell].own.z, image.cells.at[m.cell].own.w);
   m.inverse_depth += m.inverse_depth > 0.0f ? dot(beyond, change) : 0.0f;
   return m;
 }
@@ -191,8 +190,9 @@ void look_farther(IN(SeenImage) image, float reach, bool past_border, INOUT(Hori
   h.before_z = found ? z : h.before_z;
   h.before_x = found ? x : h.before_x;
   h.before_arc = found ? arc : h.before_arc;
-  h.laser += share * image.cells.at[m.cell].laser;
-  h.albedo += share * image.cells.at[m.cell].albedo;
+  vec4 own = image.cells.at[m.cell].own;
+  h.laser += share * own.x;
+  h.albedo += share * own.y;
 }
 
 /// Neighbours, which are mixed (smooth_cell), look other ways and at other distances.
@@ -221,8 +221,7 @@ void add_horizon(IN(Horizon) h, INOUT(Surroundings) sum) {
 /// Surfaces about a cell get as much of the room as it does, and of one another's light as they send to it.
 void write_surroundings(uint i, IN(Surroundings) sum) {
   float scale = 1.0f / max(sum.all, 1e-6f), back = 1.0f / (1.0f - sum.albedo * scale);
-  push.record.at[0].cells.at[i].room = sum.all > 0.0f ? sum.room * scale * back : 1.0f;
-  push.record.at[0].cells.at[i].indirect = sum.laser * scale * back;
+  push.record.at[0].cells.at[i].arriving = vec2(sum.all > 0.0f ? sum.room * scale * back : 1.0f, sum.laser * scale * back);
 }
 
 /// What arrives at a cell of the room's light and of surfaces' laser.
@@ -264,9 +263,8 @@ float left_column(IN(GbufferPlace) p, float inverse) {
 }
 
 /// How much a cell is of the same surface as a point.
-float same_surface(uint cell, vec3 point) {
-  vec3 normal = push.record.at[0].cells.at[cell].normal;
-  float apart = (dot(normal, point) - push.record.at[0].cells.at[cell].plane_m) / (plane_share * point.z);
+float same_surface(vec4 plane, vec3 point) {
+  float apart = (dot(xyz(plane), point) - plane.w) / (plane_share * point.z);
   return 1.0f / (1.0f + apart * apart);
 }
 
@@ -275,24 +273,22 @@ void smooth_cell(uint i) {
   IN(GbufferCell) own = push.record.at[0].cells.at[i];
   GbufferPlace p = cell_place(i);
   int own_column = int(p.column / gbuffer_cell_px), own_row = int(p.row / gbuffer_cell_px);
-  vec3 point = seen_position(push.record.at[0].cameras[0], pixel_of(p), max(own.inverse_depth, 1e-20f));
-  vec2 sum = 4.0f * vec2(own.room, own.indirect);
+  vec3 point = seen_position(push.record.at[0].cameras[0], pixel_of(p), max(own.sent.x, 1e-20f));
+  vec2 sum = 4.0f * own.arriving;
   float weights = 4.0f;
   for (int k = 0; k < 9; ++k) {
     int x = k % 3 - 1, y = k / 3 - 1, column = own_column + x, row = own_row + y;
     if (k == 4 || column < 0 || row < 0 || column >= int(push.record.at[0].cell_columns) || row >= int(push.record.at[0].cell_rows)) continue;
     uint cell = p.environment * cells_per_view() + uint(row) * push.record.at[0].cell_columns + uint(column);
     IN(GbufferCell) c = push.record.at[0].cells.at[cell];
-    float alike = max(dot(c.normal, own.normal), 0.0f);
-    float weight = float((2 - x * x) * (2 - y * y)) * same_surface(cell, point) * alike * alike * alike * alike;
-    sum += weight * vec2(c.room, c.indirect);
+    float alike = max(dot(xyz(c.plane), xyz(own.plane)), 0.0f);
+    float weight = float((2 - x * x) * (2 - y * y)) * same_surface(c.plane, point) * alike * alike * alike * alike;
+    sum += weight * c.arriving;
     weights += weight;
   }
-  float room = sum.x / weights, indirect = sum.y / weights;
-  push.record.at[0].cells.at[i].smooth_room = room;
-  push.record.at[0].cells.at[i].smooth_indirect = indirect;
-  push.record.at[0].cells.at[i].sent_room = own.albedo * room;
-  push.record.at[0].cells.at[i].sent_laser = own.laser + own.albedo * indirect;
+  vec2 arriving = sum / weights;
+  push.record.at[0].cells.at[i].smooth_arriving = arriving;
+  push.record.at[0].cells.at[i].sent = vec4(own.sent.x, own.own.y * arriving.x, own.own.x + own.own.y * arriving.y, 0.0f);
 }
 
 /// One of the four cells about a pixel, and how near it is.
@@ -313,8 +309,8 @@ NearCell near_cell(uint environment, vec2 pixel, int k) {
 
 /// Room and indirect of a cell, and its weight.
 vec3 weighed_arriving(IN(NearCell) c, vec3 point) {
-  float room = push.record.at[0].cells.at[c.cell].smooth_room, indirect = push.record.at[0].cells.at[c.cell].smooth_indirect;
-  return c.near * (same_surface(c.cell, point) + 1e-3f) * vec3(room, indirect, 1.0f);
+  vec2 arriving = push.record.at[0].cells.at[c.cell].smooth_arriving;
+  return c.near * (same_surface(push.record.at[0].cells.at[c.cell].plane, point) + 1e-3f) * vec3(arriving.x, arriving.y, 1.0f);
 }
 
 /// Shares of the room and the indirect radiance at a pixel of the left camera: of the cells about it, those that are of its surface.

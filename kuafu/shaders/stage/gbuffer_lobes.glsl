@@ -91,16 +91,15 @@ void halve(IN(Mirror) m, bool past_border, INOUT(MirrorRay) r) {
 
 /// What a cell sends, of the room as a share and of the projector, and its weight about a place of this 1/m.
 vec3 weighed_sent(IN(NearCell) c, float inverse) {
-  float there = push.record.at[0].cells.at[c.cell].inverse_depth;
-  float room = push.record.at[0].cells.at[c.cell].sent_room, laser = push.record.at[0].cells.at[c.cell].sent_laser;
-  float weight = there > 0.0f ? c.near * (abs(there - inverse) < 0.15f * inverse ? 1.0f : 1e-3f) : 0.0f;
-  return weight * vec3(room, laser, 1.0f);
+  vec4 sent = push.record.at[0].cells.at[c.cell].sent;
+  float weight = sent.x > 0.0f ? c.near * (abs(sent.x - inverse) < 0.15f * inverse ? 1.0f : 1e-3f) : 0.0f;
+  return weight * vec3(sent.y, sent.z, 1.0f);
 }
 
 /// The light where a ray crosses what is seen: of the cells about it, those whose depth is about that of its own.
 vec2 met_light(IN(Mirror) m, IN(MirrorRay) r) {
   Met met = met_in(m.image, pixel_along(m, r.direction, r.at_m), false);
-  float inverse = push.record.at[0].cells.at[met.cell].inverse_depth;
+  float inverse = push.record.at[0].cells.at[met.cell].sent.x;
   vec3 sum = weighed_sent(near_cell(m.environment, met.pixel, 0), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 1), inverse);
   sum += weighed_sent(near_cell(m.environment, met.pixel, 2), inverse) + weighed_sent(near_cell(m.environment, met.pixel, 3), inverse);
   float scale = 1.0f / max(sum.z, 1e-12f);
