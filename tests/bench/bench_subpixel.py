@@ -5,9 +5,11 @@
 
 A matcher that is pulled to whole pixels errs by a curve of the disparity's fraction. Recorded: FOLDER is that of
 bench_asic.py; the true fraction is the laser's, the curve the mean over the views of the median error where the truth
-is smooth. Rendered: walls whose texture is the dots alone, before each preset at three scales: from the front at ten
-distances (the error of the median, its mean over pictures of other noise: 16 at a quarter of the size, so that all
-scales have the same number of pixels), and slanted and curved ones (the curve of the mean error).
+is smooth. Rendered: strips of walls from 0.3 to 4 m, or from where the preset's range of disparities begins, whose
+texture is the dots alone. Frontal walls are turned by up to 4 degrees, slanted ones by 11 to 40, curved ones are wavy
+and turned by up to 29. Each picture has another distance, shape and noise, so that a bin sees all parts of the pattern;
+the curve is the mean error below half a pixel. noise: the largest peak to peak that the same pictures show when each
+one's curve is turned by a random fraction. error: RMS of the frontal walls' median errors.
 """
 
 from __future__ import annotations
@@ -34,8 +36,10 @@ from activestereo.cli.depth import PROFILES
 BINS, LEAST_PIXELS = 20, 200
 SMOOTH_PX, SMOOTH_SIDE = 3.0, 15
 RADIANCE = 0.05
-DISTANCES_M = (0.5, 0.7, 1.0, 1.3, 1.6, 2.0, 2.1, 2.2, 2.6, 3.0)
-SCALES = (1.0, 0.5, 0.25)
+NEAR_M, FAR_M = 0.3, 4.0
+ROWS = 96
+SCALES = {1.0: (4, 30), 0.5: (8, 24), 0.25: (16, 48)}  # samples per pixel, walls of each shape
+WALL_BINS, TURNS = 10, 200
 BORDER_PX = 12
 
 
@@ -62,18 +66,27 @@ def recorded_curve(views: list[View], found: list[Map]) -> NDArray[np.float64]:
     return np.nanmean(curves, axis=0)
 
 
-def wall(distance_m: float, turned_rad: float, curved: float) -> kuafu.Scene:
-    """A surface of albedo 0.5, in SAPIEN's axes; curved: height of its waves over the distance."""
+def wall(shape: str, distance_m: float, random: np.random.Generator) -> kuafu.Scene:
+    """A surface of albedo 0.5, in SAPIEN's axes."""
+    least, most = {"frontal": (-0.07, 0.07), "slanted": (0.2, 0.7), "curved": (-0.5, 0.5)}[shape]
+    slope = np.tan(random.uniform(least, most)) * random.choice((-1, 1))
+    height, phase = 0.05 * distance_m * (shape == "curved"), random.uniform(0, 2 * np.pi)
+    y, z = np.meshgrid(np.linspace(-3, 3, 400) * distance_m, [-3 * distance_m, 3 * distance_m], indexing="ij")
+    x = distance_m + slope * y + height * np.cos(4 * y / distance_m + phase)
+    first = np.arange(0, 2 * len(y) - 2, 2)
+    faces = np.concatenate([np.stack([first, first + a, first + b], 1) for a, b in ((2, 3), (3, 1))])
     scene = kuafu.Scene(kuafu.Device())
-    side = 96 if curved else 2
-    y, z = np.meshgrid(*2 * [np.linspace(-1.6, 1.6, side) * distance_m], indexing="ij")
-    x = distance_m + np.tan(turned_rad) * y + curved * distance_m * np.cos(4 * y / distance_m)
-    first = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
-    faces = np.concatenate([np.stack([first, first + a, first + b], 1) for a, b in ((1, side + 1), (side + 1, side))])
     material = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
     scene.add_instance(scene.add_mesh(np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), faces), [material])
     scene.set_environment((RADIANCE,) * 3)
     return scene
+
+
+def _strip(name: str, scale: float) -> StereoDepthSensorConfig:
+    """The preset, and only the middle rows of its pictures."""
+    config = StereoDepthSensorConfig(name)
+    config = config.scaled(scale) if scale != 1 else config
+    return config.resized(config.ir_resolution[0], ROWS)
 
 
 def _rendered(config: StereoDepthSensorConfig, scene: kuafu.Scene) -> tuple[Map, Map]:
@@ -89,28 +102,47 @@ def _rendered(config: StereoDepthSensorConfig, scene: kuafu.Scene) -> tuple[Map,
     return np.where(found > 0, found, np.nan)[inside].astype(np.float32), truth[inside]
 
 
-def rendered_rows(name: str, spp: int) -> dict[str, list[object]]:
-    """By scale: worst error in percent to 2 and to 3 m, p-p of the curves of a slanted and a curved wall, px."""
-    rows: dict[str, list[object]] = {}
-    for scale in SCALES:
-        config = StereoDepthSensorConfig(name)
-        config = config.scaled(scale) if scale != 1 else config
+def _peak_to_peak(sums: NDArray[np.float64]) -> float:
+    """Range of the curve that pictures' sums make; sums: [pictures][errors, pixels][bin]."""
+    errors, pixels = sums.sum(axis=0)
+    return float(np.ptp(errors / pixels))
+
+
+def _of_noise(sums: NDArray[np.float64], random: np.random.Generator) -> float:
+    turned = []
+    for _ in range(TURNS):
+        by = random.integers(0, WALL_BINS, (len(sums), 1, 1))
+        place = np.broadcast_to((np.arange(WALL_BINS) + by) % WALL_BINS, sums.shape)
+        turned.append(_peak_to_peak(np.take_along_axis(sums, place, axis=2)))
+    return float(np.mean(turned))
+
+
+def rendered_rows(name: str) -> dict[str, list[float]]:
+    """By scale: p-p of the curves of frontal, slanted and curved walls and of noise, px; error in percent to 2 and to 3
+    m."""
+    rows: dict[str, list[float]] = {}
+    for scale, (spp, count) in SCALES.items():
+        config, errors = _strip(name, scale), []
         config.samples_per_pixel, config.max_bounces = spp, 0
-        errors = {}
-        for distance in DISTANCES_M:
-            scene, shares = wall(distance, 0.0, 0.0), []
-            for seed in range(round(scale**-2)):
-                config.noise_seed = config.render_seed = seed
-                found, truth = _rendered(config, scene)
-                shares.append(float(np.nanmedian(found - truth)) / float(np.median(truth)))
-            errors[distance] = 100 * abs(1 / (1 + float(np.mean(shares))) - 1)
-        row: list[object] = [round(max(e for d, e in errors.items() if d <= most), 2) for most in (2.0, 3.0)]
-        for shape in ((0.6, 0.0), (0.0, 0.05)):
-            found, truth = _rendered(config, wall(1.0, *shape))
-            error = found - truth
-            counts = abs(error) < 1
-            curve = _curve(truth[counts] % 1, error[counts])
-            row.append(round(float(np.nanmax(curve) - np.nanmin(curve)), 3))
+        near_m = max(NEAR_M, 1.08 * config.focal_baseline_px_m / config.max_disparity)
+        row, noise = [], []
+        for kind, shape in enumerate(("frontal", "slanted", "curved")):
+            sums = np.zeros((count, 2, WALL_BINS))
+            for k in range(count):
+                random = np.random.default_rng([kind, k])
+                distance_m = near_m * (FAR_M / near_m) ** ((k + random.uniform()) / count)
+                config.noise_seed = config.render_seed = count * kind + k
+                found, truth = _rendered(config, wall(shape, distance_m, random))
+                error = found - truth
+                counts = abs(error) < 0.5
+                place = (truth[counts] % 1 * WALL_BINS).astype(int) % WALL_BINS
+                sums[k] = [np.bincount(place, weights, WALL_BINS) for weights in (error[counts], None)]
+                if shape == "frontal":
+                    errors.append((distance_m, 100 * float(np.nanmedian(error / truth))))
+            row.append(round(_peak_to_peak(sums), 3))
+            noise.append(_of_noise(sums, np.random.default_rng(kind)))
+        row.append(round(max(noise), 3))
+        row += [round(float(np.sqrt(np.mean([e**2 for d, e in errors if d <= most]))), 2) for most in (2.0, 3.0)]
         rows[f"{name}, scale {scale:g}"] = row
         print(f"| {name}, scale {scale:g} | {' | '.join(map(str, row))} |", flush=True)
     return rows
@@ -135,7 +167,6 @@ def main() -> None:
     parser.add_argument("--recordings", type=Path)
     parser.add_argument("--part", choices=PARTS, default="held-out")
     parser.add_argument("--walls", nargs="*", default=["D415", "D435"], help="presets (default: D415 D435)")
-    parser.add_argument("--spp", type=int, default=4, help="samples per pixel (default: 4)")
     parser.add_argument("--out", type=Path, default=Path("."), help="folder for subpixel.png")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -152,9 +183,9 @@ def main() -> None:
         axes.legend(fontsize=8)
         figure.savefig(args.out / "subpixel.png", dpi=110)
     if args.walls:
-        print("\n| | to 2 m, % | to 3 m, % | slanted px | curved px |\n|--|--|--|--|--|")
+        print("\n| | frontal px | slanted px | curved px | noise px | to 2 m, % | to 3 m, % |\n|--|--|--|--|--|--|--|")
     for name in args.walls:
-        rendered_rows(name, args.spp)
+        rendered_rows(name)
 
 
 if __name__ == "__main__":

@@ -30,11 +30,11 @@ FIGURES = (
         "{pairs.0:profile active:1} % (OpenCV 3WAY {pairs.0:OpenCV 3WAY:1} %)",
     ),
     (
-        "a wall of dots alone, 0.5 to 2 and 3 m, at full, half and a quarter of the size: worst systematic error",
-        "D415 {subpixel.1:D415:0} and {subpixel.1:D415:1} %, {subpixel.1:D415, half size:0} and "
-        "{subpixel.1:D415, half size:1} %, {subpixel.1:D415, quarter size:0} and {subpixel.1:D415, quarter size:1} %; "
-        "D435 {subpixel.1:D435:0} and {subpixel.1:D435:1} %, {subpixel.1:D435, half size:0} and "
-        "{subpixel.1:D435, half size:1} %, {subpixel.1:D435, quarter size:0} and {subpixel.1:D435, quarter size:1} %",
+        "walls of dots alone, 0.3 to 2 and 3 m, at full, half and a quarter of the size: RMS of a wall's error",
+        "D415 {subpixel.1:D415:4} and {subpixel.1:D415:5} %, {subpixel.1:D415, half size:4} and "
+        "{subpixel.1:D415, half size:5} %, {subpixel.1:D415, quarter size:4} and {subpixel.1:D415, quarter size:5} %; "
+        "D435 {subpixel.1:D435:4} and {subpixel.1:D435:5} %, {subpixel.1:D435, half size:4} and "
+        "{subpixel.1:D435, half size:5} %, {subpixel.1:D435, quarter size:4} and {subpixel.1:D435, quarter size:5} %",
     ),
     (
         "ten recordings of a D415 with a laser's depth: off by more than 2 px, plane noise, things widened, filled",
