@@ -20,7 +20,7 @@ from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
-from activestereo.compare.image_errors import ImageErrors, error_shape, image_errors
+from activestereo.compare.image_errors import BaseLight, ImageErrors, error_shape, image_errors
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
 from activestereo.compare.render import WARP_SCALE, render_halves
@@ -104,8 +104,9 @@ def compare(
     model, samples_per_pixel = model or Model(), samples_per_pixel or usual_samples(capture)
     halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)
     phases.begin(PREDICTING)
-    errors = image_errors(capture, model, halves, seed, engines, scene_measurement, phases, cache or LayerCache())
-    without = image_errors(capture, Model(), halves, seed, mean=errors.layers) if model.effects else None
+    base = BaseLight.of(capture, halves, seed)
+    errors = image_errors(capture, model, base, engines, scene_measurement, phases, cache or LayerCache())
+    without = image_errors(capture, Model(), base) if model.effects else None
     phases.begin(LOOKING)
     return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed), without)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes a capture's expected images under a model with the engines: effects with engine fields act inside kuafu and
-simsense. Effects behind the lens change no ray, so they take the base model's light."""
+simsense. Effects of a lens' blur, falloff and glare, and all behind it, change no ray, so they take the base model's
+light."""
 
 from __future__ import annotations
 
@@ -23,17 +24,19 @@ from activestereo.effects.engines.smooth import HALVES, half_samples
 
 # Albedos this close to the scene's hardly change bounced light, except at the surface that sends it to the camera.
 _NEAR_ALBEDO = 0.05
+# Samples per pixel of a model's images.
+_ENOUGH = 16
 
 
 def engines_of(
     device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
 ) -> Callable[[Capture], CaptureRenderer]:
     """Returns a function that makes a capture's CaptureRenderer for a model's images. It renders with half of
-    samples_per_pixel (None: usual_samples()): with 32 the render's noise is a third of a sensor's at most, and no
+    samples_per_pixel (None: usual_samples()), 16 at most: then the render's noise is half of a sensor's at most, and no
     figure contains it."""
 
     def engines(capture: Capture) -> CaptureRenderer:
-        samples = half_samples(samples_per_pixel or usual_samples(capture))
+        samples = min(half_samples(samples_per_pixel or usual_samples(capture)), _ENOUGH)
         return CaptureRenderer(device, samples, max_bounces, seed)
 
     return engines
@@ -78,22 +81,26 @@ def engine_lights(
     capture: Capture, model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer,
     layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
     progress: Progress | None = None,
-) -> list[dict[ImageKey, Light]]:  # fmt: skip
-    """Renders a model's light on the imager, {(frame id, side): Light}. Returns three such dicts: the mean, and each of
-    two independent halves of the samples. Effects that the engines lack are applied to the rendered light by their
+) -> list[Callable[[ImageKey], Light]]:  # fmt: skip
+    """Renders a model's light on the imager. Returns three functions of (frame id, side): the mean, and each of two
+    independent halves of the samples. Effects that the engines lack are applied to the rendered light by their
     formulas. layers: of the base model; only `flat` is used. cache: stores the light."""
-    outside, halves = model.outside_engines(), []
-    for half in HALVES:
-        share = part_of(progress, half / 2, (half + 1) / 2)
-        seen = kept_lights(capture, renderer, cache, model, capture.frames, scene_measurement, share, half)
-        lights = {}
-        for key, view in views.items():
-            images = (*seen[key], layers[key[0]][key[1]].flat)
-            light = Light.of_images([np.asarray(image, dtype=np.float64) for image in images])
-            lights[key] = outside.light(light, view)
-        halves.append(lights)
-    means = {key: Light.of_images(0.5 * (halves[0][key].images + halves[1][key].images)) for key in views}
-    return [means, *halves]
+    outside = _on_images(model)
+    traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
+    halves = [
+        kept_lights(
+            capture, renderer, cache, traced, capture.frames, scene_measurement,
+            part_of(progress, half / 2, (half + 1) / 2), half,
+        )
+        for half in HALVES
+    ]  # fmt: skip
+
+    def light(of: Sequence[Mapping[ImageKey, NDArray[np.float32]]], key: ImageKey) -> Light:
+        seen = np.mean([images[key] for images in of], axis=0, dtype=np.float64)
+        flat = np.asarray(layers[key[0]][key[1]].flat, dtype=np.float64)
+        return outside.light(Light.of_images([*seen, flat]), views[key])
+
+    return [functools.partial(light, of) for of in (halves, halves[:1], halves[1:])]
 
 
 def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
@@ -101,4 +108,16 @@ def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
     layers can be reused, scaled by the surfaces' albedos."""
     near = all(abs(factor - 1.0) <= _NEAR_ALBEDO for factor in scene_measurement.albedo.values())
     moved = any(scene_measurement.focal) or scene_measurement.surfaces
-    return near and not moved and model.outside_engines().on_light() == model.on_light()
+    return near and not moved and _on_images(model).on_light() == model.on_light()
+
+
+def _on_images(model: Model) -> Model:
+    """Returns a model of the effects that act on rendered light: those that engines lack, and those of a lens alone,
+    which kuafu, too, applies to its images."""
+    return Model(
+        tuple(
+            (effect, values)
+            for effect, values in model.effects
+            if not effect.is_simulated(values) or all("optics." in name for name in effect.engine_fields)
+        )
+    )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,26 +144,35 @@ class ImageErrors:
         return out
 
 
+@dataclass(frozen=True)
+class BaseLight:
+    """The base model's light on all frames of a capture: halves, by render_halves(); their mean; and its Views."""
+
+    halves: Halves
+    mean: LayersOfFrames
+    views: dict[ImageKey, View]
+
+    @classmethod
+    def of(cls, capture: Capture, halves: Halves, seed: int = 0) -> BaseLight:
+        mean = mean_of_halves(halves)
+        keys = [(frame, side) for frame in capture.frames for side in SIDES]
+        views = {(frame.id, side): View.of(capture, frame, side, mean[frame.id][side], seed) for frame, side in keys}
+        return cls(halves, mean, views)
+
+
 def image_errors(
-    capture: Capture, model: Model, halves: Halves, seed: int = 0,
+    capture: Capture, model: Model, base: BaseLight,
     engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
     progress: Progress | None = None, cache: LayerCache | None = None,
-    mean: LayersOfFrames | None = None,
 ) -> ImageErrors:  # fmt: skip
     """Computes the ImageErrors of a model, after fitting the nuisances to the train frames. Raises CaptureError if
     there is nothing to fit.
 
-    halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer, which renders
-    the model's effects; None: effects change images by formulas. scene_measurement: known focal lengths and albedos,
-    used only with engines. progress: called as progress(fraction done) while engines render. cache: stores the engines'
-    light; None: the user's own. mean: mean_of_halves(halves), if it is known."""
-    layers = mean_of_halves(halves) if mean is None else mean
+    engines: makes a CaptureRenderer, which renders the model's effects; None: effects change images by formulas.
+    scene_measurement: known focal lengths and albedos, used only with engines. progress: called as progress(fraction
+    done) while engines render. cache: stores the engines' light; None: the user's own."""
+    layers, views = base.mean, base.views
     measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
-    views = {
-        (frame.id, side): View.of(capture, frame, side, layers[frame.id][side], seed)
-        for frame in capture.frames
-        for side in SIDES
-    }
     known = SceneMeasurement() if engines is None or scene_measurement is None else scene_measurement
     # Pixels whose scene is unknown have no expected value, so they count nowhere.
     counted = {
@@ -175,41 +185,37 @@ def image_errors(
         own, gain = of[key[0]][key[1]], np.ones(views[key].shape)
         for material, factor in known.albedo.items():
             gain[own.material == material] = factor
-        base = Light.of_images(gain * Light.of(own).images) if known.albedo else Light.of(own)
-        return model.light(base, views[key])
+        scaled = Light.of_images(gain * Light.of(own).images) if known.albedo else Light.of(own)
+        return model.light(scaled, views[key])
 
-    if engines is None or changes_no_ray(model, known):
-        fitted, *wanted = ({key: light(of, key) for key in views} for of in (layers, *halves))
-    else:
-        fitted, *wanted = engine_lights(
-            capture, model, known, engines(capture), layers, views, cache or LayerCache(), progress
-        )
+    lights: list[Callable[[ImageKey], Light]] = [partial(light, of) for of in (layers, *base.halves)]
+    if engines is not None and not changes_no_ray(model, known):
+        lights = engine_lights(capture, model, known, engines(capture), layers, views, cache or LayerCache(), progress)
+    mean, *halves = lights
+    # Lights are made again where they are needed, because all of them at once take gigabytes.
+    fitted = {key: Light.of_images(mean(key).images) for key in views}
     fit, seen = fit_with_exposures(capture, model, fitted, views, counted)
-    expected = {key: [model.signal(of[key], seen[key], fit.nuisances) for of in wanted] for key in views}
-    predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
+    predictions, squares, sums = {}, {}, {}  # sums over each image's pixels, to be pooled over cameras and frames
+    for key, image in counted.items():
+        first, second = (model.signal(half(key), seen[key], fit.nuisances) for half in halves)
+        predictions[key] = (0.5 * (first + second)).astype(np.float32)
+        squares[key] = ((image - first) * (image - second)).astype(np.float32)
+        counts = np.isfinite(image)
+        residual = (image - 0.5 * (first + second))[counts]
+        sums[key] = {
+            "squares": float((residual**2).sum()),
+            "noise_squares": noise_square(first[counts], second[counts]) * residual.size,
+            "sum": float(residual.sum()),
+            "pixels": residual.size,
+        }
     images = [
         MeasuredImage(frame, side, views[frame.id, side], layers[frame.id][side], measured[frame.id, side])
         for frame in capture.frames
         for side in SIDES
     ]
     noise_variances, noise_model = noise_of_images(capture, images, predictions, fit.nuisances.black_dn)
-    squares = {
-        key: ((image - a) * (image - b)).astype(np.float32)
-        for (key, (a, b)), image in zip(expected.items(), counted.values(), strict=True)
-    }
-    sums = {}  # sums over each image's pixels, to be pooled over cameras and frames
-    for key, image in counted.items():
-        counts, (variance, source) = np.isfinite(image), noise_variances.get(key, (None, None))
-        first, second = (half[counts] for half in expected[key])
-        residual = image[counts] - 0.5 * (first + second)
-        sums[key] = {
-            "squares": float((residual**2).sum()),
-            "noise_squares": noise_square(first, second) * residual.size,
-            "sum": float(residual.sum()),
-            "pixels": residual.size,
-            "floor_variance": variance,
-            "floor_source": source,
-        }
+    for key, of_image in sums.items():
+        of_image["floor_variance"], of_image["floor_source"] = noise_variances.get(key, (None, None))
     return ImageErrors(
         capture, model, layers, views, measured, fit, predictions, squares, noise_variances, noise_model, sums
     )

@@ -16,8 +16,8 @@ from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.computed_once import computed_once
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.image_errors import ImageErrors, image_errors
-from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves
+from activestereo.compare.image_errors import BaseLight, ImageErrors, image_errors
+from activestereo.compare.render import Halves
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.linear import linearised
 from activestereo.effects import Model
@@ -67,22 +67,19 @@ class ErrorsOfModels:
 
     def _under(self, model: Model | SensorModel | None, capture: Capture) -> ImageErrors:
         is_here = capture is (self.stands or self.capture)
-        base, mean = self._base_light() if is_here else (self.base(capture), None)
+        base = self._base_light() if is_here else BaseLight.of(capture, self.base(capture), self.seed)
         measured, engines = None, None if model is None else self.engines
         if isinstance(model, SensorModel):
             names = surface_names(capture.scene_path)
             measured = model.scene_measurement(names)
             model = model.bound(names)
-        return image_errors(
-            capture, model or Model(), base, self.seed, engines, measured, self.progress, self.cache, mean
-        )
+        return image_errors(capture, model or Model(), base, engines, measured, self.progress, self.cache)
 
     @computed_once
-    def _base_light(self) -> tuple[Halves, LayersOfFrames]:
-        """Returns the base model's light at the geometry that was found, and the mean of its two halves. It is kept
-        because it is expensive."""
-        halves = self.base(self.stands or self.capture)
-        return halves, mean_of_halves(halves)
+    def _base_light(self) -> BaseLight:
+        """Returns the base model's light at the geometry that was found. It is kept because it is expensive."""
+        capture = self.stands or self.capture
+        return BaseLight.of(capture, self.base(capture), self.seed)
 
 
 def _stand_alike(a: Capture, b: Capture) -> bool:

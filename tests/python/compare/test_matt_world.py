@@ -74,7 +74,7 @@ def test_geometry_and_paths_see_through_one_lens(device, tmp_path):
 
 def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():
     """Lambert's law: what leaves a matt surface is its albedo times what arrives. The sky beside it is not spread."""
-    wide, fine = (of_wall(size) for size in (1, base_layers.FINER))
+    wide, fine = (of_wall(size) for size in (1, base_layers.WIDE))
     arriving = 0.7
     sky = 30.0 * (wide.surfaces.material != 1)  # in its pixels alone, whole or beside the wall
     light = (arriving * wide.albedo + sky).astype(np.float32)
@@ -87,7 +87,7 @@ def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():
 def of_wall(size):
     """A wall of tiles, 2 m before a camera of 16 x 12 pixels times size; the sky beside it from an odd column on."""
     height, width = 12 * size, 16 * size
-    squares = 2 * base_layers.FINER  # of the wide camera's pixels
+    squares = 2 * base_layers.WIDE  # of the wide camera's pixels
     row, column = np.indices((12 * squares, 16 * squares)) / squares
     paint = np.where((np.floor(row / 1.7) + np.floor(column / 1.3)) % 2 == 0, 0.2, 0.8).astype(np.float32)
     albedo = np.where(column < 12.6, paint, 0.0).astype(np.float32)

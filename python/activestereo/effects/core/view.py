@@ -67,6 +67,21 @@ class Layers:
     def projector(self) -> np.ndarray:
         return self.direct + self.indirect
 
+    def in_camera(self, camera_to_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Returns depth_m, normal and ambient_bounced of a View, float64. The latest pose's are kept, since frames at
+        one pose share their layers."""
+        known = self.__dict__.get("_in_camera")
+        if known is None or not np.array_equal(known[0], camera_to_world):
+            bounced = None
+            if self.ambient_direct is not None:
+                whole = np.asarray(self.ambient, dtype=np.float64)
+                bounced = np.clip(1.0 - self.ambient_direct / np.where(whole > 0, whole, np.inf), 0.0, 1.0)
+                bounced *= whole > 0
+            depth_m, normal = (np.asarray(image, dtype=np.float64) for image in (self.depth_m, self.normal))
+            known = camera_to_world, (depth_m, normal @ camera_to_world[:3, :3], bounced)
+            self.__dict__["_in_camera"] = known
+        return known[1]
+
 
 @dataclass(frozen=True)
 class View:
@@ -100,17 +115,14 @@ class View:
 
     @classmethod
     def of(cls, capture: Capture, frame: Frame, side: str, layers: Layers, seed: int = 0) -> View:
-        rig, bounced = capture.rig, None
-        if (direct := layers.ambient_direct) is not None:
-            whole = np.asarray(layers.ambient, dtype=np.float64)
-            bounced = np.clip(1.0 - direct / np.where(whole > 0, whole, np.inf), 0.0, 1.0) * (whole > 0)
+        rig = capture.rig
         left_to_camera = np.eye(4) if side == "left" else rig.left_to_right
-        camera_to_world = frame.camera_to_world @ np.linalg.inv(left_to_camera)
+        depth_m, normal, bounced = layers.in_camera(frame.camera_to_world @ np.linalg.inv(left_to_camera))
         return cls(
             side=side,
             K=rig.camera(side).K,
-            depth_m=np.asarray(layers.depth_m, dtype=np.float64),
-            normal=np.asarray(layers.normal, dtype=np.float64) @ camera_to_world[:3, :3],
+            depth_m=depth_m,
+            normal=normal,
             pattern=rig.projector.pattern(),
             projector_K=rig.projector.K,
             camera_to_projector=rig.projector.left_to_projector @ np.linalg.inv(left_to_camera),
@@ -144,6 +156,10 @@ class View:
     @computed_once
     def _memory(self) -> dict[Hashable, Any]:
         return {}
+
+    def forget(self) -> None:
+        """Drops all that once() and latest() keep."""
+        self._memory().clear()
 
     def once(self, name: Hashable, make: Callable[[], Any]) -> Any:
         """Returns make(), computed the first time that this view is asked for `name`. Fits use one view hundreds of

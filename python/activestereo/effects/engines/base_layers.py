@@ -2,10 +2,10 @@
 """Renders the layers of a loaded scene's base model: under the projector at power 1, and under ambient radiance 1.
 
 Where all surfaces are matt (each has one albedo, or `calibrate world` measured the room), light off the first surface
-follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at the centres of FINER x FINER
-squares of each pixel. One sample shows it, without noise. Bounced light shows no dots, so it is rendered with few
-samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is painted on them, and
-interpolated to the finer pixels of the same surface."""
+follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at the centres of squares of
+each pixel. One sample shows it, without noise. Bounced light shows no dots, so it is rendered with few samples in wider
+pixels. Divided by the albedo it is smoothed along surfaces, whatever is painted on them, and interpolated to the
+smaller pixels of the same surface."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ from activestereo.effects.engines.layers import RenderRequest, request_key, with
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
-# Squares along each side of a pixel; a pixel of bounced light is as many pixels wide.
-FINER = 2
+# A pixel of bounced light is WIDE pixels wide; a pixel of a small image has SQUARES squares along each side. Dots and
+# smoothing have angles of their own, so images of more than LARGE_PIXELS need neither more squares nor more samples.
+WIDE, SQUARES, LARGE_PIXELS = 2, 2, 2 * 848 * 480
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
 # Shares of samples: bounced light's of a view's samples; direct sky light's of these (effects use it separately).
@@ -42,7 +43,7 @@ _LEAST_ALIKE = 1e-4
 # Mark of pixels that see both sky and surface; 1 marks surface, 0 sky.
 _MIXED = 2
 # Increase this number whenever the computed light changes.
-MATT_VERSION = 4
+MATT_VERSION = 5
 
 
 class MattSurfaces(NamedTuple):
@@ -105,7 +106,7 @@ def bounced_light(
     total, weights = np.zeros((len(light), *shape), np.float32), np.zeros(shape, np.float32)
     sides = []  # for each axis: (index, linear weight) of the wide pixels before and after each fine one
     for count, most in zip(shape, wide.albedo.shape, strict=True):
-        place = (np.arange(count) + 0.5) / FINER - 0.5
+        place = (np.arange(count) + 0.5) / WIDE - 0.5
         before = np.floor(place).astype(int)
         low, high = (np.clip(before + k, 0, most - 1) for k in (0, 1))
         sides.append(((low, 1.0 - (place - before)), (high, place - before)))
@@ -122,14 +123,12 @@ def bounced_light(
 
 # Light without the pattern varies only at edges, so it needs fewer samples.
 FLAT_SHARE = 0.5
-# First surfaces are kept for poses with at most this many pixel squares in all: about 6 poses of 424 x 240.
-_KEPT_SQUARES = 25_000_000
 
 
 class FirstSurfaces(NamedTuple):
     """Caches the surfaces that a matt world's cameras see first. light: for each camera, (the pattern's light reflected
-    there, the same under a pattern that is 1 everywhere). albedo: [camera][height][width][1] at FINER times the
-    resolution. seen: images of these surfaces, named in SURFACE."""
+    there, the same under a pattern that is 1 everywhere). albedo: of the squares, [camera][height][width][1]. seen:
+    images of these surfaces, named in SURFACE."""
 
     light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
     albedo: NDArray[np.float32]
@@ -161,13 +160,13 @@ def matt_layers(
     progress: Progress | None,
 ) -> tuple[Layers, ...]:  # fmt: skip
     """Renders the layers of a matt world by geometry and a few samples. kept: the first surfaces of the latest
-    requests, by a key without the seed, because they have no noise."""
+    request, by a key without the seed, because they have no noise."""
     images, spp, seed = world.images, request.samples_per_pixel, request.seed
-    wide = [_resized(camera, 1.0 / FINER) for camera in request.cameras]
-    # Small images get a larger share of samples for bounced light.
-    camera = request.cameras[0]
-    bounces = FINER**2 * BOUNCED_SHARE
-    bounces *= float(np.clip(SHARED_PIXELS / (camera.width * camera.height), 1.0, MOST_TIMES))
+    wide = [_resized(camera, 1.0 / WIDE) for camera in request.cameras]
+    # Small images get a larger share of samples for bounced light, and large ones a smaller share.
+    pixels = _pixels(request)
+    bounces = WIDE**2 * BOUNCED_SHARE * min(1.0, LARGE_PIXELS / pixels)
+    bounces *= float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
     few, of_sky = _share(request, bounces), _share(request, SKY_SHARE * bounces)
     room = None
     if world.has_room_light:
@@ -204,7 +203,8 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
     projector."""
     key = request_key(replace(request, seed=0), "first surfaces")
     if key not in kept:
-        finer = [_resized(camera, FINER) for camera in request.cameras]
+        squares = SQUARES if _pixels(request) <= LARGE_PIXELS else 1
+        finer = [_resized(camera, squares) for camera in request.cameras]
         seen = world.images(request.cameras, SURFACE, 1, 0)
         first = world.images(finer, FIRST, 1, 0)
         pattern = np.asarray(request.pattern, np.float32)
@@ -216,13 +216,12 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
             lit, direct = flat > 0, np.zeros_like(flat)
             u, v = uv[lit].T
             direct[lit] = flat[lit] * map_coordinates(pattern, [v, u], np.float32, order=1, mode="grid-constant")
-            return _means(direct, FINER), _means(flat, FINER)
+            return _means(direct, squares), _means(flat, squares)
 
+        kept.clear()  # both halves of a pose are rendered one after the other
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             light = pool.map(reflected, range(len(finer)))
             kept[key] = FirstSurfaces(list(light), first["albedo"].copy(), seen)
-        while len(kept) > 1 and sum(known.albedo.size for known in kept.values()) > _KEPT_SQUARES:
-            kept.pop(next(iter(kept)))
     return kept[key]
 
 
@@ -230,6 +229,11 @@ def _resized(camera: kuafu.Camera, size: float) -> kuafu.Camera:
     """Returns the camera with `size` times as many pixels along each side."""
     width, height = (int(np.ceil(size * side)) for side in (camera.width, camera.height))
     return with_pixels(camera, width, height, with_finer_pixels(camera.k, size))
+
+
+def _pixels(request: RenderRequest) -> int:
+    """Returns the number of pixels of the first camera."""
+    return request.cameras[0].width * request.cameras[0].height
 
 
 def _share(request: RenderRequest, share: float) -> int:
