@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Holds the result of a search: its rounds, and the effects that it named."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from activestereo.diagnose.evidence import Evidence
@@ -11,6 +12,7 @@ from activestereo.diagnose.refit import Refit
 from activestereo.diagnose.selection import Candidate
 from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect
+from activestereo.effects.core.descriptor import Lever, SharedBy
 
 Fields = dict[str, tuple[float, FieldFit]]
 
@@ -50,6 +52,15 @@ class Name:
     @property
     def id(self) -> str:
         return self.effect.id
+
+
+def takes_any_light(names: Sequence[Name]) -> bool:
+    """Returns whether draws of dots and of views are named beside an effect of expected images. Together these draws
+    take any error that an unknown effect leaves in the projector's light."""
+    fields = [n for n in names if n.field is not None]
+    shared = {t.shared_by for n in fields for t in n.effect.random_terms if t.lever is Lever.PROJECTOR}
+    has_image = any(n.seen is not None and n.field is None for n in names)
+    return has_image and {SharedBy.DOT, SharedBy.VIEW} <= shared
 
 
 @dataclass(frozen=True)

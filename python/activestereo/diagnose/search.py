@@ -21,7 +21,7 @@ from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.goodness import design_effect, local_structure, occam_nats
 from activestereo.diagnose.linear import Columns, Linear, fitted_model, linearised, scores, some_pixels
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
-from activestereo.diagnose.outcome import Fields, Name, Outcome, Round
+from activestereo.diagnose.outcome import Fields, Name, Outcome, Round, takes_any_light
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.refit import Refit, formula_error, is_response, refit_free_curve, refits
 from activestereo.diagnose.selection import (
@@ -101,7 +101,7 @@ class Search:
         is_full = sum(n.seen is not None for n in self._names) >= self._numbers.most_names
         parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
         in_images = sum(n.seen is not None and n.field is None for n in self._names)
-        rest = Remainder(*parts, names=max(1, in_images), is_full=is_full)
+        rest = Remainder(*parts, names=max(1, in_images), is_full=is_full or takes_any_light(self._names))
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names),
             self._noise, self._unjudged, rest, tuple(self._rounds),

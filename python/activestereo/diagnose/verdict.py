@@ -29,7 +29,8 @@ class Remainder:
     named, the second farthest albedo. test_explained, test_left: explained and left on test frames, None if they tell
     nothing. test_unlike: left in one test frame over what is explained there, at least an error of the scene
     measurement; the largest of all frames. names: how many effects of expected images are named, at least 1. is_full:
-    whether the search reached its largest number of names.
+    whether the search reached its largest number of names, or names that take any error of the projector's light
+    (takes_any_light() of outcome.py).
     """
 
     explained: float

@@ -22,7 +22,7 @@ from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.ranking import ranking_of
 from activestereo.diagnose.refit import Refit
-from activestereo.diagnose.outcome import Name, Round
+from activestereo.diagnose.outcome import Name, Round, takes_any_light
 from activestereo.diagnose.search import Search
 from activestereo.diagnose.selection import Hit, _candidate, credible
 from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED, UNKNOWN, Remainder, probability_right, verdict_of
@@ -91,6 +91,21 @@ def test_an_effect_that_may_hide_in_what_a_formula_misses_joins_its_set():
     Search._widen_set_of_inexact(search)
     assert names[0].members == {first.id: pytest.approx(0.95), "baseline_drift": pytest.approx(0.05)}
     assert names[1].members == {other.id: 1.0}
+
+
+@pytest.mark.parametrize(
+    ("image", "draws", "takes_any"),
+    [
+        ("subsurface", ("dot_gain_spread", "speckle_static"), True),
+        ("subsurface", ("dot_gain_spread", "prnu"), False),
+        ("subsurface", ("speckle_static",), False),
+        (None, ("dot_gain_spread", "speckle_static"), False),
+    ],
+)
+def test_draws_of_dots_and_of_views_take_any_error_beside_another_name(image, draws, takes_any):
+    named = Name(EFFECTS[image], {image: 1.0}, 1.0, seen=round_of(100.0)) if image else None
+    names = [Name(EFFECTS[id], {id: 1.0}, 0.3, field=object(), seen=round_of(90.0)) for id in draws]
+    assert takes_any_light(([named] if named else []) + names) == takes_any
 
 
 def round_of(chi2, **fits):
