@@ -238,8 +238,7 @@ class Search:
         if named.field is not None:
             self._take_draws(named, self._rows, named.field)
             return True
-        if self._accept(fits[name].solution):
-            self._swap_last()
+        self._accept_last(fits)
         self._draw_again()
         return True
 
@@ -395,23 +394,27 @@ class Search:
         self._take_off(more)
         self._fit_again(self._solution)
 
-    def _swap_last(self) -> None:
-        """Replaces the effect named last by a rival of its round that explains clearly more after the poses were
-        corrected. The earlier poses, found without the rival, had absorbed a part of its image change."""
-        name = self._names[-1]
-        assert name.seen is not None
-        model, fits = self._solution.model.without_effect(name.id), []
-        for rival in (f.solution for id, f in name.seen.fits.items() if id != name.id):
-            if name.seen.chi2 - rival.sums.total > _NEAR_SWAP * name.gain * self._pixels:
-                effect, values = next((e, v) for e, v in rival.model.effects if e.id == rival.effects[-1].id)
-                space = ParameterSpace.of(model.with_effect(effect, **values))
-                fits.append(self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED))
-        best = min(fits, key=lambda f: f.sums.total, default=self._solution)
-        gain = name.gain + (self._chi2 - best.sums.total) / self._pixels
-        if gain > (1.0 + self._numbers.formula_error) * name.gain:
-            effect = self._effect(best.effects[-1].id)
-            self._names[-1] = replace(name, effect=effect, members={effect.id: 1.0}, gain=gain)
-            self._accept(best)
+    def _accept_last(self, fits: Mapping[str, Refit]) -> None:
+        """Accepts the fit of the effect named last. If that moves the poses, the closest rival is accepted from the
+        same start, too, and takes the name's place if it leaves less: poses that were found without an effect absorb a
+        part of its image change. The other joins its set if it leaves about as much."""
+        before, name = dict(vars(self)), self._names[-1]
+        if not self._accept(fits[name.id].solution):
+            return
+        accepted, left, least = dict(vars(self)), self._excess, self._floor() / self._pixels
+        rival = min((id for id in fits if id != name.id), key=lambda id: fits[id].chi2, default=name.id)
+        gain = (fits[name.id].chi2 - fits[rival].chi2) / self._pixels + name.gain
+        if gain > _NEAR_SWAP * name.gain and rival != name.id:
+            vars(self).update(before)
+            self._accept(fits[rival].solution)
+            better = left - self._excess
+            if better > 0.0:
+                self._names[-1] = replace(name, effect=self._effect(rival), members={rival: 1.0}, gain=gain + better)
+            else:
+                vars(self).update(accepted)
+            other, name = name.id if better > 0.0 else rival, self._names[-1]
+            if abs(better) < least and other not in name.members:
+                self._widen_set(name, [other])
 
     def _refit_at_peaks(self, fit: Solution) -> Solution:
         """Refits effects that have several narrow likelihood peaks (Effect.starts) at their best peak beside the others

@@ -108,6 +108,30 @@ def test_draws_of_dots_and_of_views_take_any_error_beside_another_name(image, dr
     assert takes_any_light(([named] if named else []) + names) == takes_any
 
 
+@pytest.mark.parametrize(
+    ("left", "named", "members"),
+    [
+        ({"radial_distortion": 0.07, "pattern_scale_drift": 0.04}, "pattern_scale_drift", 1),
+        ({"radial_distortion": 0.044, "pattern_scale_drift": 0.046}, "radial_distortion", 2),
+        ({"radial_distortion": 0.04, "pattern_scale_drift": 0.07}, "radial_distortion", 1),
+    ],
+)
+def test_a_close_rival_is_judged_at_poses_of_its_own(left, named, members):
+    """Poses that were found without either effect had taken most of both."""
+    now = round_of(1000.0, radial_distortion=962.0, pattern_scale_drift=973.0)
+    names = [Name(EFFECTS["radial_distortion"], {"radial_distortion": 1.0}, 0.038, seen=now)]
+    search = SimpleNamespace(_names=names, _pixels=1000, _numbers=NUMBERS, _floor=lambda: 7.0, _effect=EFFECTS.get)
+
+    def accept(fit):
+        search._excess = left[fit.effects[-1].id]
+        return True
+
+    search._accept, search._widen_set = accept, partial(Search._widen_set, search)
+    Search._accept_last(search, now.fits)
+    assert (names[0].id, len(names[0].members), search._excess) == (named, members, left[named])
+    assert sum(names[0].members.values()) == pytest.approx(1.0)
+
+
 def round_of(chi2, **fits):
     return Round({}, {}, chi2, 0.0, 0.0, {name: Refit(fitted(name, total)) for name, total in fits.items()})
 
