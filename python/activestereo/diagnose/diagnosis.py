@@ -31,8 +31,10 @@ from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
 from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
+from activestereo.diagnose.first_words import first_words, richest_view
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
+from activestereo.diagnose.gather import gather
 from activestereo.diagnose.geometry_search import gather_where_it_stands, standing, with_test_frames
 from activestereo.diagnose.goodness import design_effect
 from activestereo.diagnose.kept import FitCache, keep, key_of
@@ -158,8 +160,8 @@ def diagnose(
     PHASES is told of each. rendering: makes a capture's render engine, to which effects of light transport are fitted
     (diagnose/refit.py). engines: as in compare(), for the same held-out errors. binning: the search averages
     images over so many pixels along rows and columns, None for usual_binning(); held-out errors are of full-size
-    images. says: as in Settings. reference: captures of the same unit from when it was good; they serve only rooms that
-    `calibrate world` measured (else ValueError).
+    images. says: is told the likeliest effects by one view first, then as in Settings. reference: captures of the same
+    unit from when it was good; they serve only rooms that `calibrate world` measured (else ValueError).
     """
     effects = library() if effects is None else effects
     reason = _no_infrared(capture_path)
@@ -217,6 +219,10 @@ def diagnose(
         _, before, _, after = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
         accepted = complete.bound(surface_names(whole.scene_path))
         return Diagnosis(result, accepted, stub, complete, before, after, made, key)
+    view = richest_view(capture)
+    near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
+    seen = gather(view, render(view, progress=near), seed)
+    says(first_words(seen, known, _within_reach(seen, list(effects.values()))[0], workers, numbers, kept))
     evidence, engine = located(known)
     memory = FitCache(kept, evidence.train)
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, says)

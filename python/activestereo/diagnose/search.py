@@ -86,7 +86,7 @@ class Search:
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         made_by = self._settings.workers, self._settings.memory
         atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
-        columns = self._columns(linear, atoms)
+        columns = columns_of(linear, atoms, *made_by)
         while self._name_one(linear, [a for a in atoms if self._is_open(a.effect)], columns):
             before = linear.fitter
             self._drop_needless()
@@ -107,29 +107,21 @@ class Search:
             self._noise, self._unjudged, rest, tuple(self._rounds),
         )  # fmt: skip
 
-    def _columns(self, linear: Linear, atoms: Sequence[Atom]) -> Columns:
-        """Computes the dictionary: one shape of each effect, then all shapes of those that lead, for the first words,
-        then the others."""
-        columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
-        known: dict[int, Atom] = {}
+    def look(self) -> list[str]:
+        """Returns the ids of the likeliest effects by score: of one shape of each, then of all shapes of those that
+        lead."""
+        linear, made_by = linearised(self._scored, self._solution), (self._settings.workers, self._settings.memory)
+        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
+        atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
 
-        def compute(chosen: Iterable[Atom]) -> None:
-            new = [atom for atom in chosen if atom.first not in known]
-            made = columns_of(linear, numbered(new), self._settings.workers, self._settings.memory)
-            for atom, alone in zip(new, numbered(new), strict=True):
-                columns[atom.columns()], known[atom.first] = made[alone.columns()], atom
+        def seen(atoms: Sequence[Atom]) -> dict[str, Candidate]:
+            chosen = numbered(atoms)
+            return candidates(chosen, scores(linear, columns_of(linear, chosen, *made_by)), self._pixels)
 
-        def look() -> dict[str, Candidate]:
-            seen = np.concatenate([columns[atom.columns()] for atom in known.values()])
-            return candidates(numbered(list(known.values())), scores(linear, seen), self._pixels)
-
-        compute(first_shapes(atoms))
-        if known and (found := look()):
-            least = _LEADS * max(c.gain for c in found.values())
-            compute(atom for atom in atoms if found.get(atom.effect.id) and found[atom.effect.id].gain > least)
-            self._settings.says(f"looks like {', '.join(list(look())[:3])}")
-        compute(atoms)
-        return columns
+        found = seen(first_shapes(atoms))
+        least = _LEADS * max((c.gain for c in found.values()), default=0.0)
+        leading = {name for name, c in found.items() if c.gain > least}
+        return list(seen([a for a in atoms if a.effect.id in leading]))
 
     @property
     def _chi2(self) -> float:
@@ -397,17 +389,26 @@ class Search:
     def _accept_last(self, fits: Mapping[str, Refit]) -> None:
         """Accepts the fit of the effect named last. If that moves the poses, the closest rival is accepted from the
         same start, too, and takes the name's place if it leaves less: poses that were found without an effect absorb a
-        part of its image change. The other joins its set if it leaves about as much."""
+        part of its image change. The other joins its set if it leaves about as much. Weights of the name judge both,
+        for a wrong effect lowers its own."""
         before, name = dict(vars(self)), self._names[-1]
         if not self._accept(fits[name.id].solution):
             return
-        accepted, left, least = dict(vars(self)), self._excess, self._floor() / self._pixels
+        accepted, least = dict(vars(self)), self._floor() / self._pixels
+        weights = [o.weight for o in self._evidence.train]
+
+        def left() -> float:
+            squares = (w * row.residual**2 for w, row in zip(weights, self._rows, strict=True))
+            shown = [s.ravel()[row.observation.picked()] for s, row in zip(squares, self._rows, strict=True)]
+            return float(np.mean(np.concatenate(shown)))
+
+        alone = left()
         rival = min((id for id in fits if id != name.id), key=lambda id: fits[id].chi2, default=name.id)
         gain = (fits[name.id].chi2 - fits[rival].chi2) / self._pixels + name.gain
         if gain > _NEAR_SWAP * name.gain and rival != name.id:
             vars(self).update(before)
             self._accept(fits[rival].solution)
-            better = left - self._excess
+            better = alone - left()
             if better > 0.0:
                 self._names[-1] = replace(name, effect=self._effect(rival), members={rival: 1.0}, gain=gain + better)
             else:

@@ -33,8 +33,8 @@ class Settings:
     memory: the cache that keeps fits, or None. errors: gives the errors of held-out test frames; None leaves them out.
     located(model, evidence): returns the evidence, and its render engine, with the poses that fit under a model; None
     keeps the poses. with_test(evidence, fitter, solution, model): returns the evidence with its test frames added; None
-    leaves them out. says: is called with two texts: the likeliest effects once all are scored, and the verdict before
-    test frames confirm it.
+    leaves them out. says: is called with the ranks of a user's own effects, and with the verdict before test frames
+    confirm it.
     """
 
     workers: int = 2

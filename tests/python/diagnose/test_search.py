@@ -3,19 +3,21 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture
-from activestereo.capture.capture import SIDES, SPLITS
+from activestereo.capture.capture import SIDES, SPLITS, Capture
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.depth_engine import pose_error_nats
 from activestereo.diagnose.diagnosis import _test_errors
 from activestereo.diagnose.dictionary import Atom, carried
 from activestereo.diagnose.evidence import NuisancePrior, one_of_each_situation
 from activestereo.diagnose.fields import dots_seen
+from activestereo.diagnose.first_words import richest_view
 from activestereo.diagnose.fitter import Fitter, ParameterSpace
 from activestereo.diagnose.goodness import Interval, interval, occam_nats
 from activestereo.diagnose.numbers import NUMBERS
@@ -117,18 +119,23 @@ def test_draws_of_dots_and_of_views_take_any_error_beside_another_name(image, dr
     ],
 )
 def test_a_close_rival_is_judged_at_poses_of_its_own(left, named, members):
-    """Poses that were found without either effect had taken most of both."""
+    """Poses that were found without either effect had taken most of both. The weights that each leads to judge
+    neither."""
     now = round_of(1000.0, radial_distortion=962.0, pattern_scale_drift=973.0)
     names = [Name(EFFECTS["radial_distortion"], {"radial_distortion": 1.0}, 0.038, seen=now)]
     search = SimpleNamespace(_names=names, _pixels=1000, _numbers=NUMBERS, _floor=lambda: 7.0, _effect=EFFECTS.get)
+    weights = {"radial_distortion": 1.0, "pattern_scale_drift": 0.5}
 
     def accept(fit):
-        search._excess = left[fit.effects[-1].id]
+        effect = fit.effects[-1].id
+        seen = SimpleNamespace(weight=np.full((2, 2), weights[effect]), picked=lambda: slice(None))
+        search._rows = [SimpleNamespace(observation=seen, residual=np.full((2, 2), np.sqrt(1.0 + left[effect])))]
+        search._evidence, search.accepted = SimpleNamespace(train=[seen]), effect
         return True
 
     search._accept, search._widen_set = accept, partial(Search._widen_set, search)
     Search._accept_last(search, now.fits)
-    assert (names[0].id, len(names[0].members), search._excess) == (named, members, left[named])
+    assert (names[0].id, len(names[0].members), search.accepted) == (named, members, named)
     assert sum(names[0].members.values()) == pytest.approx(1.0)
 
 
@@ -359,6 +366,18 @@ def test_one_image_of_each_situation_sees_two_instants_of_repeats():
     assert chosen == {(0, "right"), (2, "left")}
     single = [Image(frame(0, None), side, np.zeros((8, 8))) for side in ("left", "right")]
     assert {(o.frame.id, o.side) for o in one_of_each_situation(single)} == {(0, "right"), (0, "left")}
+
+
+def test_first_words_come_from_the_view_with_the_most_settings():
+    """Of equal ones it is the first; a moving view is another one than the same pose at rest."""
+    near, far = np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])
+    light = dict(split="train", exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
+    shots = [(near, False, {}), (near, True, {"projector_power": 0.0}), (far, False, {}), (far, False, {}),
+             (far, False, {"temperature_c": 40.0}), (far, False, {"split": "test"})]  # fmt: skip
+    frames = [SimpleNamespace(camera_to_world=m, is_moving=moves, **light | own) for m, moves, own in shots]
+    capture = Capture(Path(), "views", Path(), None, tuple(frames))
+    assert richest_view(capture).frames == tuple(frames[2:5])
+    assert richest_view(replace(capture, frames=tuple(frames[:4]))).frames == (frames[0],)
 
 
 def explanation(name, values, information):

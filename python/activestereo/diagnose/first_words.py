@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tells what a recording looks like before all of it is rendered: the scores of one view, at its stated geometry."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.capture.capture import Capture, Frame
+from activestereo.compare.cache import LayerCache
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.kept import FitCache
+from activestereo.diagnose.numbers import Numbers
+from activestereo.diagnose.search import Search
+from activestereo.diagnose.settings import Settings
+from activestereo.effects import Effect, Model
+
+_NAMES = 3  # as many are told
+
+
+def richest_view(capture: Capture) -> Capture:
+    """Returns the capture with the train frames of one pose alone, the one with the most settings."""
+    views: dict[tuple[bytes, bool], list[Frame]] = {}
+    for f in capture.split("train"):
+        views.setdefault((f.camera_to_world.tobytes(), f.is_moving), []).append(f)
+
+    def settings(frames: list[Frame]) -> int:
+        return len({(f.exposure_gain, f.projector_power, f.ambient, f.temperature_c) for f in frames})
+
+    return replace(capture, frames=tuple(max(views.values(), key=settings, default=())))
+
+
+def first_words(
+    evidence: Evidence, model: Model, effects: Sequence[Effect], workers: int, numbers: Numbers, kept: LayerCache
+) -> str:
+    """Returns a clause with the likeliest effects, by the scores of one view's evidence."""
+    if all(np.ptp(o.measured) == 0 for o in evidence.train):
+        return "the infrared images of the first view are blank"
+    memory = FitCache(kept, evidence.train)
+    likely = Search(evidence, model, effects, Settings(workers, numbers=numbers, memory=memory)).look()
+    memory.save()
+    return f"looks like {', '.join(likely[:_NAMES])}" if likely else "no known effect changes the first view's images"
