@@ -27,7 +27,7 @@ def richest_view(capture: Capture) -> Capture:
     def settings(frames: list[Frame]) -> int:
         return len({(f.exposure_gain, f.projector_power, f.ambient, f.temperature_c) for f in frames})
 
-    return replace(capture, frames=tuple(max(views.values(), key=settings, default=())))
+    return replace(capture, frames=tuple(max(views.values(), key=settings, default=[])))
 
 
 def first_words(

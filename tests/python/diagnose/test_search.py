@@ -369,7 +369,7 @@ def test_one_image_of_each_situation_sees_two_instants_of_repeats():
 
 
 def test_first_words_come_from_the_view_with_the_most_settings():
-    """Of equal ones it is the first; a moving view is another one than the same pose at rest."""
+    """The first one leads equal ones. A moving view is another one than the same pose at rest."""
     near, far = np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])
     light = dict(split="train", exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
     shots = [(near, False, {}), (near, True, {"projector_power": 0.0}), (far, False, {}), (far, False, {}),
