@@ -27,7 +27,8 @@ def richest_view(capture: Capture) -> Capture:
     def settings(frames: list[Frame]) -> int:
         return len({(f.exposure_gain, f.projector_power, f.ambient, f.temperature_c) for f in frames})
 
-    return replace(capture, frames=tuple(max(views.values(), key=settings, default=[])))
+    richest = max(views.values(), key=settings) if views else []
+    return replace(capture, frames=tuple(richest))
 
 
 def first_words(
