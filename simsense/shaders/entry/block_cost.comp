@@ -7,44 +7,60 @@
 #include "lib/lanes.glsl"
 
 layout(push_constant, scalar) uniform Push { PathPush push; };
-layout(constant_id = 11) const uint group_parts = 16u;      // power of two, divides the parts of a pixel
+layout(constant_id = 11) const uint group_parts = 16u;  // power of two, divides the parts of a pixel
 layout(constant_id = 12) const uint rows_per_group = 64u;
+layout(constant_id = 13) const uint group_columns = 64u;
+layout(constant_id = 14) const uint halo = 4u;  // columns beside the outputs, a multiple of four; 0 where a workgroup has all there are
 
 const uint part_pairs = 4u, thread_columns = 4u;
-const uint parts = padded_disparities / (2u * part_pairs);
-const uint group_columns = 256u / group_parts * thread_columns, group_outputs = group_columns - (block_width - 1u);
+const uint parts = padded_disparities / (2u * part_pairs), group_outputs = group_columns - 2u * halo;
 
 shared uvec4 column_sums[group_columns * group_parts];
 uvec4 sums[thread_columns];
+int first_column;  // of the workgroup; may lie before the image
 
 int clamp_to(int value, uint size) { return clamp(value, 0, int(size) - 1); }
 
-uvec4 pair_costs(uint row, uint column, uint lane_start) {
-  uint left = row * push.width + column + left_margin;
-  uint right = row * push.right_pitch + push.right_origin + column - lane_start;
-  uvec4 costs = uvec4(0u);
-  [[unroll]] for (uint word = 0u; word < census_words; ++word)
-    [[unroll]] for (uint k = 0u; k < part_pairs; ++k)
-      costs[k] += hamming_pair(push.left_census.at[left * census_words + word], push.right_census.at[(right - k) * census_words + word],
-                               push.right_census.at[(right - k - lane_pairs) * census_words + word]);
-  return costs;
+/// Two groups of four right words, the first of which begins at a multiple of four.
+void load_window(out uint words[8], uint first, uint word) {
+  [[unroll]] for (uint i = 0u; i < 8u; i += 4u) {
+    uvec4 four;
+    if (census_words == 1u) {
+      four = Uvec4Array(push.right_census).at[(first + i) / 4u];
+    } else {
+      [[unroll]] for (uint c = 0u; c < 4u; ++c) four[c] = push.right_census.at[(first + i + c) * census_words + word];
+    }
+    [[unroll]] for (uint c = 0u; c < 4u; ++c) words[i + c] = four[c];
+  }
 }
 
-/// Adds (sign 1) or takes off (sign -1) one row of the image; x: first of this invocation's columns.
+/// Adds (sign 1) or takes off (sign -1) one row of the image; x: the first of this invocation's columns.
 void add_row(int x, int y, uint lane_start, uint sign) {
-  uint row = gl_WorkGroupID.z * push.height + uint(clamp_to(y, push.height));
-  [[unroll]] for (uint c = 0u; c < thread_columns; ++c)
-    sums[c] += sign * pair_costs(row, uint(clamp_to(x + int(c), push.width)), lane_start);
+  if (x < 0 || x >= int(push.width)) return;
+  uint row = gl_WorkGroupID.z * push.height + uint(clamp_to(y, push.height)), left = row * push.width + uint(x) + left_margin;
+  uint right = row * push.right_pitch + push.right_origin + uint(x) - lane_start - 4u;
+  [[unroll]] for (uint word = 0u; word < census_words; ++word) {
+    uint low[8], high[8];
+    load_window(low, right, word);
+    load_window(high, right - lane_pairs, word);
+    [[unroll]] for (uint c = 0u; c < thread_columns; ++c) {
+      uint own = push.left_census.at[(left + c) * census_words + word];
+      [[unroll]] for (uint k = 0u; k < part_pairs; ++k) sums[c][k] += sign * hamming_pair(own, low[c + 4u - k], high[c + 4u - k]);
+    }
+  }
 }
 
-/// Blocks of the four output columns from `column` on.
-void store_blocks(uint column, uint group_part, uint first_pixel, uint part, uint valid_columns) {
+uvec4 column_sum(int x, uint group_part) { return column_sums[uint(clamp_to(x, push.width) - first_column) * group_parts + group_part]; }
+
+/// Blocks of the output columns x .. end - 1, at most four.
+void store_blocks(int x, int end, uint group_part, uint first_pixel, uint part) {
+  const int reach = int(block_width / 2u);
+  if (x >= end) return;
   uvec4 total = uvec4(0u);
-  for (uint i = 0u; i < block_width; ++i) total += column_sums[(column + i) * group_parts + group_part];
-  for (uint c = 0u; c < min(thread_columns, valid_columns); ++c) {
-    Uvec4Array(push.cost).at[(first_pixel + c) * parts + part] = total;
-    if (column + c + block_width < group_columns)
-      total += column_sums[(column + c + block_width) * group_parts + group_part] - column_sums[(column + c) * group_parts + group_part];
+  for (int i = -reach; i <= reach; ++i) total += column_sum(x + i, group_part);
+  for (int c = x; c < end; ++c) {
+    Uvec4Array(push.cost).at[(first_pixel + uint(c)) * parts + part] = total;
+    if (c + 1 < end) total += column_sum(c + 1 + reach, group_part) - column_sum(c - reach, group_part);
   }
 }
 
@@ -52,16 +68,18 @@ void main() {
   uint group_part = gl_LocalInvocationID.x % group_parts, column = gl_LocalInvocationID.x / group_parts * thread_columns;
   uint part = gl_WorkGroupID.x % (parts / group_parts) * group_parts + group_part;
   uint first_pair = part * part_pairs, lane_start = first_pair / lane_pairs * lane_disparities + first_pair % lane_pairs;
-  uint tile_x = gl_WorkGroupID.x / (parts / group_parts) * group_outputs;
-  int x = int(tile_x + column) - int(block_width / 2u), reach = int(block_height / 2u);
+  uint first_output = gl_WorkGroupID.x / (parts / group_parts) * group_outputs;
+  first_column = int(first_output) - int(halo);
+  int x = first_column + int(column), reach = int(block_height / 2u);
+  int out_x = int(first_output + column), end_x = min(out_x + int(thread_columns), int(min(first_output + group_outputs, push.width)));
   int first_row = int(gl_WorkGroupID.y * rows_per_group), end_row = min(first_row + int(rows_per_group), int(push.height));
-  uint out_x = tile_x + column, end_x = min(tile_x + group_outputs, push.width), valid_columns = out_x < end_x ? end_x - out_x : 0u;
   [[unroll]] for (uint c = 0u; c < thread_columns; ++c) sums[c] = uvec4(0u);
   for (int y = first_row - reach; y <= first_row + reach; ++y) add_row(x, y, lane_start, 1u);
   for (int y = first_row; y < end_row; ++y) {
-    [[unroll]] for (uint c = 0u; c < thread_columns; ++c) column_sums[(column + c) * group_parts + group_part] = sums[c];
+    if (column < group_columns)
+      [[unroll]] for (uint c = 0u; c < thread_columns; ++c) column_sums[(column + c) * group_parts + group_part] = sums[c];
     barrier();
-    store_blocks(column, group_part, (gl_WorkGroupID.z * push.height + uint(y)) * push.width + out_x, part, valid_columns);
+    store_blocks(out_x, end_x, group_part, (gl_WorkGroupID.z * push.height + uint(y)) * push.width, part);
     barrier();
     add_row(x, y + reach + 1, lane_start, 1u);
     add_row(x, y - reach, lane_start, 0xffffffffu);

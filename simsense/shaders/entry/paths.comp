@@ -7,10 +7,10 @@
 #include "lib/walk_lines.glsl"
 #include "lib/walk_rows.glsl"
 
-/// Columns of one workgroup are four apart, so that they read the same shifted copy of the census words.
+/// Columns of one workgroup lie side by side or, where costs come from census words, four apart: they read the same shifted copy of the words.
 uint line_of(bool horizontal, uint group, uint lines) {
   uint local_line = cluster() % lines;
-  return horizontal ? group * lines + local_line : (group / 4u * lines + local_line) * 4u + group % 4u;
+  return horizontal || (stored_costs && !diagonal) ? group * lines + local_line : (group / 4u * lines + local_line) * 4u + group % 4u;
 }
 
 Path make_path(bool horizontal, bool leftward, uint group) {

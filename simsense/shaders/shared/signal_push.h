@@ -12,12 +12,12 @@ using SignalFloats = uint64_t;
 struct SignalKey {
   uint x, y;
 };
-inline constexpr uint signal_pairs = 256, grain_taps = 129, gamma_intervals = 1025;
+inline constexpr uint signal_pairs = 1024, grain_taps = 129, gamma_intervals = 1025;
 #else
 #define SignalKey uvec2
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer SignalFloats { float at[]; };
-const uint signal_pairs = 256u;  // images of one dispatch
-const uint grain_taps = 129u;    // of the widest PSF
+const uint signal_pairs = 1024u;  // images of one dispatch
+const uint grain_taps = 129u;     // of the widest PSF
 const uint gamma_intervals = 1025u;
 #endif
 

@@ -26,12 +26,13 @@ void choose_lanes(MatchPlan& plan, const ks::Device& device, uint32_t disparitie
   const uint32_t wanted = divide_up(disparities, disparities <= (batch == 1 ? 128u : 64u) ? 8 : 16);
   plan.path_lanes = tuning.path_lanes ? tuning.path_lanes : std::clamp(std::bit_ceil(wanted), 4u, std::min(plan.subgroup_lanes, 32u));
   plan.lane_disparities = unit * divide_up(disparities, unit * plan.path_lanes);
-  const bool far_ahead = batch == 1 && disparities <= 128 && !device.is_cpu();  // one pair's time is latency
-  plan.steps = tuning.steps ? tuning.steps : std::min(far_ahead ? 8u : 4u, plan.path_lanes);
-  if (!std::has_single_bit(plan.path_lanes) || plan.path_lanes < plan.steps || plan.path_lanes > plan.subgroup_lanes ||
-      plan.path_lanes > 32 || (plan.steps != 4 && plan.steps != 8))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "path_lanes is %u, steps %u: need a power of two of %u..%u and 4 or 8, no more than path_lanes",
-             plan.path_lanes, plan.steps, plan.steps, std::min(plan.subgroup_lanes, 32u));
+  // One pair's time is latency; costs from a volume come from farther than census words, and few of them leave registers free.
+  const bool far_ahead = batch == 1 ? disparities <= 128 : plan.stored_costs && plan.lane_disparities == unit;
+  plan.steps = tuning.steps ? tuning.steps : far_ahead && !device.is_cpu() ? 8u : 4u;
+  if (!std::has_single_bit(plan.path_lanes) || plan.path_lanes < 4 || plan.path_lanes > plan.subgroup_lanes || plan.path_lanes > 32 ||
+      (plan.steps != 4 && plan.steps != 8))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "path_lanes is %u, steps %u: need a power of two of 4..%u and 4 or 8", plan.path_lanes, plan.steps,
+             std::min(plan.subgroup_lanes, 32u));
 }
 
 void choose_ranges(MatchPlan& plan, const MatchParameters& p, uint32_t batch, bool half) {
@@ -85,10 +86,12 @@ uint32_t summed_lines(const ks::Device& device, const MatchPlan& plan, const Mat
 void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
   constexpr uint32_t wanted_groups = 1024;
   const uint32_t parts = plan.padded_disparities() / 8;
+  plan.block_group = 256;
   plan.block_group_parts = 16;
   while (plan.block_group_parts > 1 && (parts % plan.block_group_parts != 0 || plan.block_columns() < 4 * p.block_width))
     plan.block_group_parts /= 2;
-  const uint32_t tiles = divide_up(plan.width, plan.block_columns() - (p.block_width - 1)) * (parts / plan.block_group_parts);
+  plan.block_group = std::min(plan.block_group, divide_up(divide_up(plan.width, 4) * plan.block_group_parts, 32) * 32);
+  const uint32_t tiles = divide_up(plan.width, plan.block_columns() - 2 * plan.block_halo(p.block_width)) * (parts / plan.block_group_parts);
   const uint32_t wanted_rows = plan.height / std::max(wanted_groups / (tiles * plan.pairs_at_once), 1u);
   plan.block_rows_per_group = std::clamp(wanted_rows, std::max(16u, 2 * p.block_height), std::max(64u, 4 * p.block_height));
 }
@@ -120,7 +123,7 @@ uint64_t volume_allowance_bytes(const ks::Device& device) { return device_memory
 /// As many pairs as fill a large GPU with lanes of paths, the stage that has the fewest. A CPU device gains nothing.
 uint32_t default_pairs(const ks::Device& device, const MatchPlan& one_pair) {
   if (device.is_cpu()) return 1;
-  constexpr uint32_t filling_lanes = 1u << 18, least_pairs = 32;
+  constexpr uint32_t filling_lanes = 1u << 20, least_pairs = 32;
   const uint64_t filling = std::max(filling_lanes / (2 * one_pair.height * one_pair.path_lanes), least_pairs);
   return static_cast<uint32_t>(std::clamp<uint64_t>(volume_allowance_bytes(device) / volume_bytes(one_pair), 1, filling));
 }

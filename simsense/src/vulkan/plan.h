@@ -42,11 +42,12 @@ struct MatchPlan {
   uint32_t winner_steps = 0;  // pixels that the winner stage reads ahead
   uint32_t census_copies = 0, census_words = 1, right_origin = 0, right_pitch = 0;
   uint32_t sum_volumes = 0;                                  // of path costs
-  uint32_t block_group_parts = 0, block_rows_per_group = 0;  // workgroup of the block stage: parts of 4 pairs of disparities, rows
+  uint32_t block_group = 0, block_group_parts = 0, block_rows_per_group = 0;  // block stage: invocations, parts of 4 pairs of disparities, rows
 
   [[nodiscard]] uint32_t padded_disparities() const { return path_lanes * lane_disparities; }
-  /// Columns that a workgroup of the block stage sums, including the margin beside its output.
-  [[nodiscard]] uint32_t block_columns() const { return 256 / block_group_parts * 4; }
+  /// Columns that a workgroup of the block stage sums, and those beside its output: none where it has the whole width.
+  [[nodiscard]] uint32_t block_columns() const { return block_group / block_group_parts * 4; }
+  [[nodiscard]] uint32_t block_halo(uint32_t block_width) const { return block_columns() >= width ? 0 : (block_width / 2 + 3) / 4 * 4; }
   [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
   [[nodiscard]] bool sums_blocks() const { return summed_lines > 0; }
   /// Bytes of one volume.
