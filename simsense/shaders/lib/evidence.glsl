@@ -29,6 +29,16 @@ struct Evidence {
   int slope, match_slope, difference;
 };
 
+/// q takes 19 bits, a difference 12.
+uvec2 packed_evidence(Evidence one) {
+  return uvec2(uint(one.match_slope << 16 | one.slope & 0xffff), uint(one.q << 13 | (one.difference & 0xfff) << 1 | int(one.counts)));
+}
+
+Evidence unpacked_evidence(uvec2 words) {
+  int slopes = int(words.x), rest = int(words.y);
+  return Evidence((rest & 1) != 0, rest >> 13, slopes << 16 >> 16, slopes >> 16, rest << 19 >> 20);
+}
+
 int phase_of(float disparity) {
   precise float phases = disparity * float(REFINE_PHASES);
   precise float above = phases + 0.5f;

@@ -19,12 +19,16 @@
 
 #ifdef __cplusplus
 namespace simsense {
+using EvidenceArray = uint64_t;
+#else
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer EvidenceArray { uvec2 at[]; };
 #endif
 
 struct RefinePush {
   UintArray left_image, right_image;  // as CensusPush has them
   FloatArray filtered;                // [P][height][width] disparities after the median
   FloatArray cells;                   // [P][cell rows][cell columns][REFINE_CELL_FIGURES]
+  EvidenceArray evidence;             // [P][height][width] of pixels that have moved with their cells
   FloatArray disparity;               // [P][height][width]
   uint left_byte, right_byte, image_pitch, image_stride;
   uint width, height;

@@ -22,7 +22,7 @@ void VulkanMedian::record(ks::Commands& commands, const MatchBuffers& buffers, c
   push.lr_max_diff = parameters_.lr_max_diff;
   push.min_disparity = parameters_.min_disparity;
   push.maps = arrays.maps();
-  dispatch_pixels(commands, pipeline_, push, plan_.width, plan_.height, pairs);
+  commands.dispatch(pipeline_, push, groups_of(plan_.width, 32), groups_of(plan_.height, 16), pairs);
 }
 
 }  // namespace simsense

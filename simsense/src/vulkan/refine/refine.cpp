@@ -4,6 +4,7 @@
 #include "shared/refine_push.h"
 #include "spirv/refine.h"
 #include "spirv/refine_cells.h"
+#include "spirv/refine_move.h"
 #include "vulkan/dispatch.h"
 #include "vulkan/lane_constants.h"
 
@@ -11,6 +12,7 @@ namespace simsense {
 
 VulkanRefinement::Passes::Passes(const std::shared_ptr<ks::Device>& device, uint32_t element_bytes)
     : cells(device, refine_cells_spirv, sizeof(RefinePush), Constants{element_bytes}),
+      move(device, refine_move_spirv, sizeof(RefinePush), Constants{element_bytes}),
       windows(device, refine_spirv, sizeof(RefinePush), Constants{element_bytes}) {}
 
 VulkanRefinement::VulkanRefinement(const VulkanStep& step) : VulkanStep(step), of_bytes_(device_, 1), of_words_(device_, 2) {}
@@ -25,6 +27,7 @@ void VulkanRefinement::record(ks::Commands& commands, const MatchBuffers& buffer
   push.image_stride = arrays.stride(plan_);
   push.filtered = buffers.filtered->address();
   push.cells = buffers.cells->address();
+  push.evidence = buffers.sums[0]->address();  // which the winners have read
   push.disparity = buffers.refined(arrays);
   push.width = plan_.width;
   push.height = plan_.height;
@@ -35,6 +38,7 @@ void VulkanRefinement::record(ks::Commands& commands, const MatchBuffers& buffer
   const Passes& passes = arrays.element_bytes == 1 ? of_bytes_ : of_words_;
   const uint32_t columns = groups_of(plan_.width, REFINE_CELL), rows = groups_of(plan_.height, REFINE_CELL);
   commands.dispatch(passes.cells, push, columns, rows, pairs);
+  commands.dispatch(passes.move, push, columns, rows, pairs);
   commands.dispatch(passes.windows, push, columns, rows, pairs);
 }
 
