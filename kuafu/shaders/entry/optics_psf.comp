@@ -26,11 +26,11 @@ void main() {
   IN(OpticsRecord) f = push.optics.at[view];
   uint first_column = group % columns * tile, first_row = group / columns % rows * tile, first_pixel = view * pixels_per_view();
   int radius = int(f.psf_radius), last_column = int(push.width) - 1, last_row = int(push.height) - 1;
-  uint side = tile + 2u * f.psf_radius;
+  uint side = tile + 2u * f.psf_radius, by_side = (1u << 20) / side + 1u;  // exact for what a tile holds
   if (gl_LocalInvocationIndex <= f.psf_radius) kernel[gl_LocalInvocationIndex] = push.kernels.at[f.psf_kernels + gl_LocalInvocationIndex];
   for (uint c = 0u; c < push.channels; ++c) {
     for (uint i = gl_LocalInvocationIndex; i < side * side; i += tile * group_rows) {
-      uint v = i / side, u = i - v * side;
+      uint v = i * by_side >> 20, u = i - v * side;
       uint column = uint(clamp(int(first_column + u) - radius, 0, last_column)), row = uint(clamp(int(first_row + v) - radius, 0, last_row));
       float value = push.from.at[(first_pixel + row * push.width + column) * push.channels + c];
       light[i] = step == optics_vignetted_psf ? value * vignetting_factor(f, column, row) : value;

@@ -47,6 +47,7 @@ vec2 undistort_fisheye(const float k[8], vec2 q) {
 
 /// The ray that appears at `q`, by Newton's method, to the rounding of floats. Where the lens folds back there is none; the host refuses such images.
 vec2 undistort(IN(LensRecord) lens, vec2 q) {
+  if (lens.model == lens_straight) return q;
   if (lens.model == lens_kannala_brandt) return undistort_fisheye(lens.k, q);
   vec2 p = q;
   for (uint i = 0u; i < undistort_steps; ++i) {

@@ -40,9 +40,7 @@ void spread(const OpticsPush& push, uint32_t first, uint32_t end, std::vector<fl
 }
 
 /// Whether pixels look where they would without a lens.
-bool is_straight(const LensRecord& lens) {
-  return lens.model == lens_brown_conrady && std::ranges::all_of(lens.k, [](float k) { return k == 0.0f; });
-}
+bool is_straight(const LensRecord& lens) { return lens.model == lens_straight; }
 
 /// The same for a part of a row, whose place takes a division for all of it. Factors of a straight lens whose exponent is a usual one are
 /// found by a loop that vectorises, with the same results.
