@@ -2,6 +2,7 @@
 """Bias of disparity by the fraction of a pixel, of a D415's ASIC, the presets, the profiles and OpenCV.
 
     PYTHONPATH=build/python python3 tests/bench/bench_subpixel.py [--recordings FOLDER] [--part held-out] [--out DIR]
+    PYTHONPATH=build/python python3 tests/bench/bench_subpixel.py --worst
 
 A matcher that is pulled to whole pixels errs by a curve of the disparity's fraction. Recorded: FOLDER is that of
 bench_asic.py; the true fraction is the laser's, the curve the mean over the views of the median error where the truth
@@ -9,7 +10,9 @@ is smooth. Rendered: strips of walls from 0.3 to 4 m, or from where the preset's
 texture is the dots alone. Frontal walls are turned by up to 4 degrees, slanted ones by 11 to 40, curved ones are wavy
 and turned by up to 29. Each picture has another distance, shape and noise, so that a bin sees all parts of the pattern;
 the curve is the mean error below half a pixel. noise: the largest peak to peak that the same pictures show when each
-one's curve is turned by a random fraction. error: RMS of the frontal walls' median errors.
+one's curve is turned by a random fraction. error: RMS of the frontal walls' median errors. --worst: frontal walls at
+each of DISTANCES_M, every one with many draws of the imagers' noise; the largest mean of a distance's median errors,
+with that mean's standard error.
 """
 
 from __future__ import annotations
@@ -40,6 +43,8 @@ NEAR_M, FAR_M = 0.3, 4.0
 ROWS = 96
 SCALES = {1.0: (4, 30), 0.5: (8, 24), 0.25: (16, 48)}  # samples per pixel, walls of each shape
 WALL_BINS, TURNS = 10, 200
+DISTANCES_M = (0.5, 0.7, 1.0, 1.4, 1.7, 2.0, 2.5, 3.0)
+DRAWN = {1.0: (12, 8), 0.5: (12, 32), 0.25: (12, 128)}  # walls of a distance, draws of the noise of a wall
 BORDER_PX = 12
 
 
@@ -89,10 +94,15 @@ def _strip(name: str, scale: float) -> StereoDepthSensorConfig:
     return config.resized(config.ir_resolution[0], ROWS)
 
 
-def _rendered(config: StereoDepthSensorConfig, scene: kuafu.Scene) -> tuple[Map, Map]:
-    """Measured and true disparity, NaN = none, without the columns that the right camera does not see."""
+def _pictured(config: StereoDepthSensorConfig, scene: kuafu.Scene) -> StereoDepthSensor:
     sensor = StereoDepthSensor(config, scene)
     sensor.take_picture(infrared_only=True)
+    return sensor
+
+
+def _measured(sensor: StereoDepthSensor) -> tuple[Map, Map]:
+    """Measured and true disparity, NaN = none, without the columns that the right camera does not see."""
+    config = sensor.get_config()
     sensor.compute_depth()
     found, depth = np.array(sensor.get_disparity()), sensor.get_picture("depth", camera="left")[..., 0]
     with np.errstate(divide="ignore"):
@@ -132,7 +142,7 @@ def rendered_rows(name: str) -> dict[str, list[float]]:
                 random = np.random.default_rng([kind, k])
                 distance_m = near_m * (FAR_M / near_m) ** ((k + random.uniform()) / count)
                 config.noise_seed = config.render_seed = count * kind + k
-                found, truth = _rendered(config, wall(shape, distance_m, random))
+                found, truth = _measured(_pictured(config, wall(shape, distance_m, random)))
                 error = found - truth
                 counts = abs(error) < 0.5
                 place = (truth[counts] % 1 * WALL_BINS).astype(int) % WALL_BINS
@@ -146,6 +156,37 @@ def rendered_rows(name: str) -> dict[str, list[float]]:
         rows[f"{name}, scale {scale:g}"] = row
         print(f"| {name}, scale {scale:g} | {' | '.join(map(str, row))} |", flush=True)
     return rows
+
+
+def _mean_errors(sensor: StereoDepthSensor, draws: int) -> float:
+    """Mean over draws of the noise of the median error, percent."""
+    errors = []
+    for _ in range(draws):
+        sensor.change(noise_seed=sensor.get_config().noise_seed + 1)
+        found, truth = _measured(sensor)
+        errors.append(100 * np.nanmedian((found - truth) / truth))
+    return float(np.mean(errors))
+
+
+def worst_row(name: str, scale: float) -> list[float]:
+    """Worst systematic error of frontal walls to 2 m and its standard error, then both to 3 m, percent."""
+    config, by_distance = _strip(name, scale), []
+    walls, draws = DRAWN[scale]
+    config.samples_per_pixel, config.max_bounces = SCALES[scale][0], 0
+    for place, distance_m in enumerate(DISTANCES_M):
+        errors = []
+        for k in range(walls):
+            config.render_seed = walls * place + k
+            config.noise_seed = draws * config.render_seed
+            scene = wall("frontal", distance_m, np.random.default_rng([3, place, k]))
+            errors.append(_mean_errors(_pictured(config, scene), draws))
+        by_distance.append((distance_m, np.mean(errors), np.std(errors, ddof=1) / np.sqrt(walls)))
+    row = []
+    for most_m in (2.0, 3.0):
+        worst = max((one for one in by_distance if one[0] <= most_m), key=lambda one: abs(one[1]))
+        row += [round(abs(float(worst[1])), 3), round(float(worst[2]), 3)]
+    print(f"| {name}, scale {scale:g} | {' | '.join(map(str, row))} |", flush=True)
+    return row
 
 
 def _recorded_matchers() -> dict[str, Callable[[View], Map]]:
@@ -167,6 +208,7 @@ def main() -> None:
     parser.add_argument("--recordings", type=Path)
     parser.add_argument("--part", choices=PARTS, default="held-out")
     parser.add_argument("--walls", nargs="*", default=["D415", "D435"], help="presets (default: D415 D435)")
+    parser.add_argument("--worst", action="store_true", help="the walls' worst systematic errors instead of curves")
     parser.add_argument("--out", type=Path, default=Path("."), help="folder for subpixel.png")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -182,6 +224,12 @@ def main() -> None:
         axes.set(xlabel="fraction of the true disparity, px", ylabel="median error, px", xlim=(0, 1))
         axes.legend(fontsize=8)
         figure.savefig(args.out / "subpixel.png", dpi=110)
+    if args.worst:
+        print("| | to 2 m, % | standard error | to 3 m, % | standard error |\n|--|--|--|--|--|")
+        for name in args.walls:
+            for scale in SCALES:
+                worst_row(name, scale)
+        return
     if args.walls:
         print("\n| | frontal px | slanted px | curved px | noise px | to 2 m, % | to 3 m, % |\n|--|--|--|--|--|--|--|")
     for name in args.walls:
