@@ -13,7 +13,8 @@
               use(rtcCommitGeometry) use(rtcSetNewGeometryBuffer) use(rtcGetGeometryBufferData) use(rtcUpdateGeometryBuffer)          \
                   use(rtcSetGeometryBuildQuality) use(rtcSetGeometryInstancedScene) use(rtcSetGeometryTransform)                      \
                       use(rtcSetGeometryTransformQuaternion) use(rtcSetGeometryTimeStepCount) use(rtcIntersect8) use(rtcOccluded8)    \
-                          use(rtcSetGeometryIntersectFilterFunction) use(rtcSetGeometryOccludedFilterFunction)
+                          use(rtcIntersect16) use(rtcOccluded16) use(rtcGetDeviceProperty) use(rtcSetGeometryIntersectFilterFunction) \
+                              use(rtcSetGeometryOccludedFilterFunction)
 
 namespace kuafu {
 

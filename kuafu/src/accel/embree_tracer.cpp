@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
 #include "accel/embree_cutout.h"
 #include "accel/embree_world.h"
@@ -52,8 +53,15 @@ MappedQueue map_queue(const RayQueue& rays, size_t alignment) {
   return queue;
 }
 
-RTCRay8& rays_of(RTCRayHit8& packet) { return packet.ray; }
-RTCRay8& rays_of(RTCRay8& packet) { return packet; }
+template <class Packet>
+constexpr bool is_closest = std::is_same_v<Packet, RTCRayHit8> || std::is_same_v<Packet, RTCRayHit16>;
+template <class Packet>
+auto& rays_of(Packet& packet) {
+  if constexpr (is_closest<Packet>)
+    return packet.ray;
+  else
+    return packet;
+}
 
 /// Gives a packet's rays Embree's times, 0..1, while it lives; a queue's are in seconds.
 class EmbreeTimes {
@@ -76,26 +84,58 @@ class EmbreeTimes {
 };
 
 /// Embree stops the program at a ray that is not finite or starts beyond 1.8e18 m (its FLT_LARGE). Such a ray hits nothing; NaN fails too.
-bool can_trace(const RTCRay8& ray, uint32_t lane) {
+/// valid: -1 for the other rays.
+void find_valid(const RTCRay8& ray, int* valid) {
   constexpr float most = 1.8e18f;
-  const auto fits = [](float x, float y, float z) { return std::abs(x) <= most && std::abs(y) <= most && std::abs(z) <= most; };
-  return fits(ray.org_x[lane], ray.org_y[lane], ray.org_z[lane]) && fits(ray.dir_x[lane], ray.dir_y[lane], ray.dir_z[lane]) &&
-         ray.tnear[lane] <= ray.tfar[lane];
+  const auto fits = [](float x, float y, float z) { return (std::abs(x) <= most) & (std::abs(y) <= most) & (std::abs(z) <= most); };
+  for (uint32_t l = 0; l < packet_rays; ++l)
+    valid[l] = -int(fits(ray.org_x[l], ray.org_y[l], ray.org_z[l]) & fits(ray.dir_x[l], ray.dir_y[l], ray.dir_z[l]) &
+                    (ray.tnear[l] <= ray.tfar[l]));
 }
 
-void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, RTCRayHit8& packet) {
-  rtcIntersect8(valid, environment.scene.get(), &context, &packet);
-  if (environment.apart) rtcIntersect8(valid, environment.apart.get(), &context, &packet);
-  for (uint32_t lane = 0; lane < packet_rays; ++lane)
+void ask(const int* valid, RTCScene scene, RTCIntersectContext& context, RTCRayHit8& packet) {
+  rtcIntersect8(valid, scene, &context, &packet);
+}
+void ask(const int* valid, RTCScene scene, RTCIntersectContext& context, RTCRayHit16& packet) {
+  rtcIntersect16(valid, scene, &context, &packet);
+}
+void ask(const int* valid, RTCScene scene, RTCIntersectContext& context, RTCRay8& packet) { rtcOccluded8(valid, scene, &context, &packet); }
+void ask(const int* valid, RTCScene scene, RTCIntersectContext& context, RTCRay16& packet) {
+  rtcOccluded16(valid, scene, &context, &packet);
+}
+
+template <class Packet>
+void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, Packet& packet) {
+  constexpr uint32_t lanes = sizeof(packet.tfar) / 4;
+  ask(valid, environment.scene.get(), context, packet);
+  if (!environment.apart) return;
+  alignas(64) int open[lanes];
+  for (uint32_t lane = 0; lane < lanes; ++lane) open[lane] = packet.tfar[lane] >= 0.0f ? valid[lane] : 0;
+  ask(open, environment.apart.get(), context, packet);
+}
+
+template <class Packet>
+requires is_closest<Packet>
+void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, Packet& packet) {
+  ask(valid, environment.scene.get(), context, packet);
+  if (environment.apart) ask(valid, environment.apart.get(), context, packet);
+  for (uint32_t lane = 0; lane < sizeof(packet.hit.geomID) / 4; ++lane)
     if (valid[lane] && packet.hit.geomID[lane] != miss) packet.hit.instID[0][lane] = environment.instances[packet.hit.instID[0][lane]];
 }
 
-void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, RTCRay8& packet) {
-  rtcOccluded8(valid, environment.scene.get(), &context, &packet);
-  if (!environment.apart) return;
-  alignas(32) int open[packet_rays];
-  for (uint32_t lane = 0; lane < packet_rays; ++lane) open[lane] = packet.tfar[lane] >= 0.0f ? valid[lane] : 0;
-  rtcOccluded8(open, environment.apart.get(), &context, &packet);
+template <class Packet>
+using Wide = std::conditional_t<is_closest<Packet>, RTCRayHit16, RTCRay16>;  // two packets, whose fields stand side by side
+
+/// Copies the fields from `first` on of two packets into a wide one, or back.
+template <class Packet, bool back>
+void copy_fields(Packet* two, Wide<Packet>& wide, uint32_t first) {
+  constexpr size_t bytes = packet_rays * 4;
+  for (size_t f = first; f < sizeof(Packet) / bytes; ++f)
+    for (size_t k = 0; k < 2; ++k) {
+      std::byte* const narrow = reinterpret_cast<std::byte*>(two + k) + f * bytes;
+      std::byte* const of_wide = reinterpret_cast<std::byte*>(&wide) + (2 * f + k) * bytes;
+      std::memcpy(back ? narrow : of_wide, back ? of_wide : narrow, bytes);
+    }
 }
 
 class EmbreeTracer final : public Tracer {
@@ -123,21 +163,50 @@ class EmbreeTracer final : public Tracer {
     device_->workers().parallel_for((packets + chunk_packets - 1) / chunk_packets, [&](size_t chunk) {
       const FlushDenormals flush;
       const auto first = uint32_t(chunk) * chunk_packets;
-      for (uint32_t i = first; i < std::min(packets, first + chunk_packets); ++i) trace_packet<Packet>(queue, i);
+      const uint32_t end = std::min(packets, first + chunk_packets);
+      uint32_t i = first;
+      if (world_.takes_16_rays() && !queue.environments)
+        for (; i + 2 <= end && (i + 2) * packet_rays <= queue.count; i += 2) trace_two_packets<Packet>(queue, i);
+      for (; i < end; ++i) trace_packet<Packet>(queue, i);
     });
     commands.add_host_time(stage, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+  }
+
+  template <class Packet>
+  static EmbreeContext context_of(const MappedQueue& queue) {
+    EmbreeContext context;
+    rtcInitIntersectContext(&context.context);
+    context.context.flags = queue.flags;
+    context.scene = queue.scene;
+    context.kind = is_closest<Packet> ? cutout_closest : cutout_occluded;
+    return context;
+  }
+
+  /// Full ones, all in one environment. Measured: a room takes 6 % less of the processor than with 8 rays at once, glass and metal 2 %.
+  template <class Packet>
+  void trace_two_packets(const MappedQueue& queue, uint32_t index) const {
+    auto* const packets = reinterpret_cast<Packet*>(queue.words) + index;
+    const EmbreeTimes times(rays_of(packets[0]), world_.times()), times_1(rays_of(packets[1]), world_.times());
+    const EmbreeWorld::Environment& environment = world_.environments()[0];
+    EmbreeContext context = context_of<Packet>(queue);
+    context.instances = environment.instances.data();
+    alignas(64) int valid[2 * packet_rays];
+    find_valid(rays_of(packets[0]), valid);
+    find_valid(rays_of(packets[1]), valid + packet_rays);
+    Wide<Packet> wide;
+    copy_fields<Packet, false>(packets, wide, 0);
+    trace(environment, valid, context.context, wide);
+    copy_fields<Packet, true>(packets, wide, ray_t_far);
   }
 
   /// One call per environment that the packet's rays stand in; almost always one.
   template <class Packet>
   void trace_packet(const MappedQueue& queue, uint32_t index) const {
     auto& packet = reinterpret_cast<Packet*>(queue.words)[index];
-    EmbreeContext context;
-    rtcInitIntersectContext(&context.context);
-    context.context.flags = queue.flags;
-    context.scene = queue.scene;
-    context.kind = std::is_same_v<Packet, RTCRayHit8> ? cutout_closest : cutout_occluded;
+    EmbreeContext context = context_of<Packet>(queue);
     const EmbreeTimes times(rays_of(packet), world_.times());
+    alignas(32) int finite[packet_rays];
+    find_valid(rays_of(packet), finite);
     const uint32_t first = index * packet_rays;
     uint32_t waiting = queue.count - first >= packet_rays ? 0xffu : (1u << (queue.count - first)) - 1u;
     while (waiting != 0) {
@@ -145,7 +214,7 @@ class EmbreeTracer final : public Tracer {
       alignas(32) int valid[packet_rays];
       for (uint32_t lane = 0; lane < packet_rays; ++lane) {
         const bool here = (waiting >> lane & 1u) && (!queue.environments || queue.environments[first + lane] == environment);
-        valid[lane] = here && can_trace(rays_of(packet), lane) ? -1 : 0;
+        valid[lane] = here ? finite[lane] : 0;
         if (here) waiting &= ~(1u << lane);
       }
       if (environment >= world_.environments().size()) continue;

@@ -26,6 +26,8 @@ class EmbreeWorld {
   /// Builds new meshes, moves instances, and commits the top scenes concerned. A commit takes Embree's own time per instance, which is
   /// short.
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
+  /// Whether Embree has code for this machine that takes 16 rays at once.
+  [[nodiscard]] bool takes_16_rays() const { return takes_16_rays_; }
   /// The times that Embree's 0..1 stands for; an instant if nothing moves.
   [[nodiscard]] const TimeSpan& times() const { return times_; }
   [[nodiscard]] const std::vector<Environment>& environments() const { return environments_; }
@@ -54,6 +56,7 @@ class EmbreeWorld {
   static void follow_in(Environment& environment, uint32_t slot, RTCGeometry geometry);
 
   EmbreeDevice device_;
+  bool takes_16_rays_ = rtcGetDeviceProperty(device_.handle(), RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
   std::shared_ptr<const void> scene_;  // its identity; null: none, or the last update failed
   uint64_t instances_revision_ = 0;
   TimeSpan times_;
