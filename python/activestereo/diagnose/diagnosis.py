@@ -219,10 +219,14 @@ def diagnose(
         _, before, _, after = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
         accepted = complete.bound(surface_names(whole.scene_path))
         return Diagnosis(result, accepted, stub, complete, before, after, made, key)
-    view = richest_view(capture)
-    near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
-    seen = gather(view, render(view, progress=near), seed)
-    says(first_words(seen, known, _within_reach(seen, list(effects.values()))[0], workers, numbers, kept))
+
+    def look() -> str:  # what it holds of the view goes with it
+        view = richest_view(capture)
+        near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
+        seen = gather(view, render(view, progress=near), seed)
+        return first_words(seen, known, _within_reach(seen, list(effects.values()))[0], workers, numbers, kept)
+
+    says(look())
     evidence, engine = located(known)
     memory = FitCache(kept, evidence.train)
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, says)
