@@ -164,6 +164,7 @@ def diagnose(
     unit from when it was good; they serve only rooms that `calibrate world` measured (else ValueError).
     """
     effects = library() if effects is None else effects
+    candidates = list(effects.values())
     reason = _no_infrared(capture_path)
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
@@ -173,7 +174,7 @@ def diagnose(
 
         known = _effects_of(model, whole.scene_path)
         sessions = [read_capture(path) for path in reference]
-        room, found, complete, unseen = diagnosed_room(whole, known, list(effects.values()), sessions)
+        room, found, complete, unseen = diagnosed_room(whole, known, candidates, sessions)
         return Diagnosis(room, found, sensor_model=complete, unseen=unseen)
     if reference:
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
@@ -224,14 +225,14 @@ def diagnose(
         view = richest_view(capture)
         near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
         seen = gather(view, render(view, progress=near), seed)
-        return first_words(seen, known, _within_reach(seen, list(effects.values()))[0], workers, numbers, kept)
+        return first_words(seen, known, _within_reach(seen, candidates)[0], workers, numbers, kept)
 
     says(look())
     evidence, engine = located(known)
     memory = FitCache(kept, evidence.train)
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, says)
     try:
-        diagnosis = examine(evidence, model, list(effects.values()), settings)
+        diagnosis = examine(evidence, model, candidates, settings)
     except np.linalg.LinAlgError as error:  # a ValueError, which would blame the input
         raise RuntimeError(f"{capture_path}: the search failed: {error}; its renders and fits are kept") from error
     finally:
