@@ -91,7 +91,8 @@ void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
   while (plan.block_group_parts > 1 && (parts % plan.block_group_parts != 0 || plan.block_columns() < 4 * p.block_width))
     plan.block_group_parts /= 2;
   plan.block_group = std::min(plan.block_group, divide_up(divide_up(plan.width, 4) * plan.block_group_parts, 32) * 32);
-  const uint32_t tiles = divide_up(plan.width, plan.block_columns() - 2 * plan.block_halo(p.block_width)) * (parts / plan.block_group_parts);
+  const uint32_t tiles =
+      divide_up(plan.width, plan.block_columns() - 2 * plan.block_halo(p.block_width)) * (parts / plan.block_group_parts);
   const uint32_t wanted_rows = plan.height / std::max(wanted_groups / (tiles * plan.pairs_at_once), 1u);
   plan.block_rows_per_group = std::clamp(wanted_rows, std::max(16u, 2 * p.block_height), std::max(64u, 4 * p.block_height));
 }

@@ -41,8 +41,9 @@ struct MatchPlan {
   uint32_t path_group = 0, winner_group = 0, segments = 0;
   uint32_t winner_steps = 0;  // pixels that the winner stage reads ahead
   uint32_t census_copies = 0, census_words = 1, right_origin = 0, right_pitch = 0;
-  uint32_t sum_volumes = 0;                                  // of path costs
-  uint32_t block_group = 0, block_group_parts = 0, block_rows_per_group = 0;  // block stage: invocations, parts of 4 pairs of disparities, rows
+  uint32_t sum_volumes = 0;  // of path costs
+  uint32_t block_group = 0, block_group_parts = 0,
+           block_rows_per_group = 0;  // block stage: invocations, parts of 4 pairs of disparities, rows
 
   [[nodiscard]] uint32_t padded_disparities() const { return path_lanes * lane_disparities; }
   /// Columns that a workgroup of the block stage sums, and those beside its output: none where it has the whole width.

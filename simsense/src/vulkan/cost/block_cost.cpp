@@ -11,9 +11,9 @@ VulkanBlockCost::VulkanBlockCost(const VulkanStep& step)
     : VulkanStep(step),
       pipeline_(device_, block_cost_spirv, sizeof(PathPush),
                 lane_constants(plan_, parameters_, plan_.block_group, plan_.steps,
-                               {plan_.block_group_parts, plan_.block_rows_per_group, plan_.block_columns(), plan_.block_halo(parameters_.block_width)}),
-                0,
-                {first_match_constant, match_constants(parameters_)}) {}
+                               {plan_.block_group_parts, plan_.block_rows_per_group, plan_.block_columns(),
+                                plan_.block_halo(parameters_.block_width)}),
+                0, {first_match_constant, match_constants(parameters_)}) {}
 
 void VulkanBlockCost::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
   const uint32_t part_groups = plan_.padded_disparities() / 8 / plan_.block_group_parts;
