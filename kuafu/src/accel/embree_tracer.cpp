@@ -87,10 +87,12 @@ class EmbreeTimes {
 /// valid: -1 for the other rays.
 void find_valid(const RTCRay8& ray, int* valid) {
   constexpr float most = 1.8e18f;
-  const auto fits = [](float x, float y, float z) { return (std::abs(x) <= most) & (std::abs(y) <= most) & (std::abs(z) <= most); };
-  for (uint32_t l = 0; l < packet_rays; ++l)
-    valid[l] = -int(fits(ray.org_x[l], ray.org_y[l], ray.org_z[l]) & fits(ray.dir_x[l], ray.dir_y[l], ray.dir_z[l]) &
-                    (ray.tnear[l] <= ray.tfar[l]));
+  const auto is_near = [](float x) { return int(std::abs(x) <= most); };  // without branches, for vectors
+  for (uint32_t l = 0; l < packet_rays; ++l) {
+    const int starts = is_near(ray.org_x[l]) & is_near(ray.org_y[l]) & is_near(ray.org_z[l]);
+    const int points = is_near(ray.dir_x[l]) & is_near(ray.dir_y[l]) & is_near(ray.dir_z[l]);
+    valid[l] = -(starts & points & int(ray.tnear[l] <= ray.tfar[l]));
+  }
 }
 
 void ask(const int* valid, RTCScene scene, RTCIntersectContext& context, RTCRayHit8& packet) {

@@ -106,8 +106,8 @@ class Identity {
  public:
   Identity() = default;
   Identity(const Identity&) : Identity() {}
-  Identity& operator=(const Identity&) {
-    token_ = std::make_shared<const char>();
+  Identity& operator=(const Identity& other) {
+    if (this != &other) token_ = std::make_shared<const char>();
     return *this;
   }
   [[nodiscard]] const std::shared_ptr<const void>& token() const { return token_; }
