@@ -132,6 +132,8 @@ using Wide = std::conditional_t<is_closest<Packet>, RTCRayHit16, RTCRay16>;  // 
 template <class Packet, bool back>
 void copy_fields(Packet* two, Wide<Packet>& wide, uint32_t first) {
   constexpr size_t bytes = packet_rays * 4;
+  static_assert(sizeof(Wide<Packet>) == 2 * sizeof(Packet) && offsetof(RTCRay16, tfar) == 2 * offsetof(RTCRay8, tfar) &&
+                offsetof(RTCRayHit16, hit.instID) == 2 * offsetof(RTCRayHit8, hit.instID));
   for (size_t f = first; f < sizeof(Packet) / bytes; ++f)
     for (size_t k = 0; k < 2; ++k) {
       std::byte* const narrow = reinterpret_cast<std::byte*>(two + k) + f * bytes;

@@ -8,6 +8,7 @@ confirm a verdict it becomes `unknown`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -149,7 +150,7 @@ def diagnose(
     rendering: Callable[[Capture], Rendering] | None = None,
     engines: Callable[[Capture], CaptureRenderer] | None = None,
     binning: int | None = None,
-    says: Callable[[str], object] = lambda text: None,
+    says: Callable[[str], object] | None = None,
     reference: Sequence[str | Path] = (),
 ) -> Diagnosis:
     """Diagnoses a capture folder and returns the Diagnosis. CaptureError: the capture cannot be used.
@@ -160,7 +161,8 @@ def diagnose(
     PHASES is told of each. rendering: makes a capture's render engine, to which effects of light transport are fitted
     (diagnose/refit.py). engines: as in compare(), for the same held-out errors. binning: the search averages
     images over so many pixels along rows and columns, None for usual_binning(); held-out errors are of full-size
-    images. says: is told the likeliest effects by one view first, then as in Settings. reference: captures of the same
+    images. says: is told the likeliest effects by one view, where no kept diagnosis answers, then as in Settings; None
+    leaves that view's look out. reference: captures of the same
     unit from when it was good; they serve only rooms that `calibrate world` measured (else ValueError).
     """
     effects = library() if effects is None else effects
@@ -212,25 +214,28 @@ def diagnose(
     made = RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed)
     options = made, searched, capture.binning, numbers, rendering is None, engines is None
     key = None if model is not None else key_of(whole, effects, *options)
+    tell = says or (lambda text: None)
     known_before = None if key is None else found_before(kept, key, whole)
     if known_before is not None:  # its images are made from kept renders
         result, complete, stub = known_before
-        says(_verdict_words(result["verdict"], result["added"]))
+        tell(_verdict_words(result["verdict"], result["added"]))
         phases.begin(BOTH)
         _, before, _, after = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
         accepted = complete.bound(surface_names(whole.scene_path))
         return Diagnosis(result, accepted, stub, complete, before, after, made, key)
 
-    def look() -> str:  # what it holds of the view goes with it
+    def look(tell: Callable[[str], object]) -> None:  # what it holds of the view goes with it
         view = richest_view(capture)
         near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
-        seen = gather(view, render(view, progress=near), seed)
-        return first_words(seen, known, _within_reach(seen, candidates)[0], workers, numbers, kept)
+        with suppress(ValueError):  # all of one view may be dark or clipped
+            seen = gather(view, render(view, progress=near), seed)
+            tell(first_words(seen, known, _within_reach(seen, candidates)[0], workers, numbers, kept))
 
-    says(look())
+    if says is not None:
+        look(says)
     evidence, engine = located(known)
     memory = FitCache(kept, evidence.train)
-    settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, says)
+    settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, tell)
     try:
         diagnosis = examine(evidence, model, candidates, settings)
     except np.linalg.LinAlgError as error:  # a ValueError, which would blame the input

@@ -36,8 +36,10 @@ def first_words(
 ) -> str:
     """Returns a clause with the likeliest effects, by the scores of one view's evidence."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
-        return "the infrared images of the first view are blank"
+        return "the infrared images of the view looked at first are blank"
     memory = FitCache(kept, evidence.train)
-    likely = Search(evidence, model, effects, Settings(workers, numbers=numbers, memory=memory)).look()
-    memory.save()
-    return f"looks like {', '.join(likely[:_NAMES])}" if likely else "no known effect changes the first view's images"
+    try:
+        likely = Search(evidence, model, effects, Settings(workers, numbers=numbers, memory=memory)).look()
+    finally:
+        memory.save()
+    return f"looks like {', '.join(likely[:_NAMES])}" if likely else "no effect of images fits the view looked at first"

@@ -6,6 +6,7 @@
 
 #include "device/error.h"
 #include "shared/match_push.h"
+#include "shared/signal_push.h"
 
 namespace simsense {
 namespace {
@@ -121,11 +122,12 @@ uint64_t volume_bytes(const MatchPlan& one_pair) {
 /// The part of a device's memory that volumes may take.
 uint64_t volume_allowance_bytes(const ks::Device& device) { return device_memory_bytes(device) / 16; }
 
-/// As many pairs as fill a large GPU with lanes of paths, the stage that has the fewest. A CPU device gains nothing.
+/// As many pairs as fill a large GPU with lanes of paths, the stage that has the fewest, and as the imager takes. A CPU device gains
+/// nothing.
 uint32_t default_pairs(const ks::Device& device, const MatchPlan& one_pair) {
   if (device.is_cpu()) return 1;
   constexpr uint32_t filling_lanes = 1u << 20, least_pairs = 32;
-  const uint64_t filling = std::max(filling_lanes / (2 * one_pair.height * one_pair.path_lanes), least_pairs);
+  const uint64_t filling = std::clamp(filling_lanes / (2 * one_pair.height * one_pair.path_lanes), least_pairs, signal_pairs);
   return static_cast<uint32_t>(std::clamp<uint64_t>(volume_allowance_bytes(device) / volume_bytes(one_pair), 1, filling));
 }
 

@@ -12,10 +12,13 @@ import pytest
 
 import activestereo.lab
 import activestereo.report
+from activestereo.capture.capture import read_capture
 from activestereo.cli import main
+from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.text_table import markdown
 from activestereo.compare.model_file import library, read_model, write_model
 from activestereo.diagnose import diagnose
+from activestereo.diagnose.first_words import richest_view
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.residual_model import effect_stub
@@ -71,6 +74,16 @@ def test_a_hidden_lens_shading_is_named_and_its_exponent_found(hidden_shading):
     found = first["parameters"]["exponent"]
     assert found["value"] == pytest.approx(EXPONENT, rel=0.1) and found["low"] < EXPONENT < found["high"]
     assert 0.5 * (found["high"] - found["low"]) > found["floor"] == pytest.approx(0.1 * Z90 * found["value"])
+
+
+def test_a_view_without_light_says_nothing_first(lab_world, lab_cache, tmp_path):
+    """The others are diagnosed all the same."""
+    folder, words = altered(lab_world, tmp_path / "capture", shaded), []
+    for frame in richest_view(read_capture(folder)).frames:
+        for path in (frame.left_path, frame.right_path):
+            write_gray(path, np.zeros_like(read_gray(path)))
+    result = diagnosed(folder, lab_world, lab_cache, says=words.append).result
+    assert result["ranking"] and words and not words[0].startswith("looks like")
 
 
 def test_its_set_holds_it_alone_and_probabilities_add_up(hidden_shading):
