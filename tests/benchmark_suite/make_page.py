@@ -7,7 +7,7 @@
 
 results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number n of
 test cases, and a note on how it ran. mitsuba.json has those of worlds that Mitsuba renders, and next.json the output of
-run_next.py; both are from the search before this one.
+run_next.py, from the search before this one.
 practice.json is the output of practice.py. causes.json explains wrong answers.
 """
 
@@ -130,7 +130,7 @@ def _another_renderer(run):
     return [
         "## Worlds of another renderer",
         "",
-        f"{run['n']} of the {run['of']} worlds that Mitsuba 3 renders were answered by the search before this one "
+        f"{run['n']} of the {run['of']} worlds that Mitsuba 3 renders were answered, drawn after the code was frozen "
         f"({run['date']}, {run['machine']}):",
         "",
         f"    {run['command']}",
