@@ -83,10 +83,8 @@ class Search:
     def run(self) -> Outcome:
         """Adds the best effect to the model until no further effect passes the tests, then returns the Outcome."""
         linear = linearised(self._scored, self._solution)
-        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
-        made_by = self._settings.workers, self._settings.memory
-        atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
-        columns = columns_of(linear, atoms, *made_by)
+        atoms = self._atoms(linear)
+        columns = self._columns(linear, atoms)
         while self._name_one(linear, [a for a in atoms if self._is_open(a.effect)], columns):
             before = linear.fitter
             self._drop_needless()
@@ -110,18 +108,24 @@ class Search:
     def look(self) -> list[str]:
         """Returns the ids of the likeliest effects by score: of one shape of each, then of all shapes of those that
         lead."""
-        linear, made_by = linearised(self._scored, self._solution), (self._settings.workers, self._settings.memory)
-        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
-        atoms = atoms_of(linear, images, self._numbers.prior_reach, *made_by)
+        linear = linearised(self._scored, self._solution)
+        atoms = self._atoms(linear)
 
         def seen(atoms: Sequence[Atom]) -> dict[str, Candidate]:
             chosen = numbered(atoms)
-            return candidates(chosen, scores(linear, columns_of(linear, chosen, *made_by)), self._pixels)
+            return candidates(chosen, scores(linear, self._columns(linear, chosen)), self._pixels)
 
         found = seen(first_shapes(atoms))
         least = _LEADS * max((c.gain for c in found.values()), default=0.0)
-        leading = {name for name, c in found.items() if c.gain > least}
-        return list(seen([a for a in atoms if a.effect.id in leading]))
+        return list(seen([a for a in atoms if a.effect.id in found and found[a.effect.id].gain > least]))
+
+    def _atoms(self, linear: Linear) -> list[Atom]:
+        """Returns the trial shapes of all effects of expected images."""
+        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
+        return atoms_of(linear, images, self._numbers.prior_reach, self._settings.workers, self._settings.memory)
+
+    def _columns(self, linear: Linear, atoms: Sequence[Atom]) -> Columns:
+        return columns_of(linear, atoms, self._settings.workers, self._settings.memory)
 
     @property
     def _chi2(self) -> float:
