@@ -29,6 +29,8 @@ _SOFT_PX = 0.7
 # The grid of places where a lamp may stand; every fourth pixel judges them.
 _AZIMUTHS_RAD = tuple((np.arange(-8, 8) * np.pi / 8).tolist())
 _ELEVATIONS_RAD, _NEARNESSES_PER_M, _GRID_EVERY_PX = (0.2, 0.6, 1.0, 1.3), (0.3, 0.6, 1.0, 1.5), 4
+# Sums of float32 products know no direction of the normals that shows by less than this share of the largest.
+_ROUNDING = 1e-6
 
 
 def towards(azimuth_rad: float, elevation_rad: float) -> np.ndarray:
@@ -160,7 +162,7 @@ def _far_starts(images: list[StartImage]) -> list[dict[str, float]]:
             columns = np.stack([*(normal[lit] * white[lit][:, None]).T, ambient[lit]])
             gram += (columns * weight[lit]) @ columns.T
             moment += columns @ (weight[lit] * residual[lit])
-        vector = np.linalg.lstsq(gram, moment, rcond=1e-8)[0][:3]
+        vector = np.linalg.lstsq(gram, moment, rcond=_ROUNDING)[0][:3]
     strength = float(np.linalg.norm(vector))
     if strength == 0.0:
         return []
