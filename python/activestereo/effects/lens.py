@@ -59,7 +59,8 @@ def rectification_resampling(light: Light, view: View, phase_u_px: float, phase_
     the weighted mean of the two nearest along columns and along rows. The mean loses detail and moves nothing."""
     if phase_u_px == 0.0 and phase_v_px == 0.0:
         return light
-    return light.shifted_sum(*(((phase, 1.0 - phase), (phase - 1.0, phase)) for phase in (phase_u_px, phase_v_px)))
+    along_u, along_v = (((phase, 1.0 - phase), (phase - 1.0, phase)) for phase in (phase_u_px, phase_v_px))
+    return light.filtered(lambda images: images.shifted_sum(along_u, along_v))
 
 
 @engine_effect(

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+import kuafu
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
@@ -44,7 +45,7 @@ def haze(inputs: EngineInputs, extinction_per_m: float, backscatter: float, hous
     the camera."""
     if extinction_per_m > 0.0:
         lower, upper = inputs.bounds_m
-        inputs.medium = inputs.new_medium(
+        inputs.medium = kuafu.Medium(
             extinction_per_m=(extinction_per_m,) * 3,
             albedo=(1.0,) * 3,
             phase_g=_phase_g(backscatter),

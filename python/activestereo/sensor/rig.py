@@ -340,8 +340,6 @@ class RigInputs:
             projector=None if plan.projector is None else kuafu.Light(**plan.projector, ir_intensity=laser_w_sr),
             pattern=plan.pattern and plan.pattern.radiant,
             frame=frame,
-            new_light=kuafu.Light,
-            new_medium=kuafu.Medium,
             scene_materials=self.in_scene.material,
             material_count=summary.material_count,
             bounds_m=(tuple(box.min(axis=0) - _MARGIN_M), tuple(box.max(axis=0) + _MARGIN_M)),

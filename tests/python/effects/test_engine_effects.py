@@ -52,8 +52,6 @@ def engine_inputs() -> EngineInputs:
         projector=kuafu.Light(kind="projector", k=k, ir_intensity=1.0),
         pattern=np.eye(120, 160, dtype=np.float32),
         frame=frame,
-        new_light=kuafu.Light,
-        new_medium=kuafu.Medium,
         scene_materials=lambda number: kuafu.Material(ir_albedo=0.5, specular=0.0),
         material_count=2,
         bounds_m=((-1.0,) * 3, (1.0,) * 3),

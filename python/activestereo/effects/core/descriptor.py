@@ -31,7 +31,7 @@ say how they are judged:
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import TYPE_CHECKING, Any
@@ -215,12 +215,12 @@ class Parameter:
 class Effect:
     """The descriptor of one effect. The head of this file says what `apply` takes and returns.
 
-    engine(inputs, **parameters): changes EngineInputs in place, see engine.py; None where no engine field expresses the
-    effect, for the reason in image_only. judged: how the lab finds the effect, where it does not change the expected
-    image. starts: proposes starting values of a fit, where a coarse scan of the parameters would miss. finding: the
-    sentence that a verdict shows, without its full stop. remembers: the effect finds its result for the frame before in
-    view.before. is_pointwise: each pixel's light depends on that pixel alone, so that fits compute only some pixels. At
-    READOUT it means that all pixels follow one curve.
+    engine(inputs, **parameters): changes EngineInputs in place, the fields named in engine_fields, see engine.py; None
+    where no engine field expresses the effect, for the reason in image_only. judged: how the lab finds the effect,
+    where it does not change the expected image. starts: proposes starting values of a fit, where a coarse scan of the
+    parameters would miss. finding: the sentence that a verdict shows, without its full stop. remembers: the effect
+    finds its result for the frame before in view.before. is_pointwise: each pixel's light depends on that pixel alone,
+    so that fits compute only some pixels. At READOUT it means that all pixels follow one curve.
     """
 
     id: str
@@ -232,17 +232,13 @@ class Effect:
     source: str
     randomness: Randomness = Randomness.NONE
     engine: Callable[..., None] | None = None
+    engine_fields: tuple[str, ...] = ()
     image_only: str = ""
     judged: tuple[Judgement, ...] = ()
     starts: Starts | None = None
     finding: str = ""
     remembers: bool = False
     is_pointwise: bool = False
-
-    @property
-    def engine_fields(self) -> tuple[str, ...]:
-        """Returns the names of the engine fields that the effect changes; empty where it has no engine function."""
-        return getattr(self.engine, "fields", ("not declared",) if self.engine else ())
 
     def is_simulated(self, values: Mapping[str, float]) -> bool:
         """Returns whether engines simulate the effect at these values; else its image function acts."""
@@ -324,11 +320,8 @@ class Effect:
 
 
 def effect(
-    id: str = "", *, stage: Stage, family: str, parameters: list[Parameter], source: str,
-    randomness: Randomness = Randomness.NONE, image_only: str = "",
-    judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "", remembers: bool = False,
-    is_pointwise: bool = False,
-) -> Callable[[Callable], Effect]:  # fmt: skip
+    id: str = "", *, stage: Stage, family: str, parameters: Sequence[Parameter], source: str, **others: Any
+) -> Callable[[Callable], Effect]:
     """Returns a decorator that makes an Effect of a function; the function's docstring becomes the summary. Raises
     ValueError where it has no docstring or other arguments than the parameters. The arguments are Effect's; id: by
     default the function's name."""
@@ -337,13 +330,9 @@ def effect(
         name, summary = id or function.__name__, (inspect.getdoc(function) or "").strip()
         if not summary:
             raise ValueError(f"effect {name}: the function needs a docstring, it is what users read")
-        wanted = list(inspect.signature(function).parameters)[2:]
-        if wanted != [p.name for p in parameters]:
-            names = [p.name for p in parameters]
+        wanted, names = list(inspect.signature(function).parameters)[2:], [p.name for p in parameters]
+        if wanted != names:
             raise ValueError(f"effect {name}: the function takes {wanted}, the parameters are {names}")
-        return Effect(
-            name, family, stage, tuple(parameters), function, summary, source, randomness, image_only=image_only,
-            judged=tuple(judged), starts=starts, finding=finding, remembers=remembers, is_pointwise=is_pointwise,
-        )  # fmt: skip
+        return Effect(name, family, stage, tuple(parameters), function, summary, source, **others)
 
     return make

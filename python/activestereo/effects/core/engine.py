@@ -4,27 +4,25 @@
 An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. moved.py
 makes effects of such functions, and computes images of the changed fields without a render. Records are kuafu's own
 (kuafu.Camera, kuafu.Optics, kuafu.Light, kuafu.Material, kuafu.Medium). A signal is a dict of simsense_signal's fields,
-so a wrong field name is an error. Nothing here imports an engine.
+so a wrong field name is an error. Nothing here runs an engine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import kuafu
 from activestereo.capture.capture import Frame
 from activestereo.common.lens import to_tangents
 from activestereo.common.pose import motion_of_twist
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, random_stream
-
-if TYPE_CHECKING:
-    import kuafu
 
 # The share of the projector's light that is left at tangents (x, y) of angles from its axis.
 PatternGain = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
@@ -87,13 +85,12 @@ class EngineInputs:
     """All inputs of the engines for one exposure of a rig. They follow the calibration until effects change them.
 
     projector: the rig's own, or None. pattern: its texture, relative radiant intensity [height][width] 0..1, or None
-    where it projects dots. rig_lights: further lights that move with the rig; lights: those that stand in the world;
-    new_light makes both. medium: made by new_medium. ambient_radiance: infrared, in the unit of the lights' intensities
-    per steradian. scene_materials: returns a fresh kuafu.Material of the scene by id. materials: {id: changed
-    material}. matcher: simsense's parameters. bounds_m: a box around scene and rig, world. speckle_of_laser: only
-    projectors' light has speckle. frame: exposure, gain, time, temperature. unrendered: values that images
-    without a render need. `behind`: the radiance behind a clear surface over the ambient radiance. `core`: the share of
-    light from below a surface that leaves close to where it entered.
+    where it projects dots. rig_lights: further lights that move with the rig; lights: those that stand in the world.
+    ambient_radiance: infrared, in the unit of the lights' intensities per steradian. scene_materials: returns a fresh
+    kuafu.Material of the scene by id. materials: {id: changed material}. bounds_m: a box around scene and rig, world.
+    speckle_of_laser: only projectors' light has speckle. frame: exposure, gain, time, temperature. unrendered: values
+    that images without a render need. `behind`: the radiance behind a clear surface over the ambient radiance. `core`:
+    the share of light from below a surface that leaves close to where it entered.
     """
 
     left: EngineCamera
@@ -101,8 +98,6 @@ class EngineInputs:
     projector: kuafu.Light | None
     pattern: NDArray[np.float32] | None
     frame: Frame
-    new_light: Callable[..., kuafu.Light]
-    new_medium: Callable[..., kuafu.Medium]
     scene_materials: Callable[[int], kuafu.Material]
     material_count: int
     bounds_m: tuple[tuple[float, ...], tuple[float, ...]]
@@ -114,7 +109,6 @@ class EngineInputs:
     medium: kuafu.Medium | None = None
     materials: dict[int, kuafu.Material] = field(default_factory=dict)
     speckle_of_laser: bool = False
-    matcher: dict[str, float] = field(default_factory=dict)
     unrendered: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -146,7 +140,7 @@ class EngineInputs:
     def add_light(self, *, on_rig: bool, **fields: Any) -> None:
         """Adds a light: if on_rig, it moves with the rig; otherwise it stands in the world. `fields` are
         kuafu.Light's."""
-        (self.rig_lights if on_rig else self.lights).append(self.new_light(**fields))
+        (self.rig_lights if on_rig else self.lights).append(kuafu.Light(**fields))
 
     def add_unit(
         self, *, on_rig: bool, name: str, light_to_world: NDArray[np.float64], intensity_m2: float, **fields: Any

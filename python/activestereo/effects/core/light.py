@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.effects.core.resample import Spline, SupersampledImages, blur, sample, shifted_sum
+from activestereo.effects.core.resample import Spline, SupersampledImages, blur, sample
 from activestereo.effects.core.view import Layers, View, once_of_picked
 
 # Smaller relative changes are rounding of the rendered float32 images.
@@ -169,16 +169,14 @@ class Light:
         return self.supersampled.sum_of(_places(names)).pixels()[0]
 
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
-        """Returns the light after a Gaussian blur. sigma_px: pixels, a number or an image. The supersampled images are
-        blurred where there are any."""
-        of_supersampled = None if self.supersampled is None else lambda images: images.blurred(sigma_px)
-        return _Later(self, lambda images: blur(images, sigma_px), of_supersampled).light()
+        """Returns the light after a Gaussian blur. sigma_px: pixels, a number or an image."""
+        return self.filtered(lambda images: images.blurred(sigma_px))
 
-    def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
-        """Returns the weighted sum of shifted copies of the light. along_u, along_v: pairs (shift in pixels, weight)
-        along columns and rows. Supersampled images are shifted, too, if there are any."""
-        of_supersampled = None if self.supersampled is None else lambda images: images.shifted_sum(along_u, along_v)
-        return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_supersampled).light()
+    def filtered(self, act: Callable[[SupersampledImages], np.ndarray]) -> Light:
+        """Returns the light after a linear filter, of the supersampled images where there are any. act: returns
+        SupersampledImages' filtered samples, such as blurred() and shifted_sum(); without any, their scale is 1."""
+        of_supersampled = None if self.supersampled is None else lambda images: images.filtered(act)
+        return _Later(self, lambda images: act(SupersampledImages(images, 1, 0)), of_supersampled).light()
 
     def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         memory = self.__dict__.setdefault("_memory", {})

@@ -19,6 +19,7 @@ import hashlib
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -39,19 +40,6 @@ from activestereo.effects.core.surfaces import on_surfaces
 from activestereo.effects.core.view import PickedView, View, transform
 
 _ITERATIONS = 3
-
-
-def posed(light: Light, view: View, to_nominal: np.ndarray) -> Light:
-    """Returns the Light of a camera at another pose. to_nominal: that camera's coordinates to those of the view's
-    camera, [4][4]. New occlusions are not seen, since poses differ by a few pixels."""
-    turn, shift = to_nominal[:3, :3], to_nominal[:3, 3]
-    if shift.any():
-        return light.warped(*_source_pixels(view, np.broadcast_to(to_nominal, (view.shape[0], 4, 4)))[:2])
-    if (turn == np.eye(3)).all():
-        return light
-    rx, ry = view.rays()
-    ray = np.stack([rx, ry, np.ones_like(rx)], axis=-1) @ turn.T
-    return light.warped(*view.to_pixels(ray[..., 0] / ray[..., 2], ray[..., 1] / ray[..., 2]))
 
 
 def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
@@ -112,187 +100,6 @@ _INSTANTS, _LARGEST_DISC_PX = 5, 40.0
 _TIMES = ("delay_s", "exposure_s", "shutter", "line_time_s", "readout")
 
 
-def engine_effect(
-    id: str = "", *, moves: tuple[str, ...], **descriptor: Any
-) -> Callable[[Callable[..., None]], Effect]:
-    """Returns a decorator that makes an Effect of a function of EngineInputs and the parameters. moves: names of the
-    engine fields that the function changes; a test compares them with the actual changes. Its docstring becomes the
-    summary. descriptor: further fields of Effect."""
-
-    def make(move: Callable[..., None]) -> Effect:
-        move.fields = moves  # type: ignore[attr-defined]
-        return replace(effect(id, **descriptor)(_Image(move).function()), engine=move)
-
-    return make
-
-
-@dataclass(frozen=True)
-class _Image:
-    """Computes images under an effect from its engine function, `move`, which changes EngineInputs."""
-
-    move: Callable[..., None]
-
-    def function(self) -> Callable[..., Any]:
-        """Returns the function (value, view, **parameters) that computes the effect's image. The names of the engine
-        fields that `move` changes select the computation."""
-        fields: tuple[str, ...] = self.move.fields  # type: ignore[attr-defined]
-        names = {name.removeprefix("right.").removeprefix("left.") for name in fields}
-        only_times = all(name.removeprefix("camera.") in _TIMES for name in names)
-        kinds: dict[str, Callable[..., Any]] = {
-            "signal.speckle": self._speckled,
-            "signal.": self._counted,
-            "optics.": self._through_optics,
-            "projector.": self._projected,
-            "pattern": self._projected,
-            "lights": self._add_lights,
-            "rig_lights": self._add_lights,
-            "medium": self._through_medium,
-            "materials.": self._reflected,
-            "": self._average_exposure if only_times else self._redrawn,
-        }
-        acts = next(act for kind, act in kinds.items() if any(name.startswith(kind) for name in names))
-
-        def image(value: Any, view: View, **values: float) -> Any:
-            return acts(value, view, values)
-
-        _, *own = inspect.signature(self.move).parameters.values()
-        first = [inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD) for name in ("value", "view")]
-        image.__signature__ = inspect.Signature([*first, *own])  # type: ignore[attr-defined]
-        image.__name__, image.__doc__ = self.move.__name__, self.move.__doc__
-        return image
-
-    def _inputs(self, view: View, values: dict[str, float], signal: dict[str, float] | None = None) -> _ViewInputs:
-        inputs = _ViewInputs.of(view, signal or {})
-        self.move(inputs, **values)
-        return inputs
-
-    def _side(self, view: View, values: dict[str, float], signal: dict[str, float] | None = None) -> EngineCamera:
-        return self._inputs(view, values, signal).sides[view.is_right]
-
-    # ---- the imager ----
-
-    def _counted(self, dn: np.ndarray, view: View, values: dict[str, float]) -> np.ndarray:
-        """Returns an image in DN under the changed imager settings (simsense's signal), without rounding. dn:
-        [height][width], with or without the black level, as the effect's stage says. Unchanged pixels stay the same to
-        the bit."""
-        nominal = frame_signal(view.frame)
-        moved = self._side(view, values, nominal).signal
-        if moved == nominal:
-            return dn
-        light = dn / view.frame.exposure_gain
-        return np.asarray(dn + (_analogue(moved, light, view) - _analogue(nominal, light, view)), dtype=np.float64)
-
-    def _speckled(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light with its projector part multiplied by simsense's speckle."""
-        inputs = self._inputs(view, values, simsense.signal_preset("neutral"))
-        if not inputs.speckle_of_laser:
-            return light
-        pose = hashlib.sha256(np.ascontiguousarray(view.frame.camera_to_world).tobytes()).digest()
-        signal = inputs.sides[view.is_right].signal | {"scene_index": int.from_bytes(pose[:4], "little")}
-        return light.scale_projector(_analogue(signal, np.ones(view.shape), view, 1.0).astype(np.float64))
-
-    # ---- the lens ----
-
-    def _through_optics(self, value: Any, view: View, values: dict[str, float]) -> Any:
-        """Returns a Light after the lens' point spread, or images [..., height, width] after its falloff and glare
-        (kuafu_optics_desc). The view's own camera has none of these."""
-        optics = self._side(view, values).optics
-        if isinstance(value, Light):
-            sigma_px: float | np.ndarray = optics.psf_sigma_px
-            if optics.psf_corner_sigma_px > 0.0:
-                fx, fy = view.field()
-                sigma_px = np.hypot(sigma_px, optics.psf_corner_sigma_px * (fx * fx + fy * fy) / 2.0)
-            return value.blurred(sigma_px) if np.any(sigma_px) else value
-        if optics.vignetting_exponent != 0.0:
-            x, y = view.rays()
-            value = value * (1.0 + x * x + y * y) ** (-optics.vignetting_exponent / 2.0)
-        glare = optics.veiling_glare_fraction
-        return value if glare == 0.0 else (1.0 - glare) * value + glare * value.mean(axis=(-2, -1), keepdims=True)
-
-    # ---- the camera ----
-
-    def _redrawn(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light as a camera at another pose, or behind another lens, sees it."""
-        camera = self._side(view, values).camera
-        light = posed(light, view, camera.camera_to_world)
-        lens = tuple(camera.distortion)[: len(view.distortion)]
-        if lens == tuple(view.distortion) and (camera.k == view.K).all():
-            return light
-        return light.warped(*view.drawn_by(camera.k, lens))
-
-    def _average_exposure(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the mean light over the exposure, where each row is exposed at its own time."""
-        if not view.frame.is_moving:
-            return light
-        side, height = self._side(view, values), view.shape[0]
-        camera, rows_s = side.camera, np.zeros(height)
-        if camera.shutter == "rolling":
-            down = 1.0 if camera.readout == "rows_down" else -1.0
-            rows_s = down * camera.line_time_s * (np.arange(height) - (height - 1) / 2)
-        shares = (np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5 if camera.exposure_s else np.zeros(1)
-        seen = [displaced(light, view, side.delay_s + camera.exposure_s * share + rows_s) for share in shares]
-        return seen[0] if len(seen) == 1 else Light.of_images(np.mean([s.images for s in seen], axis=0))
-
-    # ---- the projector ----
-
-    def _projected(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light under the projector after changes of its pattern, power or optics. The surfaces' reflection
-        and shadows stay."""
-        inputs = self._inputs(view, values)
-        own = inputs.projector
-        assert own is not None
-        for gain in inputs.gains:
-            light = light.scale_projector(gain(*tangents(view)))
-        if own.ir_intensity is not None and own.ir_intensity != 1.0:
-            light = light.scale_projector(own.ir_intensity)
-        if inputs.blur_px > 0.0:
-            seen = light.blurred(inputs.blur_px)
-            light = replace(light, direct=seen.direct, flat=seen.flat)
-        if inputs.pattern is not None and inputs.pattern is not view.pattern:
-            dots = DotView.of(view)
-            light = dots.change(light, dots.nominal(), dots.mean(inputs.pattern))
-        if own.pattern_scale != 1.0 or any(own.distortion):
-            dots, K = DotView.of(view), view.projector_K
-            x, y = distort(*to_tangents(dots.u, dots.v, K), own.distortion)
-            u, v = to_pixels(x / own.pattern_scale, y / own.pattern_scale, K)  # of the beam that lights the pixel now
-            light = dots.change(light, dots.nominal(), dots.mean(view.pattern, u, v))
-        if own.radius_m > 0.0:
-            dots = DotView.of(view)
-            z = np.where(dots.lit, dots.z, own.focus_m)
-            aperture_px_m = own.radius_m * np.mean(np.diag(view.projector_K)[:2])
-            disc_px = np.minimum(2.0 * aperture_px_m * np.abs(1.0 / z - 1.0 / own.focus_m), _LARGEST_DISC_PX)
-            light = dots.change(light, dots.nominal(), dots.mean_of_discs(view.pattern, disc_px))
-        return light
-
-    # ---- the scene ----
-
-    def _add_lights(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light plus the light of projectors and lamps that an effect adds. It counts as ambient, because
-        it does not depend on the rig's projector. Added projectors cast no shadows."""
-        inputs = self._inputs(view, values)
-        world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
-        poses = [(added, added.light_to_world) for added in inputs.rig_lights]
-        poses += [(added, world_to_camera @ added.light_to_world) for added in inputs.lights]
-        for added, to_camera in poses:
-            if added.kind == "projector":
-                assert added.ir_intensity is not None  # the effect has set it
-                shine = Shading.of(light, view).light_of_unit(added.ir_intensity, to_camera)
-            else:
-                shine = radiance_under(added, to_camera, light, view)
-            light = replace(light, ambient=light.ambient + shine)
-        return light
-
-    def _through_medium(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        medium = self._inputs(view, values).medium
-        return light if medium is None else through_medium(light, view, medium)
-
-    def _reflected(self, light: Light, view: View, values: dict[str, float]) -> Light:
-        """Returns the light with changed materials on the chosen surfaces."""
-        inputs = self._inputs(view, values)
-        changed = reflected(light, view, inputs.material(0), inputs.unrendered)
-        return light if changed is light else on_surfaces(light, changed, view, inputs.chosen)
-
-
 @dataclass
 class _ViewInputs(EngineInputs):
     """EngineInputs for the images of one view. Both cameras stand at the origin of the view's frame, in which the rig's
@@ -304,20 +111,20 @@ class _ViewInputs(EngineInputs):
     blur_px: float = 0.0
 
     @classmethod
-    def of(cls, view: View, signal: dict[str, float]) -> _ViewInputs:
+    def of(cls, view: View) -> _ViewInputs:
         whole = view.whole if isinstance(view, PickedView) else view
         height, width = whole.shape
-        lens = lens_fields(view.distortion)
-        left, right = (
-            EngineCamera(kuafu.Camera(width, height, view.K, np.eye(4), **lens), kuafu.Optics(), dict(signal), is_right)
-            for is_right in (False, True)
-        )
+
+        def side(is_right: bool) -> EngineCamera:
+            camera = kuafu.Camera(width, height, view.K, np.eye(4), **lens_fields(view.distortion))
+            return EngineCamera(camera, kuafu.Optics(), frame_signal(view.frame), is_right)
+
         place = np.linalg.inv(view.camera_to_projector)
         projector = kuafu.Light(kind="projector", k=view.projector_K, ir_intensity=1.0, light_to_world=place)
         return cls(
-            left, right, projector, view.pattern, view.frame,
-            new_light=kuafu.Light, new_medium=kuafu.Medium, scene_materials=lambda number: kuafu.Material(specular=0.0),
-            material_count=1, bounds_m=((-1.0,) * 3, (1.0,) * 3), max_dn=view.max_dn, seed=view.seed,
+            side(is_right=False), side(is_right=True), projector, view.pattern, view.frame,
+            scene_materials=lambda number: kuafu.Material(specular=0.0), material_count=1,
+            bounds_m=((-1.0,) * 3, (1.0,) * 3), max_dn=view.max_dn, seed=view.seed,
         )  # fmt: skip
 
     def surfaces(self, chosen: float) -> Iterator[kuafu.Material]:
@@ -360,3 +167,184 @@ def tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
     points = view.projector_points()
     z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
     return points[..., 0] / z, points[..., 1] / z
+
+
+# ---- the imager ----
+
+
+def _counted(dn: np.ndarray, view: View, inputs: _ViewInputs) -> np.ndarray:
+    """Returns an image in DN under the changed imager settings (simsense's signal), without rounding. dn:
+    [height][width], with or without the black level, as the effect's stage says. Unchanged pixels stay the same to
+    the bit."""
+    nominal = frame_signal(view.frame)
+    moved = inputs.sides[view.is_right].signal
+    if moved == nominal:
+        return dn
+    light = dn / view.frame.exposure_gain
+    return np.asarray(dn + (_analogue(moved, light, view) - _analogue(nominal, light, view)), dtype=np.float64)
+
+
+def _speckled(light: Light, view: View, inputs: _ViewInputs) -> Light:
+    """Returns the light with its projector part multiplied by simsense's speckle."""
+    if not inputs.speckle_of_laser:
+        return light
+    changed = inputs.sides[view.is_right].signal.items()
+    signal = simsense.signal_preset("neutral") | {name: x for name, x in changed if name.startswith("speckle")}
+    pose = hashlib.sha256(np.ascontiguousarray(view.frame.camera_to_world).tobytes()).digest()
+    signal["scene_index"] = int.from_bytes(pose[:4], "little")
+    return light.scale_projector(_analogue(signal, np.ones(view.shape), view, 1.0).astype(np.float64))
+
+
+# ---- the lens ----
+
+
+def _through_optics(value: Any, view: View, inputs: _ViewInputs) -> Any:
+    """Returns a Light after the lens' point spread, or images [..., height, width] after its falloff and glare
+    (kuafu_optics_desc). The view's own camera has none of these."""
+    optics = inputs.sides[view.is_right].optics
+    if isinstance(value, Light):
+        sigma_px: float | np.ndarray = optics.psf_sigma_px
+        if optics.psf_corner_sigma_px > 0.0:
+            fx, fy = view.field()
+            sigma_px = np.hypot(sigma_px, optics.psf_corner_sigma_px * (fx * fx + fy * fy) / 2.0)
+        return value.blurred(sigma_px) if np.any(sigma_px) else value
+    if optics.vignetting_exponent != 0.0:
+        x, y = view.rays()
+        value = value * (1.0 + x * x + y * y) ** (-optics.vignetting_exponent / 2.0)
+    glare = optics.veiling_glare_fraction
+    return value if glare == 0.0 else (1.0 - glare) * value + glare * value.mean(axis=(-2, -1), keepdims=True)
+
+
+# ---- the camera ----
+
+
+def _redrawn(light: Light, view: View, inputs: _ViewInputs) -> Light:
+    """Returns the light as a camera at another pose, or behind another lens, sees it. New occlusions are not seen,
+    since poses differ by a few pixels."""
+    camera = inputs.sides[view.is_right].camera
+    to_nominal = camera.camera_to_world
+    if to_nominal[:3, 3].any():
+        light = light.warped(*_source_pixels(view, np.broadcast_to(to_nominal, (view.shape[0], 4, 4)))[:2])
+    elif (to_nominal[:3, :3] != np.eye(3)).any():
+        rx, ry = view.rays()
+        ray = np.stack([rx, ry, np.ones_like(rx)], axis=-1) @ to_nominal[:3, :3].T
+        light = light.warped(*view.to_pixels(ray[..., 0] / ray[..., 2], ray[..., 1] / ray[..., 2]))
+    lens = tuple(camera.distortion)[: len(view.distortion)]
+    if lens == tuple(view.distortion) and (camera.k == view.K).all():
+        return light
+    return light.warped(*view.drawn_by(camera.k, lens))
+
+
+def _average_exposure(light: Light, view: View, inputs: _ViewInputs) -> Light:
+    """Returns the mean light over the exposure, where each row is exposed at its own time."""
+    if not view.frame.is_moving:
+        return light
+    side, height = inputs.sides[view.is_right], view.shape[0]
+    camera, rows_s = side.camera, np.zeros(height)
+    if camera.shutter == "rolling":
+        down = 1.0 if camera.readout == "rows_down" else -1.0
+        rows_s = down * camera.line_time_s * (np.arange(height) - (height - 1) / 2)
+    shares = (np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5 if camera.exposure_s else np.zeros(1)
+    seen = [displaced(light, view, side.delay_s + camera.exposure_s * share + rows_s) for share in shares]
+    return seen[0] if len(seen) == 1 else Light.of_images(np.mean([s.images for s in seen], axis=0))
+
+
+# ---- the projector ----
+
+
+def _projected(light: Light, view: View, inputs: _ViewInputs) -> Light:
+    """Returns the light under the projector after changes of its pattern, power or optics. The surfaces' reflection
+    and shadows stay."""
+    own = inputs.projector
+    assert own is not None
+    for gain in inputs.gains:
+        light = light.scale_projector(gain(*tangents(view)))
+    if own.ir_intensity is not None and own.ir_intensity != 1.0:
+        light = light.scale_projector(own.ir_intensity)
+    if inputs.blur_px > 0.0:
+        seen = light.blurred(inputs.blur_px)
+        light = replace(light, direct=seen.direct, flat=seen.flat)
+    if inputs.pattern is not None and inputs.pattern is not view.pattern:
+        dots = DotView.of(view)
+        light = dots.change(light, dots.nominal(), dots.mean(inputs.pattern))
+    if own.pattern_scale != 1.0 or any(own.distortion):
+        dots, K = DotView.of(view), view.projector_K
+        x, y = distort(*to_tangents(dots.u, dots.v, K), own.distortion)
+        u, v = to_pixels(x / own.pattern_scale, y / own.pattern_scale, K)  # of the beam that lights the pixel now
+        light = dots.change(light, dots.nominal(), dots.mean(view.pattern, u, v))
+    if own.radius_m > 0.0:
+        dots = DotView.of(view)
+        z = np.where(dots.lit, dots.z, own.focus_m)
+        aperture_px_m = own.radius_m * np.mean(np.diag(view.projector_K)[:2])
+        disc_px = np.minimum(2.0 * aperture_px_m * np.abs(1.0 / z - 1.0 / own.focus_m), _LARGEST_DISC_PX)
+        light = dots.change(light, dots.nominal(), dots.mean_of_discs(view.pattern, disc_px))
+    return light
+
+
+# ---- the scene ----
+
+
+def _add_lights(light: Light, view: View, inputs: _ViewInputs) -> Light:
+    """Returns the light plus the light of projectors and lamps that an effect adds. It counts as ambient, because
+    it does not depend on the rig's projector. Added projectors cast no shadows."""
+    world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
+    poses = [(added, added.light_to_world) for added in inputs.rig_lights]
+    poses += [(added, world_to_camera @ added.light_to_world) for added in inputs.lights]
+    for added, to_camera in poses:
+        if added.kind == "projector":
+            assert added.ir_intensity is not None  # the effect has set it
+            shine = Shading.of(light, view).light_of_unit(added.ir_intensity, to_camera)
+        else:
+            shine = radiance_under(added, to_camera, light, view)
+        light = replace(light, ambient=light.ambient + shine)
+    return light
+
+
+def _through_medium(light: Light, view: View, inputs: _ViewInputs) -> Light:
+    return light if inputs.medium is None else through_medium(light, view, inputs.medium)
+
+
+def _reflected(light: Light, view: View, inputs: _ViewInputs) -> Light:
+    """Returns the light with changed materials on the chosen surfaces."""
+    changed = reflected(light, view, inputs.material(0), inputs.unrendered)
+    return light if changed is light else on_surfaces(light, changed, view, inputs.chosen)
+
+
+# The computation of an image, by the beginning of an engine field's name; the first that fits counts.
+_IMAGES: dict[str, Callable[[Any, View, _ViewInputs], Any]] = {
+    "signal.speckle": _speckled,
+    "signal.": _counted,
+    "optics.": _through_optics,
+    "projector.": _projected,
+    "pattern": _projected,
+    "lights": _add_lights,
+    "rig_lights": _add_lights,
+    "medium": _through_medium,
+    "materials.": _reflected,
+}
+
+
+def engine_effect(
+    id: str = "", *, moves: tuple[str, ...], **descriptor: Any
+) -> Callable[[Callable[..., None]], Effect]:
+    """Returns a decorator that makes an Effect of a function of EngineInputs and the parameters. moves: names of the
+    engine fields that the function changes, which select the computation of the image; a test compares them with the
+    actual changes. The function's docstring becomes the summary. descriptor: further fields of Effect."""
+    names = [name.removeprefix("right.").removeprefix("left.") for name in moves]
+    only_times = all(name.removeprefix("camera.") in _TIMES for name in names)
+    of_camera = _average_exposure if only_times else _redrawn
+    acts = next((act for kind, act in _IMAGES.items() if any(n.startswith(kind) for n in names)), of_camera)
+
+    def make(move: Callable[..., None]) -> Effect:
+        @wraps(move, assigned=("__name__", "__doc__"))
+        def image(value: Any, view: View, **values: float) -> Any:
+            inputs = _ViewInputs.of(view)
+            move(inputs, **values)
+            return acts(value, view, inputs)
+
+        # effect() reads the parameters' names after two arguments; `move` has one before them.
+        value = inspect.Parameter("value", inspect.Parameter.POSITIONAL_ONLY)
+        image.__signature__ = inspect.Signature([value, *inspect.signature(move).parameters.values()])  # type: ignore[attr-defined]
+        return effect(id, engine=move, engine_fields=moves, **descriptor)(image)
+
+    return make

@@ -28,6 +28,10 @@ _LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
 _LEAST_ROOM_PX = 8
 
 
+# Pairs (shift, weight).
+_Taps = Sequence[tuple[float, float]]
+
+
 def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> np.ndarray:
     """Returns values of images [..., height][width] at pixel positions (u, v). order 3: cubic spline, mirrored beyond
     the border; 1: linear, with the border's value beyond it."""
@@ -55,6 +59,22 @@ class Spline:
             self._coefficients, [v, u], self._coefficients.dtype, order=3, mode="mirror", prefilter=False
         )
         return np.clip(out, self._low, self._high, out=out)  # a spline may overshoot next to a dot
+
+    def shifted_sum(self, along_u: _Taps, along_v: _Taps) -> np.ndarray:
+        """Returns a sum of shifted images, limited to the image's range. along_u, along_v: the shifts along columns
+        and along rows, in samples; each takes the image at (position + shift)."""
+        out = self._coefficients
+        for axis, taps in ((-1, along_u), (-2, along_v)):
+            reach = int(np.ceil(max(abs(shift) for shift, _ in taps))) + 2
+            # Weights of the coefficients around a pixel: cubic B-splines of their distances.
+            kernel = np.zeros(2 * reach + 1)
+            for shift, weight in taps:
+                x = np.abs(np.arange(-reach, reach + 1.0) + shift)
+                kernel += weight * np.where(
+                    x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0
+                )
+            out = convolve1d(out, kernel, axis, mode="mirror")
+        return np.clip(out, self._low, self._high)
 
 
 class BoxSampler:
@@ -99,31 +119,6 @@ def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     x = np.minimum(np.maximum(x, 0.0), size)
     i = np.minimum(x.astype(np.intp), size - 1)
     return i, x - i
-
-
-def spline_coefficients(images: np.ndarray) -> np.ndarray:
-    """Returns the cubic splines' coefficients of images [n][height][width], which are mirrored beyond the border."""
-    return np.stack([spline_filter(image, 3, image.dtype, mode="mirror") for image in images])
-
-
-def shifted_sum(
-    images: np.ndarray, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]],
-    coefficients: np.ndarray | None = None,
-) -> np.ndarray:  # fmt: skip
-    """Returns sums of shifted images [n][height][width], interpolated by cubic splines. along_u, along_v: pairs (shift
-    in samples, weight) along columns and along rows; each takes the image at (position + shift). coefficients: of the
-    images, if they are known."""
-    out = spline_coefficients(images) if coefficients is None else coefficients
-    for axis, taps in ((-1, along_u), (-2, along_v)):
-        reach = int(np.ceil(max(abs(shift) for shift, _ in taps))) + 2
-        # Weights of the coefficients around a pixel: cubic B-splines of their distances.
-        kernel = np.zeros(2 * reach + 1)
-        for shift, weight in taps:
-            x = np.abs(np.arange(-reach, reach + 1.0) + shift)
-            kernel += weight * np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
-        out = convolve1d(out, kernel, axis, mode="mirror")
-    low, high = (edge(images, axis=(-2, -1), keepdims=True) for edge in (np.min, np.max))
-    return np.clip(out, low, high)  # a spline may overshoot next to a dot
 
 
 def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
@@ -289,36 +284,31 @@ class SupersampledImages:
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         """Returns the warped images: each camera pixel takes these images' value at pixel position (u, v),
         [height][width] each. Beyond the frame, the border's displacement holds."""
-        return _WarpedSupersampled(self, u, v)
+        # A warp shifts one pixel almost as a whole, so a warped pixel's mean is the mean over the shifted pixel.
+        return _LaterSupersampled(self, lambda images: images._warped(u, v), lambda images: images.means_at(u, v))
 
-    def _warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
+    def _warped(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         height, width = u.shape
         columns, rows = self._positions(width), self._positions(height)[:, None]
         moved_u, moved_v = u - np.arange(width), v - np.arange(height)[:, None]
-        moved = columns + self._refined(moved_u), rows + self._refined(moved_v)
-        return SupersampledImages(self.at(*moved), self.scale, self.margin_px)
+        return self.at(columns + self._refined(moved_u), rows + self._refined(moved_v))
 
-    def blurred(self, sigma_px: float | np.ndarray) -> SupersampledImages:
-        """Returns the images after a Gaussian blur. sigma_px: camera pixels, a number or an image [height][width] that
+    def filtered(self, act: Callable[[SupersampledImages], np.ndarray]) -> SupersampledImages:
+        """Returns the images after a linear filter, which is applied only to the images that are asked for. act:
+        returns filtered samples, as blurred() and shifted_sum() do."""
+        return _LaterSupersampled(self, act)
+
+    def blurred(self, sigma_px: float | np.ndarray) -> np.ndarray:
+        """Returns the samples after a Gaussian blur. sigma_px: camera pixels, a number or an image [height][width] that
         goes on beyond the frame."""
-        if np.ndim(sigma_px):
-            sigma_px = self._refined(np.asarray(sigma_px, dtype=np.float64))
-        return _LaterSupersampled(
-            self,
-            lambda images: SupersampledImages(blur(images.images(), self.scale * sigma_px), self.scale, self.margin_px),
+        return blur(
+            self.images(), self.scale * (self._refined(np.asarray(sigma_px)) if np.ndim(sigma_px) else sigma_px)
         )
 
-    def shifted_sum(
-        self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]
-    ) -> SupersampledImages:
-        """Returns sums of shifted images, see resample.shifted_sum; shifts are in camera pixels."""
+    def shifted_sum(self, along_u: _Taps, along_v: _Taps) -> np.ndarray:
+        """Returns sums of the shifted samples, see Spline.shifted_sum(); shifts are in camera pixels."""
         u, v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
-
-        def operation(source: SupersampledImages) -> SupersampledImages:
-            shifted = shifted_sum(source.images(), u, v, source._coefficients())
-            return SupersampledImages(shifted, self.scale, self.margin_px)
-
-        return _LaterSupersampled(self, operation)
+        return np.stack([spline.shifted_sum(u, v) for spline in self._splines()])
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Returns the values at camera pixel positions (u, v) of any shape, float32 [n][...]."""
@@ -348,10 +338,6 @@ class SupersampledImages:
         return {}
 
     @computed_once
-    def _coefficients(self) -> np.ndarray:
-        return spline_coefficients(self.images())
-
-    @computed_once
     def _splines(self) -> list[Spline]:
         """Returns one Spline per image; one set serves every warp of a fit."""
         return [Spline(image) for image in self.images()]
@@ -369,6 +355,8 @@ class SupersampledImages:
     def _refined(self, image: np.ndarray) -> np.ndarray:
         """Resamples an image [height][width] from camera pixels to the samples by linear interpolation. Beyond the
         frame, the border's value counts."""
+        if self.scale == 1 and self.margin_px == 0:
+            return image
         for axis, size in enumerate(image.shape):
             at = np.clip(self._positions(size), 0.0, size - 1.0)
             low = np.minimum(at.astype(np.intp), max(size - 2, 0))
@@ -383,37 +371,26 @@ class SupersampledImages:
 
 
 class _LaterSupersampled(SupersampledImages):
-    """SupersampledImages after a linear operation, which is applied only to the images that are asked for."""
+    """SupersampledImages after a linear operation, which is applied only to the images that are asked for. act: returns
+    the samples after it. means: returns the means over the pixels after it; None: they follow from the samples."""
 
     _source: SupersampledImages
-    _operation: Callable[[SupersampledImages], SupersampledImages]
+    _act: Callable[[SupersampledImages], np.ndarray]
+    _means: Callable[[SupersampledImages], np.ndarray] | None
 
     def __init__(
-        self, source: SupersampledImages, operation: Callable[[SupersampledImages], SupersampledImages]
-    ) -> None:
-        self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _operation=operation)
+        self, source: SupersampledImages, act: Callable[[SupersampledImages], np.ndarray],
+        means: Callable[[SupersampledImages], np.ndarray] | None = None,
+    ) -> None:  # fmt: skip
+        self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _act=act, _means=means)
 
     @computed_once
     def images(self) -> np.ndarray:
-        return self._operation(self._source).images()
-
-    def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
-        return self._operation(self._source.sum_of(indices))
-
-
-class _WarpedSupersampled(_LaterSupersampled):
-    """SupersampledImages after a warp. A warp shifts one pixel almost as a whole, so the mean over a warped pixel is
-    the source's mean over the shifted pixel."""
-
-    _place: tuple[np.ndarray, np.ndarray]
-
-    def __init__(self, source: SupersampledImages, u: np.ndarray, v: np.ndarray) -> None:
-        super().__init__(source, lambda images: images._warped(u, v))
-        self.__dict__["_place"] = u, v
+        return self._act(self._source)
 
     @computed_once
     def pixels(self) -> np.ndarray:
-        return self._source.means_at(*self._place)
+        return super().pixels() if self._means is None else self._means(self._source)
 
     def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
-        return _WarpedSupersampled(self._source.sum_of(indices), *self._place)
+        return _LaterSupersampled(self._source.sum_of(indices), self._act, self._means)

@@ -108,8 +108,6 @@ def capture_inputs(
         ),
         pattern=pattern,
         frame=frame,
-        new_light=kuafu.Light,
-        new_medium=kuafu.Medium,
         scene_materials=scene.get_material,
         material_count=summary.material_count,
         bounds_m=(tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)),
