@@ -35,28 +35,11 @@ def lit_triangle(device: kuafu.Device) -> kuafu.Scene:
     return scene
 
 
-def run(program: str, tracer: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-c", PROGRAM + program, tracer], capture_output=True, text=True, timeout=200
-    )
-
-
-@pytest.mark.parametrize("tracer", ["embree", "compute"])
-def test_a_daemon_thread_that_renders_does_not_disturb_the_end(tracer):
-    result = run(
-        """
+DAEMON = """
 threading.Thread(target=lambda: renderer.render(scene, camera, spp=10**8, progress=lambda f: None), daemon=True).start()
 time.sleep(0.5)
-""",
-        tracer,
-    )
-    assert (result.returncode, result.stderr) == (0, "")
-
-
-@pytest.mark.parametrize("tracer", ["embree", "compute"])
-def test_a_forked_child_ends_and_is_told_what_it_cannot_use(tracer):
-    result = run(
-        """
+"""
+FORK = """
 child = os.fork()
 if child == 0:
     try:
@@ -68,9 +51,14 @@ if child == 0:
     sys.exit(4)
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 3
 renderer.render(scene, camera, spp=1)
-""",
-        tracer,
-    )
+"""
+
+
+@pytest.mark.parametrize("tracer", ["embree", "compute"])
+@pytest.mark.parametrize("program", [DAEMON, FORK], ids=["a daemon thread that renders", "a forked child is told"])
+def test_it_ends_in_silence(program, tracer):
+    command = [sys.executable, "-c", PROGRAM + program, tracer]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=200)
     assert (result.returncode, result.stderr) == (0, "")
 
 

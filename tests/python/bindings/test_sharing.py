@@ -16,6 +16,7 @@ import pytest
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.sensor.pictures import IrLink, shared_memory_kind
 from sensor_scenes import wall_scene, with_depth
+from depth_engines import depth_engine
 
 import kuafu
 import simsense
@@ -31,12 +32,9 @@ def engine_device(device, request):
 
 def test_depth_has_the_same_bits_on_a_lent_device(device):
     noise = np.random.default_rng(1).integers(0, 256, (48, 96), np.uint8)
-    camera = simsense.Camera(width=96, height=48, k=[[80, 0, 47.5], [0, 80, 23.5], [0, 0, 1]])
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -0.05
 
     def depth(on):
-        engine = simsense.Engine(on, camera, camera, left_to_right, rectified=True, back_end="vulkan", max_disparity=32)
+        engine = depth_engine((96, 48), 80, on, back_end="vulkan", max_disparity=32)
         return engine.compute(noise, np.roll(noise, -5, 1), ("depth",))["depth"]
 
     lent = simsense.Device(device)
@@ -48,21 +46,14 @@ def test_depth_has_the_same_bits_on_a_lent_device(device):
         kuafu.Device(lent)
 
 
-def shared_buffers(device, engine_device, memory):
-    source = kuafu.Buffer(device, SIZE, exportable=memory == "opaque_fd")
-    with source.export(memory) as desc:
-        return source, simsense.Buffer.import_(engine_device, desc)
-
-
 @pytest.mark.parametrize("memory", ["opaque_fd", "host"])
 def test_a_mark_written_by_one_is_read_by_the_other(device, engine_device, memory):
-    needed = {
-        "opaque_fd": ("export_opaque_fd", "import_opaque_fd"),
-        "host": ("export_host_pointer", "import_host_pointer"),
-    }[memory]
-    if not (needed[0] in device.info.capabilities and needed[1] in engine_device.info.capabilities):
+    kind = "opaque_fd" if memory == "opaque_fd" else "host_pointer"
+    if f"export_{kind}" not in device.info.capabilities or f"import_{kind}" not in engine_device.info.capabilities:
         pytest.skip(f"{device.info.name} does not share memory by {memory}")
-    source, sink = shared_buffers(device, engine_device, memory)
+    source = kuafu.Buffer(device, SIZE, exportable=memory == "opaque_fd")
+    with source.export(memory) as desc:
+        sink = simsense.Buffer.import_(engine_device, desc)
     np.asarray(source)[17] = 201
     assert np.asarray(sink)[17] == 201
     np.asarray(sink)[18] = 202
@@ -289,11 +280,7 @@ def test_what_cannot_be_taken_is_one_error(
 
 def test_simsense_computes_on_an_array_of_another_library() -> None:
     device = simsense.Device("host")
-    k = [[40, 0, 19.5], [0, 40, 15.5], [0, 0, 1]]
-    camera = simsense.Camera(40, 32, k)
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -0.05
-    engine = simsense.Engine(device, camera, camera, left_to_right, rectified=True, max_disparity=16)
+    engine = depth_engine((40, 32), 40, device, max_disparity=16)
     pair = np.random.default_rng(1).integers(0, 255, (2, 32, 40), dtype=np.uint8)
     depth = np.full((32, 40), -1, np.float32)
     images = [simsense.Image.from_dlpack(device, array) for array in (pair[0], pair[1], depth)]

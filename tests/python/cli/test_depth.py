@@ -9,11 +9,11 @@ from PIL import Image
 
 import activestereo.camera.advanced_mode.matcher as matcher_module
 from activestereo.cli import main
-from command_line import run_here
 
-_F_PX, _BASELINE_M, _SHIFT_PX = 100.0, 0.06, 12
-_DEPTH_M = _F_PX * _BASELINE_M / _SHIFT_PX
-_GEOMETRY = ["--k", f"{_F_PX},{_F_PX},63.5,47.5", "--baseline", str(_BASELINE_M)]
+F_PX, BASELINE_M, SHIFT_PX, OFFSET_PX, WIDTH, HEIGHT = 100.0, 0.06, 12, 8.0, 128, 96
+CX, CY = 63.5, 47.5
+LEFT = ["--k", f"{F_PX},{F_PX},{CX},{CY}", "--baseline", str(BASELINE_M)]
+OPTIONS = [*LEFT, "--k-right", f"{F_PX},{F_PX},{CX + OFFSET_PX},{CY}"]
 
 
 @pytest.fixture
@@ -24,9 +24,9 @@ def recording(tmp_path):
     (folder / "right").mkdir()
     rng = np.random.default_rng(1)
     for number in range(3):
-        wall = rng.integers(20, 200, (96, 128 + _SHIFT_PX), np.uint8)
-        Image.fromarray(wall[:, :128]).save(folder / "left" / f"{number}.png")
-        Image.fromarray(wall[:, _SHIFT_PX:]).save(folder / "right" / f"{number}.png")
+        wall = rng.integers(20, 200, (HEIGHT, WIDTH + SHIFT_PX), np.uint8)
+        Image.fromarray(wall[:, :WIDTH]).save(folder / "left" / f"{number}.png")
+        Image.fromarray(wall[:, SHIFT_PX:]).save(folder / "right" / f"{number}.png")
     return folder
 
 
@@ -36,7 +36,7 @@ def settings(path, **values):
 
 
 def depth(recording, out, *more):
-    return main(["depth", str(recording), *_GEOMETRY, "--out", str(out), "--max-disparity", "32", *more])
+    return main(["depth", str(recording), *LEFT, "--out", str(out), "--max-disparity", "32", *more])
 
 
 def values(path):
@@ -48,11 +48,11 @@ def test_depth_has_the_settings_units_and_the_recording_stays(recording, tmp_pat
     before = {path: path.read_bytes() for path in recording.rglob("*.png")}
     file = settings(tmp_path / "s.json", param_depthunits="100", param_lambdaad="1")
     assert depth(recording, tmp_path / "out", "--settings", file) == 0
-    assert values(tmp_path / "out/000002.png") == pytest.approx(1e4 * _DEPTH_M, abs=60)
+    assert values(tmp_path / "out/000002.png") == pytest.approx(1e4 * F_PX * BASELINE_M / SHIFT_PX, abs=60)
     assert "without effect here: param-lambdaad" in capsys.readouterr().out
     assert {path: path.read_bytes() for path in recording.rglob("*.png")} == before
     assert depth(recording, tmp_path / "d", "--settings", settings(tmp_path / "d.json", param_disparitymode=1)) == 0
-    assert values(tmp_path / "d/000000.png") == pytest.approx(32 * _SHIFT_PX, abs=4)
+    assert values(tmp_path / "d/000000.png") == pytest.approx(32 * SHIFT_PX, abs=4)
 
 
 def test_a_run_that_was_interrupted_goes_on_and_keeps_what_it_had(recording, tmp_path, monkeypatch, capsys):
@@ -68,7 +68,7 @@ def test_a_run_that_was_interrupted_goes_on_and_keeps_what_it_had(recording, tmp
     assert depth(recording, tmp_path / "out") != 0
     kept = tmp_path / "out/000000.png"
     first = kept.read_bytes()
-    assert values(kept) == pytest.approx(1e3 * _DEPTH_M, abs=6)
+    assert values(kept) == pytest.approx(1e3 * F_PX * BASELINE_M / SHIFT_PX, abs=6)
     capsys.readouterr()
     assert depth(recording, tmp_path / "out") == 0
     assert "2 pairs matched, 1 were there already" in capsys.readouterr().out
@@ -85,34 +85,6 @@ def test_a_damaged_image_ends_the_run_in_one_line_and_the_pairs_before_stay(reco
     assert "damaged" in (err := capsys.readouterr().err) and err.strip().splitlines()[-1].startswith("activestereo: ")
     assert sorted(path.name for path in (tmp_path / "out").glob("*.png")) == ["000000.png", "000001.png"]
     assert values(tmp_path / "out/000001.png") > 0
-
-
-@pytest.mark.parametrize(
-    "arguments, told",
-    [
-        (["--out", "{recording}/depth"], "lies in the recording"),
-        ([], "-o/--out"),
-    ],
-)
-def test_what_cannot_be_is_told(recording, arguments, told, capsys):
-    given = [argument.format(recording=recording) for argument in arguments]
-    assert main(["depth", str(recording), *_GEOMETRY, *given]) == 2
-    assert told in capsys.readouterr().err
-
-
-F_PX, BASELINE_M, SHIFT_PX, OFFSET_PX, WIDTH, HEIGHT = 100.0, 0.06, 12, 8.0, 128, 96
-CX, CY = 63.5, 47.5
-DEPTH_M = F_PX * BASELINE_M / (SHIFT_PX + OFFSET_PX)
-
-
-@pytest.fixture
-def pair(tmp_path):
-    """A wall at one disparity, as a pair of files and, in a folder, as a recording."""
-    wall = np.random.default_rng(1).integers(20, 200, (HEIGHT, WIDTH + SHIFT_PX), np.uint8)
-    for side, first in (("left", 0), ("right", SHIFT_PX)):
-        (tmp_path / "rec" / side).mkdir(parents=True)
-        Image.fromarray(wall[:, first : first + WIDTH]).save(tmp_path / "rec" / side / "1.png")
-    return tmp_path
 
 
 def rows(K):
@@ -137,8 +109,6 @@ CALIBRATIONS = {
     "ros": [ros(CX, 0.0), ros(CX + OFFSET_PX, -F_PX * BASELINE_M)],
     "ros without baseline": [ros(CX, 0.0), ros(CX + OFFSET_PX, 0.0)],
 }  # fmt: skip
-LEFT = ["--k", f"{F_PX},{F_PX},{CX},{CY}", "--baseline", "0.06"]
-OPTIONS = ["--k", f"{F_PX},{F_PX},{CX},{CY}", "--k-right", f"{F_PX},{F_PX},{CX + OFFSET_PX},{CY}", "--baseline", "0.06"]
 
 
 def given(folder, kind):
@@ -154,12 +124,13 @@ def given(folder, kind):
 
 @pytest.mark.parametrize("kind", ["options", *CALIBRATIONS])
 @pytest.mark.parametrize("is_recording", [False, True])
-def test_depth_is_f_b_over_the_disparity_and_the_offset_of_cx(pair, kind, is_recording):
-    files = [pair / "rec"] if is_recording else [pair / "rec/left/1.png", pair / "rec/right/1.png"]
-    command = ["depth", *map(str, files), *given(pair, kind), "--max-disparity", "32", "--out", str(pair / "out")]
-    assert main(command) == 0
-    depth = np.asarray(Image.open(pair / "out" / ("000000.png" if is_recording else "depth.png")))
-    assert np.median(depth[depth > 0]) == pytest.approx(1000 * DEPTH_M, abs=2)
+def test_depth_is_f_b_over_the_disparity_and_the_offset_of_cx(recording, tmp_path, kind, is_recording):
+    files = [recording] if is_recording else [recording / "left/1.png", recording / "right/1.png"]
+    words = [*files, *given(tmp_path, kind), "--max-disparity", "32", "--out", tmp_path / "out"]
+    assert main(["depth", *map(str, words)]) == 0
+    depth_m = F_PX * BASELINE_M / (SHIFT_PX + OFFSET_PX)
+    found = values(tmp_path / "out" / ("000000.png" if is_recording else "depth.png"))
+    assert found == pytest.approx(1000 * depth_m, abs=2)
 
 
 @pytest.mark.parametrize(
@@ -172,12 +143,14 @@ def test_depth_is_f_b_over_the_disparity_and_the_offset_of_cx(pair, kind, is_rec
         (["--calibration", "{folder}/turned.yml"], "turned.yml: the pairs are not rectified, its cameras have a lens"),
         (["--calibration", "{folder}/none.yml"], "No such file"),
         (["--calibration", "{folder}/turned.yml", *OPTIONS[:2]], "--calibration tells K of both cameras"),
+        ([*LEFT, "--out", "{folder}/depth"], "lies in the recording"),
+        ([*LEFT, "--out", ""], "--out"),
     ],
 )
-def test_cameras_that_cannot_be_are_told_in_one_line(pair, capsys, words, said):
+def test_what_cannot_be_is_told_in_one_line(recording, tmp_path, run, words, said):
     turned = "R: [0.995, -0.0998, 0, 0.0998, 0.995, 0, 0, 0, 1]"
-    (pair / "turned.yml").write_text(CALIBRATIONS["opencv"][0].replace(f"R: {rows(np.eye(3))}", turned))
-    command = ["depth", pair / "rec/left/1.png", pair / "rec/right/1.png", "--out", pair / "out"]
-    result = run_here(capsys, *command, *(word.format(folder=pair) for word in words))
+    (recording / "turned.yml").write_text(CALIBRATIONS["opencv"][0].replace(f"R: {rows(np.eye(3))}", turned))
+    files = [recording] if "--out" in words else [recording / "left/1.png", recording / "right/1.png"]
+    result = run("depth", *files, "--out", tmp_path / "out", *(word.format(folder=recording) for word in words))
     error = result.stderr.strip().splitlines()
     assert result.returncode == 2 and len(error) == 1 and said in error[0]

@@ -64,19 +64,6 @@ def test_models_and_what_they_differ_in(said, tmp_path, capsys):
     assert said("model", "diff", first, first) == {}
 
 
-def test_a_check_of_effects_of_ones_own(capsys, tmp_path):
-    own = tmp_path / "mine.py"
-    own.write_text(
-        "from activestereo.effects import Parameter, Stage, effect\n"
-        "@effect('mine', stage=Stage.DIGITAL, family='f', source='s',\n"
-        "        parameters=[Parameter('dn', 'DN', 0.0, 0.0, 9.0, 3.0)])\n"
-        "def mine(dn_of_image, view, dn):\n    'Mine.'\n    return dn_of_image + dn + 1.0\n"
-    )
-    assert main(["effect", "check", str(own), "--json"]) == 1
-    (row,) = json.loads(capsys.readouterr().out)
-    assert row["id"] == "mine" and "neutral" in row["broken"][0]
-
-
 def test_noise_of_a_calibration(said, tmp_path):
     rng = np.random.default_rng(2)
     stack = np.rint(np.clip(rng.normal(np.linspace(20.0, 200.0, 64), 2.0, (12, 48, 64)), 0.0, 255.0))
@@ -107,7 +94,7 @@ def test_simulate(said, table_top, tmp_path):
     assert np.allclose(camera["cameras"]["rgb"]["camera_to_world"], CAMERA_TO_WORLD, atol=1e-6)
 
 
-def test_diagnose(said, tmp_path, monkeypatch):
+def test_diagnose(said, tmp_path):
     """A capture without infrared images has an answer, too, and a report."""
     (tmp_path / "capture.json").write_text(json.dumps({"frames": [{"left": None, "right": None}]}))
     answer = said("diagnose", tmp_path, "--out", tmp_path / "out")

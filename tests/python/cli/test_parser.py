@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from activestereo.capture.images import write_gray
-from activestereo.cli import main, make_parser
+from activestereo.cli import main
 from activestereo.cli.arguments import EXIT_CODES, Parser
 from activestereo.cli.simulate import failing
 from activestereo.common.accuracy import NOTHING, Accuracy
@@ -72,18 +72,15 @@ def test_no_command_is_answered_with_what_one_may_want(capsys):
     assert set(named.findall(said.partition("\n\n")[2].rpartition("\n\n")[0])) == set(named.findall(table))
 
 
-def test_a_misspelt_effect_is_answered_with_the_nearest(capsys, tmp_path):
+def test_a_misspelt_effect_or_ending_is_answered_with_the_right_one(capsys, tmp_path):
     assert main(["add", "vigneting", "-o", str(tmp_path / "model.json")]) == 2
     assert capsys.readouterr().err.endswith("; did you mean 'vignetting'?\n")
     misspelt = '"effects": [{"id": "lens_psff", "parameters": {}}]'
     (tmp_path / "model.json").write_text(f'{{"format": "active-stereo-model", "version": 1, {misspelt}}}')
     assert main(["model", "show", str(tmp_path / "model.json")]) == 2
     assert capsys.readouterr().err.endswith("; did you mean 'lens_psf'?\n")
-
-
-def test_an_option_may_be_cut_short_and_values_after_two_dashes_are_no_options():
-    assert make_parser().parse_args(["compare", "x", "--ou", "y"]).out == Path("y")
-    assert make_parser().parse_args(["model", "show", "--", "--odd.json"]).files == [Path("--odd.json")]
+    told = refused(("effect", "show", "vignetting", "-o", tmp_path / "strip"), capsys)
+    assert "ends in .png, a page's in .html" in told
 
 
 def test_the_page_has_every_exit_status_and_no_other():
@@ -194,8 +191,3 @@ def test_a_pair_leads_on_to_its_sensor_and_a_capture_brings_its_cameras(files, m
 def test_what_a_command_does_not_know_points_to_its_own_help(capsys):
     said = run_here(capsys, "add", "haze", "model.json", "-o", "m.json").stderr
     assert said.endswith("unrecognized arguments: model.json (see activestereo add --help)\n")
-
-
-def test_a_strip_is_a_picture_or_a_page(capsys, tmp_path):
-    told = refused(("effect", "show", "vignetting", "-o", tmp_path / "strip"), capsys)
-    assert "ends in .png, a page's in .html" in told

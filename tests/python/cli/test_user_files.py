@@ -8,7 +8,6 @@ import platform
 import random
 import struct
 import subprocess
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -169,11 +168,6 @@ def test_an_interrupt_between_two_files_leaves_what_was_there(tmp_path, monkeypa
         for name in "ab":
             (aside / name).write_text("after")
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "before", "b": "before"}
-
-
-@pytest.fixture
-def run(capsys):
-    return partial(run_here, capsys)
 
 
 def one_line(result: subprocess.CompletedProcess, status: int = 2) -> str:

@@ -33,10 +33,9 @@ def lit(
     scene.add_material(kuafu.Material(**looks))
     pattern = scene.add_texture(np.full((64, 64), 255, np.uint8))
     k = np.array([[10.0, 0, 31.5], [0, 10.0, 31.5], [0, 0, 1]])
+    place = pose(PROJECTOR_M)
     scene.add_light(
-        kuafu.Light(
-            kind="projector", texture=pattern, k=k, ir_intensity=3.0, falloff=falloff, light_to_world=pose(PROJECTOR_M)
-        )
+        kuafu.Light(kind="projector", texture=pattern, k=k, ir_intensity=3.0, falloff=falloff, light_to_world=place)
     )
     n = more.get("supersampling", 1)
     count, height, width = given["depth"].shape[0], *(side // n for side in given["depth"].shape[1:])
@@ -273,23 +272,19 @@ def test_the_host_and_vulkan_compute_agree():
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("name", "value", "words"),
     [
-        ({"depth": np.nan}, r"environment 1, pixel \(7, 5\): depth is nan, expected metres"),
-        ({"depth": -1.0}, r"environment 1, pixel \(7, 5\): depth is -1"),
-        ({"normal": 2.0}, "environment 1, pixel .*: the length of normal is .*, expected unit vectors"),
-        ({"albedo": 1.5}, "environment 1, pixel .*: albedo is 1.5, expected 0 to 1"),
-        ({"material": 2}, "environment 1, pixel .*: material is 2, expected a number below 2"),
-        ({"material": 0xFFFFFFFF}, "environment 1, pixel .*: material is 4294967295, expected a number below 2"),
+        ("depth", np.nan, "depth is nan, expected metres"), ("depth", -1.0, "depth is -1"),
+        ("normal", 2.0, "the length of normal is .*, expected unit vectors"),
+        ("albedo", 1.5, "albedo is 1.5, expected 0 to 1"), ("material", 2, "material is 2, expected a number below 2"),
+        ("material", 0xFFFFFFFF, "material is 4294967295, expected a number below 2"),
     ],
-)
-def test_a_bad_value_is_named_with_its_environment(change, words):
+)  # fmt: skip
+def test_a_bad_value_is_named_with_its_environment(name, value, words):
     given = {"albedo": np.full((3, 24, 100), 0.5), "material": np.ones((3, 24, 100))} | wall(0.5, 0.5, 0.5)
     given = {name: np.array(image) for name, image in given.items()}
-    for name, value in change.items():
-        given[name][1, 5, 7] = value
-        given[name][2, 1, 1] = value
-    with pytest.raises(ValueError, match=words + r".*\(and in environments 2\)"):
+    given[name][1, 5, 7] = given[name][2, 1, 1] = value
+    with pytest.raises(ValueError, match=rf"environment 1, pixel \(7, 5\): {words}.*\(and in environments 2\)"):
         lit(given)
 
 

@@ -243,24 +243,17 @@ def rendered(
     def fill(environment: int, radius_m: float, z_m: float) -> None:
         ball = add_mesh(scene, meshes.sphere(radius_m))
         scene.add_instance(ball, [glass], local_to_world=placed(z_m), environment=environment)
-        pose = np.diag([1.0, -1.0, -1.0, 1.0])
-        pose[2, 3] = 1.4
-        scene.add_light(kuafu.Light(kind="point", intensity=(1, 1, 1), light_to_world=pose, environment=environment))
+        place = downwards(1.4)
+        scene.add_light(kuafu.Light(kind="point", intensity=(1, 1, 1), light_to_world=place, environment=environment))
 
     own, other = (1, 0) if neighbour_first else (0, 1)
-    if not neighbour_first:
-        fill(own, 0.06, 0.5)
-    for radius_m in beside_m:
-        fill(other, radius_m, 0.3)
-    if neighbour_first:
-        fill(own, 0.06, 0.5)
+    mine, beside = [(own, 0.06, 0.5)], [(other, radius_m, 0.3) for radius_m in beside_m]
+    for one in beside + mine if neighbour_first else mine + beside:
+        fill(*one)
     k = np.array([[60.0, 0, (BATCH_SIDE_PX - 1) / 2], [0, 60.0, (BATCH_SIDE_PX - 1) / 2], [0, 0, 1]])
-    look = np.diag([1.0, -1.0, -1.0, 1.0])
-    look[2, 3] = 0.4
-    cameras = [kuafu.Camera(BATCH_SIDE_PX, BATCH_SIDE_PX, k, look)] * 2
-    renderer = kuafu.Renderer(device)
+    cameras = [kuafu.Camera(BATCH_SIDE_PX, BATCH_SIDE_PX, k, downwards(0.4))] * 2
     options: dict[str, Any] = {"spp": 16, "max_bounces": 1, "glass_shadows": shadows}
-    images = renderer.render(scene, cameras, [output], environments=[0, 1], **options)[output]
+    images = kuafu.Renderer(device).render(scene, cameras, [output], environments=[0, 1], **options)[output]
     return np.array(images[own]), device.allocated_bytes
 
 

@@ -26,9 +26,8 @@ def render(device):
     renderer, camera = kuafu.Renderer(device), kuafu.Camera(WIDTH, HEIGHT, K)
 
     def image(optics=None):
-        return renderer.render(scene, camera, ["radiance"], band="visible", spp=4, max_bounces=0, optics=optics)[
-            "radiance"
-        ][0].astype(np.float64)
+        options = {"band": "visible", "spp": 4, "max_bounces": 0, "optics": optics}
+        return renderer.render(scene, camera, ["radiance"], **options)["radiance"][0].astype(np.float64)
 
     return image
 
@@ -42,14 +41,13 @@ def by_effect(image, name, **values):
     return np.moveaxis(effect(stack, view, **values), 0, -1)
 
 
-def test_vignetting_is_the_effect_s(render):
-    seen = render({"vignetting_exponent": 3.0})
-    np.testing.assert_allclose(seen, by_effect(render(), "vignetting", exponent=3.0), rtol=2e-6)
-
-
-def test_veiling_glare_is_the_effect_s(render):
-    seen = render(kuafu.Optics(veiling_glare_fraction=0.3))
-    np.testing.assert_allclose(seen, by_effect(render(), "veiling_glare", fraction=0.3), rtol=2e-5)
+@pytest.mark.parametrize(
+    ("name", "parameter", "value", "rtol"),
+    [("vignetting", "exponent", 3.0, 2e-6), ("veiling_glare", "fraction", 0.3, 2e-5)],
+)
+def test_a_lenss_light_is_the_effect_s(render, name, parameter, value, rtol):
+    for optics in ({f"{name}_{parameter}": value}, kuafu.Optics(**{f"{name}_{parameter}": value})):
+        np.testing.assert_allclose(render(optics), by_effect(render(), name, **{parameter: value}), rtol=rtol)
 
 
 @pytest.mark.parametrize("sigma, corner, tolerance", [(1.5, 0.0, 0.008), (1.2, 1.5, 0.025)])
@@ -65,9 +63,8 @@ def test_one_optics_for_each_camera_or_for_all(render, device):
     scene = kuafu.Scene(device)
     scene.set_environment((1.0, 1.0, 1.0), 1.0)
     camera, renderer = kuafu.Camera(9, 9, [[9, 0, 4], [0, 9, 4], [0, 0, 1]]), kuafu.Renderer(device)
-    images = renderer.render(scene, [camera, camera], spp=1, optics=[kuafu.Optics(), {"vignetting_exponent": 4}])[
-        "radiance"
-    ]
+    optics = [kuafu.Optics(), {"vignetting_exponent": 4}]
+    images = renderer.render(scene, [camera, camera], spp=1, optics=optics)["radiance"]
     assert (images[0] == 1.0).all() and images[1, 0, 0, 0] < 0.8
     with pytest.raises(ValueError, match="1 optics for 2 cameras"):
         renderer.render(scene, [camera, camera], optics=[kuafu.Optics()])

@@ -4,12 +4,9 @@
 import numpy as np
 import pytest
 from scipy.stats import norm
-from sensor_scenes import with_depth, wall_scene
+from sensor_scenes import wall_scene, walls, with_depth
 
-import kuafu
 from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
-from activestereo.scene_io import solids
-from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.depth_modes import IsaacSettings, isaac, one_view_depth, redwood, simkinect
 
 _DISPARITY_PX = 6.25
@@ -52,17 +49,13 @@ def test_a_function_s_disparities_become_depth_points_confidence_and_reasons(wal
 
 
 def test_a_batch_asks_the_matcher_once_for_all_pairs():
-    scene, asked = kuafu.Scene(kuafu.Device()), []
-    bodies = Bodies(scene, 2)
-    plaster = scene.add_material(kuafu.Material(base_color=(0.7, 0.7, 0.7, 1), specular=0.0))
-    bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [plaster], np.diag([0.1, 3.0, 3.0, 1.0]))])
-    bodies.move(np.array([[[0.8, 0, 0, 1, 0, 0, 0]], [[1.2, 0, 0, 1, 0, 0, 0]]], float))
+    asked = []
 
     def matcher(left, right):
         asked.append(left.shape)
         return np.full(left.shape, _DISPARITY_PX, np.float32), None
 
-    batch = StereoDepthSensorBatch(config(), Mounts(scene, [np.eye(4)] * 2), matcher=matcher)
+    batch = StereoDepthSensorBatch(config(), Mounts(walls([0.7, 1.1], 2), [np.eye(4)] * 2), matcher=matcher)
     for _ in range(2):  # what was read of the first picture is computed at once of the second
         asked.clear()
         with_depth(batch, infrared_only=True)
@@ -102,22 +95,15 @@ def _isaac(gray, **settings):
     return isaac(_WALL_M, gray, 400.0, 0.05, IsaacSettings(**settings), np.random.default_rng(0))
 
 
-def test_isaac_sees_nothing_of_an_untextured_wall_by_default():
-    assert not _isaac(np.full(_WALL_M.shape, 0.5, np.float32)).any()
-
-
-def test_isaac_sees_a_textured_wall_in_steps_of_a_quarter_of_a_pixel():
-    depth = _isaac(np.random.default_rng(1).random(_WALL_M.shape, np.float32))
+def test_isaac_sees_a_textured_wall_within_its_range_in_steps_of_a_quarter_of_a_pixel():
+    texture = np.random.default_rng(1).random(_WALL_M.shape, np.float32)
+    depth = _isaac(texture)
     assert (depth[..., 20:] > 0).all() and not depth[..., :20].any()  # 20 px: beyond the second view
     steps = 20.0 / depth[..., 20:] / 0.25
     assert np.allclose(steps, np.rint(steps), atol=1e-3)
     assert np.std(20.0 / depth[..., 20:]) == pytest.approx(np.hypot(0.25, 0.25 / np.sqrt(12.0)), rel=0.05)
-
-
-def test_isaac_sees_nothing_nearer_than_half_a_metre_or_beyond_its_disparities():
-    gray = np.random.default_rng(1).random(_WALL_M.shape, np.float32)
-    assert not _isaac(gray, min_distance_m=1.1).any()
-    assert not _isaac(gray, max_disparity_px=19.0).any()
+    assert not _isaac(np.full(_WALL_M.shape, 0.5, np.float32)).any()
+    assert not _isaac(texture, min_distance_m=1.1).any() and not _isaac(texture, max_disparity_px=19.0).any()
 
 
 def test_the_datasheets_noise_grows_with_the_square_of_depth():
@@ -129,23 +115,20 @@ def test_the_datasheets_noise_grows_with_the_square_of_depth():
     assert far == pytest.approx(9.0 * near, rel=0.05)
 
 
-def test_redwoods_disparities_are_eighths_of_a_normal_distribution():
-    fb, sigma_px = 35.0, 0.027778
-    depth_m = 0.7995
-    eighths = 8.0 * fb / redwood(np.full_like(_WALL_M, depth_m), fb, np.random.default_rng(0))
+def test_redwoods_disparities_are_eighths_of_a_normal_distribution_of_every_other_pixel():
+    fb, sigma_px, depth_m = 35.0, 0.027778, 0.7995
+
+    def found(true_m, **options):
+        return redwood(true_m, fb, np.random.default_rng(0), **options)
+
+    eighths = 8.0 * fb / found(np.full_like(_WALL_M, depth_m))
     np.testing.assert_allclose(eighths, np.rint(eighths), atol=0.01)
     edge = np.floor(8.0 * fb / depth_m) + 0.5
     assert (eighths < edge).mean() == pytest.approx(norm.cdf((edge - 8.0 * fb / depth_m) / 8.0 / sigma_px), abs=0.02)
-    assert not redwood(11.0 * _WALL_M, fb, np.random.default_rng(0)).any()
-    assert redwood(11.0 * _WALL_M, fb, np.random.default_rng(0), farthest_m=np.inf).all()
-
-
-def test_redwood_sees_every_other_pixel():
-    depth = np.full((1, 40, 40), 2.0, np.float32)
-    depth[:, ::2, ::2] = 1.0
-    found = redwood(depth, 35.13, np.random.default_rng(1))
-    np.testing.assert_allclose(found, 1.0, atol=0.01)
-    assert not redwood(np.full_like(depth, 10.0), 35.13, np.random.default_rng(1)).any()
+    assert not found(10.0 * _WALL_M).any() and found(11.0 * _WALL_M, farthest_m=np.inf).all()
+    every_other = np.full((1, 40, 40), 2.0, np.float32)
+    every_other[:, ::2, ::2] = 1.0
+    np.testing.assert_allclose(found(every_other), 1.0, atol=0.01)
 
 
 def test_simkinect_is_half_a_step_too_near_and_empty_at_edges():

@@ -17,6 +17,7 @@ from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.staging import ALL_SIDES, ROOM_LUX, ROOM_WITHOUT_LAMPS, has_lamps, part_light
 from activestereo.sensor.explain import light_share
 from activestereo.sensor.sensor import StereoDepthSensor
+from sensor_scenes import with_depth
 
 _AT = {"point": [0.5, 1.5, 0.3], "spot": [0.0, 0.0, 0.3], "directional": [0.0, 0.0, 0.3]}
 # The camera looks along -z from the origin.
@@ -44,19 +45,14 @@ _LAMPS = {
 def _scene(path: Path, lamp: Lamp | None) -> kuafu.Scene:
     """A wall and a box before it; with a lamp in the file, if one is given."""
     writer = GltfWriter()
-    grey = writer.add_material(
-        "grey", pbrMetallicRoughness={"baseColorFactor": [0.6, 0.6, 0.6, 1], "metallicFactor": 0}
-    )
+    surface = {"baseColorFactor": [0.6, 0.6, 0.6, 1], "metallicFactor": 0}
+    grey = writer.add_material("grey", pbrMetallicRoughness=surface)
     writer.add_mesh("wall", meshes.sheet((-2, -1.5, -1.5), (4, 0, 0), (0, 3, 0)), grey)
     writer.add_mesh("box", meshes.box(0.4, 0.4, 0.2), grey, (0, -0.2, -1.1))
     document, _ = writer.document()
     if lamp is not None:
-        light = {
-            "type": lamp.kind,
-            "name": "lamp",
-            "intensity": lamp.photometric,
-            **({"spot": {}} if lamp.kind == "spot" else {}),
-        }
+        light = {"type": lamp.kind, "name": "lamp", "intensity": lamp.photometric}
+        light |= {"spot": {}} if lamp.kind == "spot" else {}
         document["extensionsUsed"] = ["KHR_lights_punctual"]
         document["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
         document["scenes"][0]["nodes"].append(len(document["nodes"]))
@@ -77,9 +73,7 @@ def _sensor(scene: kuafu.Scene) -> StereoDepthSensor:
 
 
 def _fill(scene: kuafu.Scene) -> float:
-    sensor = _sensor(scene)
-    sensor.take_picture()
-    sensor.compute_depth()
+    sensor = with_depth(_sensor(scene))
     return float((sensor.get_depth()[sensor.get_true_depth() > 0] > 0).mean())
 
 

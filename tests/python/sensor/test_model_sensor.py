@@ -16,17 +16,12 @@ from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from activestereo.sensor.image_effects import ModelCostWarning
 from activestereo.capture.capture import Camera
+from sensor_scenes import model_of
 from activestereo.model import Imager, Quantity, Rig, SensorModel, write_model
 
 EFFECTS = builtin()
 POSE = body_pose(CAMERA_TO_WORLD)
-
-
-def model_of(**effects: dict[str, float]) -> SensorModel:
-    model = SensorModel()
-    for name, values in effects.items():
-        model = model.with_effect(EFFECTS[name], {n: Quantity(v) for n, v in values.items()})
-    return model
+KEPT = Parameter("kept", "1", neutral=1.0, low=0.0, high=1.0, typical=0.9)
 
 
 @pytest.fixture
@@ -73,9 +68,8 @@ def test_optics_of_a_model_are_the_sensors(config, scene):
 
 
 def test_the_engine_keeps_the_calibration_while_the_camera_has_moved(config, scene):
-    sensor = StereoDepthSensor(
-        config, scene, pose=POSE, model=model_of(principal_point_offset={"cx_px": 1.5, "cy_px": 0.0})
-    )
+    model = model_of(principal_point_offset={"cx_px": 1.5, "cy_px": 0.0})
+    sensor = StereoDepthSensor(config, scene, pose=POSE, model=model)
     left, right = sensor.ir_cameras()
     assert right.k[0, 2] - left.k[0, 2] == pytest.approx(1.5)
     assert sensor.engine.rectified[0][0, 2] == pytest.approx(config.ir_intrinsic[0, 2])
@@ -109,27 +103,20 @@ def test_a_material_that_the_scene_lacks_is_named_and_nothing_is_changed(config,
 
 
 def test_what_depends_on_warmth_follows_the_conditions(config, scene):
-    sensor = StereoDepthSensor(
-        config, scene, pose=POSE, model=model_of(thermal_drift={"cx_px_per_k": 0.05, "focal_per_k": 0.0})
-    )
+    model = model_of(thermal_drift={"cx_px_per_k": 0.05, "focal_per_k": 0.0})
+    sensor = StereoDepthSensor(config, scene, pose=POSE, model=model)
     assert sensor.ir_cameras()[1].k[0, 2] == pytest.approx(config.ir_intrinsic[0, 2])
     sensor.set_conditions(temperature_c=45.0)
     assert sensor.ir_cameras()[1].k[0, 2] == pytest.approx(config.ir_intrinsic[0, 2] + 1.0)
 
 
 def test_a_users_effect_acts_at_its_stage_and_says_what_it_costs(config, scene):
-    @effect(
-        "dimmer",
-        stage=Stage.CHARGE,
-        family="x",
-        source="x",
-        parameters=[Parameter("share", "1", neutral=0.0, low=0.0, high=1.0, typical=0.1)],
-    )
-    def dimmer(signal, view, share):
+    @effect("dimmer", stage=Stage.CHARGE, family="x", source="x", parameters=[KEPT])
+    def dimmer(signal, view, kept):
         """Less light is counted."""
-        return signal * (1.0 - share)
+        return signal * kept
 
-    model = SensorModel().with_effect(dimmer, {"share": Quantity(0.4)})
+    model = SensorModel().with_effect(dimmer, {"kept": Quantity(0.6)})
     plain = pair_of(config, scene)
     with pytest.warns(ModelCostWarning, match="dimmer"):
         dimmed = pair_of(config, scene, model)
@@ -141,16 +128,10 @@ def test_a_users_effect_acts_at_its_stage_and_says_what_it_costs(config, scene):
 def test_an_effect_on_light_changes_the_laser_s_part_as_the_whole(config, scene, is_laser_apart):
     """Half of the projector's light, which alone has speckle or has none: the room's light stays."""
 
-    @effect(
-        "half_laser",
-        stage=Stage.PROJECTOR,
-        family="x",
-        source="x",
-        parameters=[Parameter("share", "1", neutral=1.0, low=0.0, high=1.0, typical=0.1)],
-    )
-    def half_laser(light, view, share):
+    @effect("half_laser", stage=Stage.PROJECTOR, family="x", source="x", parameters=[KEPT])
+    def half_laser(light, view, kept):
         """Less of the projector's light arrives."""
-        return replace(light, direct=share * light.direct, indirect=share * light.indirect, flat=share * light.flat)
+        return replace(light, direct=kept * light.direct, indirect=kept * light.indirect, flat=kept * light.flat)
 
     def taken(model, laser_mw):
         config.laser_power_mw, config.ir_speckle_of_laser = laser_mw, is_laser_apart
@@ -163,7 +144,7 @@ def test_an_effect_on_light_changes_the_laser_s_part_as_the_whole(config, scene,
         return images
 
     with pytest.warns(ModelCostWarning, match="half_laser"):
-        found = taken(SensorModel().with_effect(half_laser, {"share": Quantity(0.5)}), config.laser_power_mw)
+        found = taken(SensorModel().with_effect(half_laser, {"kept": Quantity(0.5)}), config.laser_power_mw)
     expected = taken(None, 0.5 * config.laser_power_mw)
     for image, other in zip(found, expected, strict=True):
         assert image.mean() == pytest.approx(other.mean(), rel=0.02)
@@ -211,10 +192,9 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
     k = np.array([[300.0, 0, 150.0], [0, 301.0, 90.0], [0, 0, 1]])
     to_right, to_projector = np.eye(4), np.eye(4)
     to_right[0, 3], to_projector[:2, 3] = -0.06, (-0.02, 0.01)
+    camera = Camera(320, 180, k)
     model = SensorModel(
-        rig=Rig(
-            Camera(320, 180, k), Camera(320, 180, k), to_right, to_projector, bit_depth=10, exposure_s=0.004, gain=2.0
-        ),
+        rig=Rig(camera, camera, to_right, to_projector, bit_depth=10, exposure_s=0.004, gain=2.0),
         imager=Imager(Quantity(0.25 + 1 / 12), Quantity(0.01), Quantity(0.002)),
         nuisances={"projector_scale": Quantity(60000.0), "black_dn": Quantity(7.0)},
     )
@@ -225,16 +205,8 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
     assert np.linalg.norm(config.trans_pose_r.p - config.trans_pose_l.p) == pytest.approx(0.06)
     assert np.linalg.norm(config.pose_rgb_irproj.p - config.trans_pose_l.p) == pytest.approx(np.hypot(0.02, 0.01))
     assert (config.ir_black_level_dn, config.projector_intensity, config.ir_camera_exposure) == (7.0, 1.5, 0.004)
-    assert config.ir_signal == pytest.approx(
-        {
-            "bit_depth": 10,
-            "gain": 2.0,
-            "adc_noise_dn": 0.5,
-            "shot_noise": 0.1,
-            "speckle_shape": 500.0,
-            "speckle_scale": 0.002,
-        }
-    )
+    noise = {"adc_noise_dn": 0.5, "shot_noise": 0.1, "speckle_shape": 500.0, "speckle_scale": 0.002}
+    assert config.ir_signal == pytest.approx({"bit_depth": 10, "gain": 2.0, **noise})
 
 
 def test_an_eye_that_opens_later_stands_where_the_rig_is_by_then(config, scene):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo import Mount, Pose, StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.common.accuracy import accuracy_by_material
 from activestereo.common.pose import body_pose
-from sensor_scenes import light_of, with_depth, wall_scene
+from sensor_scenes import light_of, sensor_or_batch, wall_scene, with_depth
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +58,9 @@ def test_most_of_the_table_is_measured_well(by_material):
 def test_materials_that_break_stereo_do(by_material):
     for name in ("glass", "steel"):  # light goes elsewhere: every match is off
         assert by_material[name].median_error_m > 2 * by_material["clay"].median_error_m, name
-    assert (
-        by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m
-    )  # little light comes back: some matches are noise
-    assert 1 - by_material["glass"].fill > 1.5 * (1 - by_material["clay"].fill)  # and some find none
+    # Little light comes back from velvet: some matches are noise, and some find none.
+    assert by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m
+    assert 1 - by_material["glass"].fill > 1.5 * (1 - by_material["clay"].fill)
 
 
 def test_infrared_pictures_are_well_exposed(table):
@@ -300,14 +299,11 @@ def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
 
 @pytest.mark.parametrize("kind", ["sensor", "batch"])
 def test_sensors_that_are_closed_leave_nothing_in_the_scene(kind):
-    scene, pose = wall_scene(1.0), Pose()
+    scene = wall_scene(1.0)
     config = StereoDepthSensorConfig("D435").scaled(0.08)
     device, before = scene.device, None
     for _ in range(10_000 if os.environ.get("ACTIVESTEREO_FULL") else 5):
-        if kind == "sensor":
-            StereoDepthSensor(config, scene, pose=pose).close()
-        else:
-            StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).close()
+        sensor_or_batch(kind, config, scene).close()
         s = scene.summary
         counts = s.texture_count, s.light_count, s.material_count, s.instance_count, s.mesh_count
         before = before or (counts, device.allocated_bytes)
@@ -324,10 +320,7 @@ def test_a_sensor_that_cannot_be_made_leaves_nothing_in_the_scene(kind, monkeypa
 
     monkeypatch.setattr("simsense.Engine.set_signal", refuse)
     with pytest.raises(ValueError, match="no such signal"):
-        if kind == "sensor":
-            StereoDepthSensor(config, scene)
-        else:
-            StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]))
+        sensor_or_batch(kind, config, scene)
     assert (scene.summary.texture_count, scene.summary.light_count) == (0, 0)
 
 
@@ -347,7 +340,7 @@ def test_setters_refuse_what_nothing_can_have(table):
 
 def test_a_batch_refuses_what_no_picture_has():
     config = StereoDepthSensorConfig("D435").scaled(0.08)
-    with StereoDepthSensorBatch(config, Mounts(wall_scene(1.0), np.eye(4)[None])) as batch:
+    with sensor_or_batch("batch", config, wall_scene(1.0)) as batch:
         for seed in (np.nan, 2**64, 2**32, -1, "x", 1.5):
             with pytest.raises(ValueError, match="the seed is .*expected .*0 to 4294967295"):
                 batch.restart(seed)

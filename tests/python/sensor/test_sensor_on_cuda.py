@@ -21,13 +21,17 @@ import simsense
 NAMES = ("depth", "disparity", "ir_left", "confidence", "rgba8", "true_depth", "instance_ids", "material_ids")
 
 
-@pytest.fixture
-def device() -> kuafu.Device:
+def cpu_of(module: ModuleType) -> Any:
     """The stub of CUDA maps memory that has an address of the host."""
     try:
-        return kuafu.Device("cpu")
-    except kuafu.NoDeviceError as error:
+        return module.Device("cpu")
+    except module.NoDeviceError as error:
         pytest.skip(str(error))
+
+
+@pytest.fixture
+def device() -> kuafu.Device:
+    return cpu_of(kuafu)
 
 
 @pytest.fixture
@@ -106,11 +110,12 @@ def test_what_cannot_be_on_cuda_is_refused_and_leaves_the_scene(
     scene, _ = world(device)
     with StereoDepthSensor(config, scene) as sensor, pytest.raises(RuntimeError, match="on_cuda=True"):
         sensor.get_cuda("depth")
-    lights = scene.summary.light_count
+    lights, mounts = scene.summary.light_count, Mounts(scene, np.eye(4)[None])
     with monkeypatch.context() as patch:
         patch.setitem(CudaMemory.__init__.__kwdefaults__, "library", "/nowhere/libcuda.so.1")
-        with pytest.raises(CudaError, match="there is no CUDA driver"):
-            StereoDepthSensor(config, scene, on_cuda=True)
+        for kind, place in ((StereoDepthSensor, scene), (StereoDepthSensorBatch, mounts)):
+            with pytest.raises(CudaError, match="there is no CUDA driver"):
+                kind(config, place, on_cuda=True)
     stub_for(device, stub_cuda, monkeypatch)
     model = SensorModel().with_effect(builtin()["quantisation"], {"step_dn": Quantity(16.0)})
     with pytest.raises(ValueError, match="such sensors have no quantisation: .* without on_cuda"):
@@ -143,14 +148,6 @@ def test_torch_has_a_sensors_results_where_they_were_made(torch_on_a_gpu: Any, c
 @pytest.fixture(params=[kuafu, simsense], ids=lambda module: module.__name__)
 def module(request: pytest.FixtureRequest) -> ModuleType:
     return request.param
-
-
-def cpu_of(module: ModuleType) -> Any:
-    """The stub of CUDA maps memory that has an address of the host."""
-    try:
-        return module.Device("cpu")
-    except module.NoDeviceError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture
@@ -193,14 +190,10 @@ def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(
     assert stub.stub_held() == 0
 
 
-def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cuda: Path) -> None:
+def test_a_batchs_results_are_cudas_too(device: kuafu.Device, monkeypatch: pytest.MonkeyPatch, stub_cuda: Path) -> None:
     """The arrays have the bits of the host's, and the next picture's are in the same memory."""
-    device = cpu_of(kuafu)
     stub_for(device, stub_cuda, monkeypatch)
-    scene = kuafu.Scene(device)
-    corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
-    scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))
-    scene.set_environment((0.3, 0.2, 0.1), 0.3)
+    scene, _ = world(device)
     config = StereoDepthSensorConfig("sapien-D435").scaled(0.1)
     config.samples_per_pixel, config.max_bounces = 1, 0
     batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (2, 1, 1))), on_cuda=True)
@@ -215,27 +208,13 @@ def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cu
         for name in ("depth", "disparity", "rgba8", "true_depth", "instance_ids", "ir_left"):
             host = batch.get_ir_measured()[0] if name == "ir_left" else getattr(batch, f"get_{name}")()
             there = batch.get_cuda(name)
-            seen = seen_by_host(there)
-            assert seen.shape == host.shape and seen.dtype == host.dtype, name
-            np.testing.assert_array_equal(seen, host)
+            np.testing.assert_array_equal(seen_by_host(there), host, err_msg=name, strict=True)
             addresses.append(there.__cuda_array_interface__["data"][0])
     assert addresses[:6] == addresses[6:] and batch.get_depth().any()
     with pytest.raises(ValueError, match="a sensor has no 'rgb' for CUDA .*depth, .*confidence, .*rgba8"):
         batch.get_cuda("rgb")
     with pytest.raises(RuntimeError, match="on_cuda=True"):
         StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).get_cuda("depth")
-
-
-def test_a_batch_for_cuda_is_not_made_without_cuda(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And leaves the scene as it was."""
-    monkeypatch.setitem(CudaMemory.__init__.__kwdefaults__, "library", "/nowhere/libcuda.so.1")
-    device = cpu_of(kuafu)
-    exportable(kuafu, device)
-    scene = kuafu.Scene(device)
-    config = StereoDepthSensorConfig("sapien-D435").scaled(0.1)
-    with pytest.raises(CudaError, match="there is no CUDA driver"):
-        StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]), on_cuda=True)
-    assert scene.summary.light_count == 0
 
 
 def test_torch_and_the_renderer_have_one_memory(torch_on_a_gpu: Any) -> None:
@@ -287,9 +266,7 @@ def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: An
 
 def test_torch_has_a_batchs_results_where_they_were_made(torch_on_a_gpu: Any) -> None:
     torch = torch_on_a_gpu
-    scene = kuafu.Scene(kuafu.Device("auto"))
-    corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
-    scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))
+    scene, _ = world(kuafu.Device("auto"))
     config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
     batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (3, 1, 1))), on_cuda=True)
     for _ in range(2):

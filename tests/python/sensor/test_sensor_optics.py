@@ -10,7 +10,7 @@ from scipy.linalg import expm
 import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.common.pose import as_matrix, camera_to_world
-from sensor_scenes import wall_scene
+from sensor_scenes import wall_scene, with_depth
 
 LENS = (-0.08, 0.02, 2e-4, -3e-4, 0.0)  # a barrel of some percent, as wide-angle modules have
 RATIONAL_LENS = (0.12, -0.05, 2e-4, -3e-4, 0.01, 0.2, -0.03, 0.01)  # as strong a barrel, by its denominator
@@ -19,8 +19,7 @@ DISTANCE_M = 0.9
 
 def wall_error(sensor):
     """[p50, p90] of the relative depth error on the wall, and the share measured, in the RGB picture's inner part."""
-    sensor.take_picture()
-    sensor.compute_depth()
+    with_depth(sensor)
     depth, truth = (d[20:-20, 40:-40] for d in (sensor.get_depth(), sensor.get_true_depth()))
     error = np.abs(depth / truth - 1)[depth > 0]
     return np.percentile(error, [50, 90]), (depth > 0).mean()
@@ -107,11 +106,8 @@ def test_the_whole_rig_moves_as_one_body(small_config):
         generator[:3] = np.column_stack([[[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]], thing.linear_velocity])
         return pose @ expm(time_s * generator)
 
-    for thing, pose in (
-        (right, right.camera_to_world),
-        (rgb, rgb.camera_to_world),
-        (projector, projector.light_to_world),
-    ):
+    poses = right.camera_to_world, rgb.camera_to_world, projector.light_to_world
+    for thing, pose in zip((right, rgb, projector), poses, strict=True):
         beside = [np.linalg.inv(pose_at(left, left.camera_to_world, t)) @ pose_at(thing, pose, t) for t in (0.0, 0.8)]
         np.testing.assert_allclose(*beside, atol=1e-7)
     np.testing.assert_allclose(
@@ -123,11 +119,8 @@ def test_dots_on_a_wall_stay_where_they_are_in_a_sensor_that_slides_along_it(sma
     """The projector goes with the cameras: what they see of it does not move, and so nothing blurs; without it the dots
     would run by 5 pixels."""
     small_config.max_bounces, small_config.ir_camera_exposure = 0, 0.02
-    along_wall = camera_to_world(small_config.trans_pose_l)[:3, :3].T @ [
-        0.0,
-        -1.0,
-        0.0,
-    ]  # sideways, in the left camera's axes
+    # Sideways, in the left camera's axes.
+    along_wall = camera_to_world(small_config.trans_pose_l)[:3, :3].T @ [0.0, -1.0, 0.0]
     contrast = {}
     for case in ("still", "moving", "left behind"):
         sensor = StereoDepthSensor(small_config, wall_scene(DISTANCE_M))

@@ -4,7 +4,9 @@
 import numpy as np
 
 import kuafu
-from activestereo import StereoDepthSensor
+from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch
+from activestereo.effects import builtin
+from activestereo.model import Quantity, SensorModel
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 
@@ -41,3 +43,18 @@ def walls(distances_m, environment_count=None):
     poses = np.array([[[d + 0.1, 0, 0, 1, 0, 0, 0]] for d in distances_m], float)
     bodies.move(poses if environment_count else poses[0])
     return scene
+
+
+def sensor_or_batch(kind, config, scene):
+    """A sensor at the origin, alone or in a batch of one."""
+    if kind == "sensor":
+        return StereoDepthSensor(config, scene)
+    return StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]))
+
+
+def model_of(**effects: dict[str, float]) -> SensorModel:
+    """A model with these effects of these parameters."""
+    model = SensorModel()
+    for name, values in effects.items():
+        model = model.with_effect(builtin()[name], {n: Quantity(v) for n, v in values.items()})
+    return model

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import simsense
+from depth_engines import depth_engine
 
 SIGNATURE = (
     "lr_size, k_l, k_r, l2r, rgb_size=None, k_rgb=None, l2rgb=None, min_depth=0.0, max_depth=10.0, "
@@ -77,25 +78,13 @@ def test_input_is_not_written(pair):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"census_width": 6},
-        {"census_width": 9, "census_height": 9},
-        {"max_disp": 1025},
-        {"max_disp": 64.0},
-        {"block_width": 8},
-        {"block_width": 17, "block_height": 17},
-        {"p1_penalty": 0},
-        {"p1_penalty": 86},
-        {"p2_penalty": 224},
-        {"uniqueness_ratio": 256},
-        {"uniqueness_ratio": -1},
-        {"lr_max_diff": -2},
-        {"median_filter_size": 4},
-        {"speckle_shape": 1.0},
-        {"rgb_size": SIZE},
-        {"k_rgb": K},
+        {"census_width": 6}, {"census_width": 9, "census_height": 9}, {"max_disp": 1025}, {"max_disp": 64.0},
+        {"block_width": 8}, {"block_width": 17, "block_height": 17}, {"p1_penalty": 0}, {"p1_penalty": 86},
+        {"p2_penalty": 224}, {"uniqueness_ratio": 256}, {"uniqueness_ratio": -1}, {"lr_max_diff": -2},
+        {"median_filter_size": 4}, {"speckle_shape": 1.0}, {"rgb_size": SIZE}, {"k_rgb": K},
         {"k_rgb": K, "rgb_size": SIZE},
     ],
-)
+)  # fmt: skip
 def test_out_of_range_is_a_value_error_and_a_type_error(settings):
     for kind in (ValueError, TypeError):
         with pytest.raises(kind):
@@ -123,10 +112,8 @@ def test_setters_change_what_comes_out(pair):
     sensor.set_penalties(3, 20)
     sensor.set_lr_max_diff(255)
     sensor.set_uniqueness_ratio(100)
-    parameters = sensor.engine.parameters
-    assert [
-        parameters[name] for name in ("block_width", "census_height", "p1", "p2", "lr_max_diff", "uniqueness_ratio")
-    ] == [5, 5, 3, 20, -1, 100]
+    told = {"block_width": 5, "census_height": 5, "p1": 3, "p2": 20, "lr_max_diff": -1, "uniqueness_ratio": 100}
+    assert told.items() <= sensor.engine.parameters.items()
     assert (sensor.compute(*pair) > 0).mean() < (before > 0).mean()
     with pytest.raises(TypeError):
         sensor.set_penalties(9, 9)
@@ -169,20 +156,8 @@ def test_exact_mode_keeps_every_fault(pair):
         make(mode="exact")
 
 
-def test_faults_are_named_switches():
-    camera = simsense.Camera(*SIZE, K)
-    for name in simsense.FAULTS:
-        simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, faults=[name])
-    with pytest.raises(simsense.ArgumentError, match="remap_nearest"):
-        simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, faults=["everything"])
-
-
 def test_engine_gives_maps_and_integer_depth(pair):
-    camera = simsense.Camera(*SIZE, K)
-    engine = simsense.Engine(
-        simsense.Device("host"), camera, camera, L2R, rgb=camera, left_to_rgb=np.eye(4), rectified=True,
-        max_disparity=32,
-    )  # fmt: skip
+    engine = depth_engine(SIZE, 120, rgb=simsense.Camera(*SIZE, K), left_to_rgb=np.eye(4), max_disparity=32)
     rgb = np.random.default_rng(2).integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
     out = engine.compute(*pair, ("depth", "disparity", "confidence", "reason", "points_colored"), rgb=rgb)
     depth, reason = out["depth"], out["reason"]
@@ -198,23 +173,18 @@ def test_engine_gives_maps_and_integer_depth(pair):
 
 
 def test_eight_paths_and_a_first_disparity(pair):
-    camera = simsense.Camera(*SIZE, K)
     settings = {
         "path_count": 8, "min_disparity": 5, "max_disparity": 16, "census_kind": 1, "p2_full_gradient_dn": 20,
         "roi_x": 40, "roi_width": 80, "roi_height": 96,
     }  # fmt: skip
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, **settings)
-    disparity = engine.compute(*pair, ("disparity",))["disparity"]
+    disparity = depth_engine(SIZE, 120, **settings).compute(*pair, ("disparity",))["disparity"]
     assert np.median(disparity[:, 44:116]) == pytest.approx(DISPARITY, abs=0.1)
     assert (disparity[:, :40] == -1).all()
 
 
 def test_each_fault_has_its_switch(pair):
-    rgb = {
-        "rgb_size": SIZE,
-        "k_rgb": K * [[2.4], [2.4], [1]] - [[0, 0, 112], [0, 0, 67], [0, 0, 0]],
-        "l2rgb": np.eye(4),
-    }
+    k_rgb = K * [[2.4], [2.4], [1]] - [[0, 0, 112], [0, 0, 67], [0, 0, 0]]
+    rgb = {"rgb_size": SIZE, "k_rgb": k_rgb, "l2rgb": np.eye(4)}
     turned = L2R.copy()
     turned[:3, :3] = [[np.cos(0.03), 0, np.sin(0.03)], [0, 1, 0], [-np.sin(0.03), 0, np.cos(0.03)]]
     views = ({}, {**rgb, "depth_dilation": True})
@@ -230,5 +200,7 @@ def test_each_fault_has_its_switch(pair):
     assert (depth(faults=("remap_nearest",)) != fixed).any()
     without = [name for name in simsense.FAULTS if name != "remap_nearest"]
     assert (depth(mode="simsense-exact", faults=without) != exact).any()
+    for name in simsense.FAULTS:
+        depth_engine(SIZE, 120, faults=[name])
     with pytest.raises(ValueError, match="unknown fault"):
         make(faults=("remap",))

@@ -7,6 +7,7 @@ from activestereo import StereoDepthSensorConfig
 from activestereo.camera.plan import matcher_parameters
 
 import simsense
+from depth_engines import depth_engine
 
 _WIDTH, _HEIGHT, _SHIFT, _BORDER = 320, 160, 8, 40
 
@@ -15,11 +16,7 @@ def _fill(model, light_dn, part=np.s_[:], extra_bits=2, **changes):
     """Share of measured pixels of a pair through the preset's imager and matcher, but for the image's border; light_dn:
     above the black level. part: of the image."""
     config = StereoDepthSensorConfig(model)
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -0.05
-    camera = simsense.Camera(_WIDTH, _HEIGHT, [[200.0, 0, _WIDTH / 2], [0, 200.0, _HEIGHT / 2], [0, 0, 1]])
-    settings = matcher_parameters(config) | {"max_disparity": 32} | changes
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, **settings)
+    engine = depth_engine((_WIDTH, _HEIGHT), 200, **(matcher_parameters(config) | {"max_disparity": 32} | changes))
     no_laser = {"speckle_shape": 0.0, "speckle_scale": 0.0}  # room light has no speckle
     signal = config.ir_signal | no_laser | {"extra_bits": extra_bits}
     engine.set_signal(signal, signal)
@@ -78,18 +75,11 @@ def test_ten_bits_show_a_pattern_that_eight_hide(model):
 
 
 SMALL_WIDTH, SMALL_HEIGHT, SMALL_SHIFT = 160, 96, 8
-
-
 LIGHT = np.random.default_rng(3).gamma(2.0, 40.0, (SMALL_HEIGHT, SMALL_WIDTH)).astype(np.float32)
 PAIR = [np.roll(LIGHT, -shift, axis=1) for shift in (0, SMALL_SHIFT)]
 MATCHER = {"max_disparity": 32, "p2_full_gradient_dn": 3, "min_texture_dn": 2, "min_detection_sigma": 2.5}
-SIGNAL = {
-    "shot_noise": 1.0,
-    "conversion_gain_dn_per_e": 0.5,
-    "responsivity_e": 2.0,
-    "adc_noise_dn": 0.1,
-    "black_level_dn": 4.0,
-}
+SIGNAL = {"shot_noise": 1.0, "conversion_gain_dn_per_e": 0.5, "responsivity_e": 2.0}
+SIGNAL |= {"adc_noise_dn": 0.1, "black_level_dn": 4.0}
 
 
 def _engine(back_end="cpu", turned=0.02, **settings):

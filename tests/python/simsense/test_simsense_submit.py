@@ -7,23 +7,14 @@ import numpy as np
 import pytest
 
 import simsense
+from depth_engines import depth_engine
 
-K = [[300, 0, 159.5], [0, 300, 119.5], [0, 0, 1]]
 SHAPE = (240, 320)
-
-
-def engine_of(device: simsense.Device, batch_count: int = 1, back_end: str = "auto") -> simsense.Engine:
-    camera = simsense.Camera(SHAPE[1], SHAPE[0], K)
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -0.05
-    return simsense.Engine(
-        device, camera, camera, left_to_right, rectified=True, batch_count=batch_count, back_end=back_end
-    )
 
 
 def test_a_wait_gives_up_and_may_be_repeated() -> None:
     device = simsense.Device("cpu")
-    engine = engine_of(device, back_end="vulkan")
+    engine = depth_engine(SHAPE[::-1], 300, device, back_end="vulkan")
     pixels = SHAPE[0] * SHAPE[1]
     buffer = simsense.Buffer(device, 6 * pixels)
     left, right = (buffer.image("uint8", SHAPE, side * pixels) for side in (0, 1))
@@ -42,9 +33,8 @@ def test_a_wait_gives_up_and_may_be_repeated() -> None:
 
 
 def test_cancel_reaches_a_compute_of_another_thread() -> None:
-    device = simsense.Device("host")
     pairs = 400
-    engine = engine_of(device, pairs)
+    engine = depth_engine(SHAPE[::-1], 300, batch_count=pairs)
     images = np.random.default_rng(2).integers(0, 255, (pairs, *SHAPE), dtype=np.uint8)
     begun, ended = threading.Event(), []
 
