@@ -5,6 +5,7 @@ import pathlib
 import re
 
 import pytest
+from source_texts import includes
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "kuafu" / "src"
@@ -28,7 +29,7 @@ def included_folders(folder: pathlib.Path, others: set[str]) -> dict[str, list[s
     """Those of `others` that files of `folder` include, with the lines that do."""
     found: dict[str, list[str]] = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        for included in re.findall(r'^\s*#\s*include\s*"([^"]+)"', path.read_text(), re.MULTILINE):
+        for included in includes(path):
             other = included.split("/")[0]
             if other in others:
                 found.setdefault(other, []).append(f"{path.relative_to(ROOT)} includes {included}")

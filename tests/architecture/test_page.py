@@ -8,7 +8,7 @@ import re
 import subprocess
 
 import pytest
-from python_imports import imports
+from source_texts import imports, layers_of_simsense
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
@@ -31,9 +31,8 @@ def tree_of_page() -> list[str]:
 
 def tracked_folders() -> set[str]:
     """First and second level, of what git tracks or would track."""
-    listing = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True
-    )
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    listing = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if listing.returncode:
         pytest.skip("not a git checkout: the tree is not compared with the files")
     paths = [pathlib.PurePosixPath(line) for line in listing.stdout.splitlines()]
@@ -93,10 +92,8 @@ def test_every_part_has_its_row_with_what_it_imports():
 
 def test_a_part_stands_on_the_floor_above_what_it_imports():
     parts = parts_of_page()
-    wrong = {
-        name for name, (floor, imports) in parts.items() if floor != 1 + max((parts[i][0] for i in imports), default=0)
-    }
-    assert not wrong
+    expected = {name: 1 + max((parts[i][0] for i in used), default=0) for name, (_, used) in parts.items()}
+    assert {name: floor for name, (floor, _) in parts.items()} == expected
 
 
 def test_parts_are_few():
@@ -144,12 +141,8 @@ def test_folders_of_kuafu_stand_in_the_order_of_its_layers():
 
 
 def test_folders_of_simsense_stand_in_the_order_of_its_layers():
-    readme = (ROOT / "simsense/README.md").read_text(encoding="utf-8")
-    block = re.search(r"```layers\n(.*?)```", readme, re.DOTALL)
-    assert block, "simsense/README.md has no fenced block called layers"
-    layers = [set(re.findall(r"\w+", line.split(":")[0])) for line in block.group(1).splitlines() if line.strip()]
     described = described_folders("simsense/src/")
-    rank = {name: number for number, layer in enumerate(layers) for name in layer}
+    rank = {name: number for number, layer in enumerate(layers_of_simsense(ROOT)) for name in layer}
     assert sorted(described) == sorted(rank)
     assert [rank[name] for name in described] == sorted(rank[name] for name in described)
 

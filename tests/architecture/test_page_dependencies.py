@@ -6,24 +6,17 @@ import pathlib
 import re
 
 import pytest
-from python_imports import imported_packages
+from source_texts import NATIVE_SUFFIXES, imported_packages, includes
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
-NATIVE = {".h", ".hpp", ".inc", ".c", ".cpp", ".comp", ".glsl", ".rgen", ".rchit", ".rmiss", ".rahit"}
 # Where an include may be found: the includer's own library first, then every folder that an include path could have.
 SHARED_ROOTS = (
-    "capi/include",
-    "capi",
-    "python",
-    "kuafu",
-    "kuafu/src",
-    "kuafu/shaders",
-    "simsense/src",
-    "simsense/shaders",
+    "capi/include", "capi", "python", "kuafu", "kuafu/src", "kuafu/shaders", "simsense/src", "simsense/shaders",
     "tests",
-)
-PYTHON_ROOTS = {"kuafu": "python/kuafu", "simsense": "python/simsense", "activestereo": "python/activestereo"}
+)  # fmt: skip
+PYTHON_ROOTS = {name: f"python/{name}" for name in ("kuafu", "simsense", "activestereo")}
+PYTHON_ROOTS |= {"tests": "tests", "examples": "examples"}
 
 
 def rows() -> list[tuple[list[str], list[str]]]:
@@ -53,7 +46,7 @@ def included(path: pathlib.Path) -> set[str]:
     top = path.relative_to(ROOT).parts[0]
     roots = (path.parent, ROOT / top / "src", ROOT / top / "shaders", *(ROOT / root for root in SHARED_ROOTS))
     found = set()
-    for name in re.findall(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', path.read_text(), re.MULTILINE):
+    for name in includes(path):
         target = next((root / name for root in roots if (root / name).is_file()), None)
         if target is not None:
             found.add(target.resolve().relative_to(ROOT).as_posix())
@@ -62,24 +55,15 @@ def included(path: pathlib.Path) -> set[str]:
 
 def imported(path: pathlib.Path) -> set[str]:
     """Folders of the repository that a Python source imports, wherever in the file."""
-    names = imported_packages(path)
-    return {f"{PYTHON_ROOTS[name]}/" for name in names & set(PYTHON_ROOTS)} | {
-        f"{name}/" for name in names & {"tests", "examples"}
-    }
+    return {f"{PYTHON_ROOTS[name]}/" for name in imported_packages(path) if name in PYTHON_ROOTS}
 
 
 def used_folders(folder: str) -> dict[str, list[str]]:
     """Other folders that the sources of a folder use, each with the sources that do."""
     found: dict[str, list[str]] = {}
     for path in (ROOT / folder).rglob("*"):
-        reads = (
-            included
-            if path.suffix in NATIVE
-            else imported
-            if path.suffix == ".py" and "__pycache__" not in path.parts
-            else None
-        )
-        for target in reads(path) if reads else ():
+        used = included(path) if path.suffix in NATIVE_SUFFIXES else imported(path) if path.suffix == ".py" else ()
+        for target in used:
             found.setdefault(folder_of(target), []).append(f"{path.relative_to(ROOT)} uses {target}")
     return found
 
@@ -92,16 +76,18 @@ def test_dependencies_are_those_of_the_page(folders: list[str], allowed: list[st
 
 
 def test_every_folder_of_sources_has_its_row() -> None:
-    suffixes = NATIVE | {".py"}
+    suffixes = NATIVE_SUFFIXES | {".py"}
     tops = {p.name for p in ROOT.iterdir() if p.is_dir() and not p.name.startswith(".") and p.name != "build"}
     with_row = {folder for folders, _ in ROWS for folder in folders} | {"tests"}
     scripts = {"third_party_notes", "capi/packaging", "capi/generation"}  # they run at build time and use nothing
     for top in sorted(tops):
         for path in (ROOT / top).rglob("*"):
             name = path.relative_to(ROOT).as_posix()
-            if (
-                path.suffix in suffixes
-                and "__pycache__" not in name
-                and not name.startswith(tuple(f"{s}/" for s in scripts))
-            ):
+            if path.suffix in suffixes and not name.startswith(tuple(f"{s}/" for s in scripts)):
                 assert folder_of(name) in with_row, name
+
+
+def test_the_page_keeps_the_engines_apart_and_the_device_below_both() -> None:
+    allowed = {folder: set(used) for folders, used in ROWS for folder in folders}
+    for folder, others in (("kuafu", {"simsense"}), ("simsense", {"kuafu"}), ("capi/device", {"kuafu", "simsense"})):
+        assert not allowed[folder] & others

@@ -10,11 +10,8 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # References that a script writes from tables or descriptors; their length is not a writer's choice.
-GENERATED = {
-    "capi/generation/reference.md",
-    "examples/effects/README.md",
-    "python/activestereo/camera/advanced_mode/README.md",
-}
+GENERATED = {"capi/generation/reference.md", "examples/effects/README.md"}
+GENERATED |= {"python/activestereo/camera/advanced_mode/README.md"}
 RESULTS = ("tests/bench", "tests/benchmark_suite")
 MOST_WORDS, MOST_WORDS_OF_RESULTS, MOST_LINES_OF_A_RELEASE = 39_500, 1_200, 60
 MOST_WORDS_EXPLAINED = 25
@@ -22,6 +19,12 @@ MOST_WORDS_EXPLAINED = 25
 
 def words(page: str) -> int:
     return len((ROOT / page).read_text(encoding="utf-8").split())
+
+
+def tracked(*patterns: str) -> list[str]:
+    """Files of these patterns that git tracks and that are there."""
+    run = subprocess.run(["git", "ls-files", *patterns], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [name for name in run.stdout.splitlines() if (ROOT / name).is_file()]
 
 
 @pytest.mark.parametrize("folder", (*RESULTS, "examples/real_camera"))
@@ -35,10 +38,9 @@ def test_pages_of_results_stay_short() -> None:
 
 
 def test_hand_written_prose_stays_short() -> None:
-    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
-    pages = set(listed.stdout.splitlines())
+    pages = set(tracked("*.md"))
     assert pages >= GENERATED
-    assert sum(words(page) for page in pages - GENERATED if (ROOT / page).is_file()) <= MOST_WORDS
+    assert sum(words(page) for page in pages - GENERATED) <= MOST_WORDS
 
 
 def test_there_is_one_glossary_and_it_is_short() -> None:
@@ -46,8 +48,7 @@ def test_there_is_one_glossary_and_it_is_short() -> None:
     entries = re.findall(r"^\| ([^|]+) \|", glossary, flags=re.MULTILINE)[1:]
     assert 10 <= len(entries) <= MOST_WORDS_EXPLAINED
     assert entries == sorted(entries, key=str.lower)
-    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
-    pages = [ROOT / page for page in listed.stdout.splitlines() if (ROOT / page).is_file()]
+    pages = [ROOT / page for page in tracked("*.md")]
     others = [page for page in pages if re.search(r"^\| *(term|word) *\|", page.read_text("utf-8"), re.MULTILINE)]
     assert others == [ROOT / "examples/guide/glossary.md"]
 
@@ -61,10 +62,8 @@ def test_a_release_of_the_changelog_fits_a_screen() -> None:
 
 def test_a_script_makes_every_picture_on_a_page() -> None:
     """By its name, without a number; in the gallery, by its tile's. first_screen.jpg is a browser's, of a report."""
-    run = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    listed = run.stdout.splitlines()
-    scripts = "\n".join((ROOT / name).read_text() for name in listed if name.endswith((".py", ".sh")))
-    pages = "\n".join((ROOT / name).read_text() for name in listed if name.endswith(".md"))
+    scripts, pages = ("\n".join((ROOT / name).read_text() for name in names) for names in
+                      (tracked("*.py", "*.sh"), tracked("*.md")))  # fmt: skip
     pictures = {pathlib.Path(name).stem for name in re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", pages)} - {"first_screen"}
     named = set(re.findall(r"\w+", scripts))
     assert len(pictures) > 100
@@ -91,9 +90,8 @@ def test_a_page_quotes_no_figure_without_a_command(page: pathlib.Path) -> None:
 
 
 def test_a_figure_names_its_command_and_an_existing_file_of_results() -> None:
-    rows = re.findall(
-        r"^\|(.+)\|(.+)\|`(.+)`\|\[\w[\w-]*\]\((.+)\)\|$", (GUIDE / "figures.md").read_text("utf-8"), re.M
-    )
+    page = (GUIDE / "figures.md").read_text("utf-8")
+    rows = re.findall(r"^\|(.+)\|(.+)\|`(.+)`\|\[\w[\w-]*\]\((.+)\)\|$", page, re.M)
     assert len(rows) > 10
     assert not [file for *_, file in rows if not (GUIDE / file).is_file()]
 
@@ -130,13 +128,10 @@ def named() -> set[str]:
 def test_each_named_gtest_exists() -> None:
     found = set()
     for path in TESTS.rglob("*_test.cpp"):
-        for suite, name in re.findall(
-            r"^(?:TYPED_)?TEST(?:_[FP])?\((\w+),\s*(\w+)\)", path.read_text(encoding="utf-8"), re.MULTILINE
-        ):
+        for suite, name in re.findall(r"^(?:TYPED_)?TEST(?:_[FP])?\((\w+),\s*(\w+)\)", path.read_text("utf-8"), re.M):
             found |= {f"{suite}.{name}", f"{suite}.*", f"...{name}"}
-    wanted = {
-        name for name in named() if re.fullmatch(r"(\w+|\.\.)\.(\w+|\*)", name) and not name.endswith((".py", ".sh"))
-    }
+    tests = {name for name in named() if not name.endswith((".py", ".sh"))}
+    wanted = {name for name in tests if re.fullmatch(r"(\w+|\.\.)\.(\w+|\*)", name)}
     assert len(wanted) > 20
     assert not wanted - found
 

@@ -8,20 +8,13 @@ import pathlib
 import re
 
 import pytest
+from source_texts import includes, layers_of_simsense
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "simsense" / "src"
-README = (ROOT / "simsense" / "README.md").read_text()
 STAGES = {"signal", "rectify", "census", "cost", "sgm", "winner", "checks", "refine", "detection"}
 STAGES |= {"depth", "registration"}
 BACK_ENDS = ("cpu", "vulkan")
-
-
-def layers() -> list[set[str]]:
-    """The README's layers, lowest first: each line of a fenced block has the folders of one before its colon."""
-    block = re.search(r"```layers\n(.*?)```", README, re.DOTALL)
-    assert block, "simsense/README.md has no fenced block called layers"
-    return [set(re.findall(r"\w+", line.split(":")[0])) for line in block.group(1).splitlines() if line.strip()]
 
 
 def folder_of(path: pathlib.Path) -> str:
@@ -36,21 +29,17 @@ def sources() -> list[pathlib.Path]:
 
 def included_folders(path: pathlib.Path) -> set[str]:
     """The folders of simsense/src that a source includes."""
-    seen = re.findall(r'^\s*#\s*include\s*"(\w+)/[^"]+"', path.read_text(), re.MULTILINE)
+    seen = {name.split("/")[0] for name in includes(path) if "/" in name}
     return {folder for folder in seen if (SOURCES / folder).is_dir()}
 
 
 def test_the_readme_names_every_folder_once() -> None:
-    named = [folder for layer in layers() for folder in layer]
+    named = [folder for layer in layers_of_simsense(ROOT) for folder in layer]
     assert sorted(named) == sorted({folder_of(p) for p in sources()})
 
 
-def test_no_source_lies_outside_a_folder() -> None:
-    assert not [p.name for p in SOURCES.iterdir() if p.is_file()]
-
-
 def test_layers_include_only_lower_ones() -> None:
-    level = {folder: i for i, layer in enumerate(layers()) for folder in layer}
+    level = {folder: i for i, layer in enumerate(layers_of_simsense(ROOT)) for folder in layer}
     seen = []
     for path in sources():
         own = folder_of(path)

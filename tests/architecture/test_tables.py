@@ -2,25 +2,15 @@
 """The tables of the public structs and what is made from them are one."""
 
 import pathlib
-import subprocess
-import sys
 
 import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
-def test_generated_files_are_what_the_tables_say():
-    result = subprocess.run(
-        [sys.executable, ROOT / "capi/generation/generate.py", "--check"], capture_output=True, text=True
-    )
-    assert result.returncode == 0, result.stderr
-
-
 def test_a_generated_file_says_so_below_the_licence():
-    from_tables = [
-        p for p in ROOT.glob("capi/include/*/*.h") if "capi/generation/generate.py" in p.read_text().split("\n", 2)[1]
-    ]
+    headers = ROOT.glob("capi/include/*/*.h")
+    from_tables = [p for p in headers if "capi/generation/generate.py" in p.read_text().split("\n", 2)[1]]
     assert ROOT / "capi/include/simsense/parameters.h" in from_tables
 
 

@@ -146,6 +146,14 @@ class Page:
             for kind in ("mousePressed", "mouseReleased"):
                 self.mouse(kind, place, button="left", clickCount=number)
 
+    def drag(self, selector: str, right: float, down: float = 0.0) -> None:
+        """Drags an element's middle by pixels of the window."""
+        x, y = start = self.place(selector)
+        end = x + right, y + down
+        self.mouse("mousePressed", start, button="left", clickCount=1)
+        self.mouse("mouseMoved", end, button="left", buttons=1)
+        self.mouse("mouseReleased", end, button="left")
+
     def point(self, selector: str, x: float = 0.5, y: float = 0.5) -> None:
         self.mouse("mouseMoved", self.place(selector, x, y))
 

@@ -19,16 +19,8 @@ import kuafu
 from activestereo.benchmarks.generate import bop, formats
 from activestereo.benchmarks.generate.bop import stored_frames
 from activestereo.benchmarks.generate.run import generate
-from activestereo.benchmarks.generate.studio import (
-    Frame,
-    Ranges,
-    Settings,
-    Studio,
-    Things,
-    drop,
-    scatter,
-    sensor_config,
-)
+from activestereo.benchmarks.generate.studio import Frame, Ranges, Settings, Studio, Things
+from activestereo.benchmarks.generate.studio import drop, scatter, sensor_config
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import generate as command
 from activestereo.cli import main
@@ -41,9 +33,8 @@ SIZE = (96, 72)
 
 def write_thing(path: Path, mesh: meshes.Mesh, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Path:
     writer = GltfWriter(path.stem)
-    material = writer.add_material(
-        "paint", pbrMetallicRoughness={"baseColorFactor": [0.5, 0.5, 0.5, 1.0], "metallicFactor": 0.0}
-    )
+    surface = {"baseColorFactor": [0.5, 0.5, 0.5, 1.0], "metallicFactor": 0.0}
+    material = writer.add_material("paint", pbrMetallicRoughness=surface)
     writer.add_mesh(path.stem, mesh, material, at)
     writer.write(path)
     return path
@@ -239,10 +230,8 @@ def test_scattered_things_stand_upright_and_apart(things: tuple[Path, ...]) -> N
     for seed in range(20):
         poses = scatter(made, Ranges(things=(2, 2)), np.random.default_rng(seed))
         middles = [pose @ [*(0.5 * (made[n].low_m + made[n].high_m)), 1.0] for n, pose in poses.items()]
-        assert all(
-            m[2] == pytest.approx(0.5 * (made[n].high_m - made[n].low_m)[1])
-            for n, m in zip(poses, middles, strict=True)
-        )
+        heights = [0.5 * (made[n].high_m - made[n].low_m)[1] for n in poses]
+        assert [middle[2] for middle in middles] == pytest.approx(heights)
         if len(middles) == 2:
             assert np.linalg.norm((middles[0] - middles[1])[:2]) > made[0].radius_m + made[1].radius_m
 

@@ -6,25 +6,17 @@ import pytest
 
 import kuafu
 from activestereo import Mounts, StereoDepthSensorConfig
-from activestereo.scene_io import solids
-from activestereo.scene_io.bodies import add_mesh
 from activestereo.sensor.depth_modes import MODES, DepthCamera
+from sensor_scenes import wall_scene
 from stereo_grasp import GraspWorld, teacher
 
 
-def wall_scene(distance_m=0.8, **material):
-    scene = kuafu.Scene(kuafu.Device())
-    paint = scene.add_material(kuafu.Material(**{"base_color": (0.6, 0.6, 0.6, 1), "specular": 0.0} | material))
-    pose = np.diag([0.1, 3.0, 3.0, 1.0])
-    pose[0, 3] = distance_m + 0.1
-    scene.add_instance(add_mesh(scene, solids.box()), [paint], local_to_world=pose)
-    return scene
-
-
-def camera(mode, **options):
+def camera(mode, distance_m=0.8, **material):
     config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
     config.samples_per_pixel = 2
-    return DepthCamera(mode, config, Mounts(wall_scene(**options), [[0, 0, 0, 1, 0, 0, 0]] * 2))
+    scene = wall_scene(distance_m)
+    scene.set_material(0, kuafu.Material(**{"base_color": (0.6, 0.6, 0.6, 1), "specular": 0.0} | material))
+    return DepthCamera(mode, config, Mounts(scene, [[0, 0, 0, 1, 0, 0, 0]] * 2))
 
 
 def test_clean_is_the_true_depth():
@@ -77,23 +69,19 @@ def test_a_teacher_grasps_and_chance_does_not():
 @pytest.mark.parametrize(
     "offset, holds",
     [
-        ((0, 0, 0, 0), True),
-        ((0, 0.03, 0, 0), False),
-        ((0.1, 0, 0, 0), False),
-        ((0, 0, 0.1, 0), False),
+        ((0, 0, 0, 0), True), ((0, 0.03, 0, 0), False), ((0.1, 0, 0, 0), False), ((0, 0, 0.1, 0), False),
         ((0, 0, 0, 0.6), False),
     ],
     ids=["there", "on a finger", "beside", "too high", "turned"],
-)
+)  # fmt: skip
 def test_what_a_grasp_needs(offset, holds):
     world = GraspWorld(16, "clean", size_px=32, seed=2)
     world.reset()
     world.chosen[:] = 0  # boxes
     x, y, z, turn = world.offsets().T
     world.yaw_rad += turn
-    world.gripper_m += (
-        np.stack([world.object_m[:, 0], world.object_m[:, 1], world.gripper_m[:, 2] + z], 1) - world.gripper_m
-    )
+    world.gripper_m[:, :2] = world.object_m[:, :2]
+    world.gripper_m[:, 2] += z
     assert np.abs(world.offsets()).max() < 1e-9
     cos, sin = np.cos(world.yaw_rad), np.sin(world.yaw_rad)
     dx, dy, dz, dturn = offset

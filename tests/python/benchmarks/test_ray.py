@@ -12,9 +12,8 @@ import pytest
 from activestereo.scene_io import meshes
 from activestereo.cli import main
 from activestereo.benchmarks.generate import bop
-from activestereo.benchmarks.generate.studio import Ranges
 from activestereo.benchmarks.generate.run import frame_files, generate, made_by_ray
-from activestereo.benchmarks.generate.studio import Settings
+from activestereo.benchmarks.generate.studio import Ranges, Settings
 from activestereo.scene_io.gltf_writer import GltfWriter
 
 
@@ -59,7 +58,7 @@ def test_more_processors_than_a_machine_has_are_refused(monkeypatch, tmp_path):
         made(monkeypatch, tmp_path, [1], 6, [{"CPU": 5.0}, {"CPU": 3.0}, {}])
 
 
-def test_what_ends_a_frame_ends_the_run(monkeypatch, tmp_path):
+def test_what_ends_a_frame_ends_the_run_and_a_gpu_that_has_no_number_is_told(monkeypatch, tmp_path):
     machines = [{"CPU": 1.0}]
     with pytest.raises(ChildProcessError, match="3 of Ray's workers were lost at frame 4, the last by: no memory$"):
         made(monkeypatch, tmp_path, [4], 1, machines, frame_4=OSError("no memory\nPID COMMAND"))
@@ -67,9 +66,6 @@ def test_what_ends_a_frame_ends_the_run(monkeypatch, tmp_path):
     fault.cause = ValueError("no such thing")
     with pytest.raises(ValueError, match="no such thing"):
         made(monkeypatch, tmp_path, [4], 1, machines, frame_4=fault)
-
-
-def test_a_gpu_that_has_no_number_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(get_gpu_ids=lambda: ["GPU-8f6d"]))
     with pytest.raises(ValueError, match="GPU 'GPU-8f6d' .* numbers in CUDA_VISIBLE_DEVICES, or give --device"):
         frame_files(Settings(()), 0)

@@ -7,14 +7,8 @@ import pathlib
 import pytest
 
 import activestereo.camera.advanced_mode as advanced_mode
-from activestereo.camera.advanced_mode.settings import (
-    AdvancedSettings,
-    camera_fields,
-    depth_table,
-    matcher_parameters,
-    read_settings,
-)
-from activestereo.camera.advanced_mode.settings import keys, parse_settings
+from activestereo.camera.advanced_mode.settings import AdvancedSettings, camera_fields, depth_table, keys
+from activestereo.camera.advanced_mode.settings import matcher_parameters, parse_settings, read_settings
 from activestereo.camera.plan import matcher_parameters as of_config
 from advanced_mode_page import page
 from activestereo.camera.presets import StereoDepthSensorConfig
@@ -24,15 +18,9 @@ BASE = of_config(StereoDepthSensorConfig("D415"))
 
 def everything(values):
     settings = AdvancedSettings(values)
-    table = depth_table(settings)
-    return {
-        **matcher_parameters(settings, BASE),
-        **camera_fields(settings),
-        "unit_m": table.unit_m,
-        "min_depth_m": table.min_depth_m,
-        "max_depth_m": table.max_depth_m,
-        "is_disparity": table.is_disparity,
-    }
+    table, names = depth_table(settings), ("unit_m", "min_depth_m", "max_depth_m", "is_disparity")
+    of_depth = {name: getattr(table, name) for name in names}
+    return {**matcher_parameters(settings, BASE), **camera_fields(settings), **of_depth}
 
 
 def others(key):

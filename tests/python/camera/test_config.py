@@ -5,28 +5,16 @@ import numpy as np
 import pytest
 
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import own_config
+from activestereo.common.pose import camera_to_camera
 
 BOTH = {
-    "ir_camera_exposure": 0.01,
-    "min_depth": 0.2,
-    "max_depth": 10.0,
-    "ir_noise_seed": 0,
-    "ir_speckle_noise": 1.0,
-    "ir_thermal_noise": 1.0,
-    "rectified": True,
-    "census_width": 7,
-    "census_height": 7,
-    "max_disp": 128,
-    "block_width": 7,
-    "block_height": 7,
-    "p1_penalty": 8,
-    "p2_penalty": 32,
-    "uniqueness_ratio": 15,
-    "lr_max_diff": 1,
-    "median_filter_size": 3,
-    "depth_dilation": True,
-}
+    "ir_camera_exposure": 0.01, "min_depth": 0.2, "max_depth": 10.0, "ir_noise_seed": 0, "ir_speckle_noise": 1.0,
+    "ir_thermal_noise": 1.0, "rectified": True, "census_width": 7, "census_height": 7, "max_disp": 128,
+    "block_width": 7, "block_height": 7, "p1_penalty": 8, "p2_penalty": 32, "uniqueness_ratio": 15, "lr_max_diff": 1,
+    "median_filter_size": 3, "depth_dilation": True,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("model", ["sapien-D415", "sapien-D435"])
@@ -56,8 +44,6 @@ def test_d415():
 @pytest.mark.parametrize("model", StereoDepthSensorConfig.SUPPORTED_MODELS)
 def test_ir_pair_is_row_aligned(model):
     """The right camera lies on the left one's own x axis, turned the same way."""
-    from activestereo.common.pose import camera_to_camera
-
     config = StereoDepthSensorConfig(model)
     left_to_right = camera_to_camera(config.trans_pose_l, config.trans_pose_r)
     np.testing.assert_allclose(left_to_right[:3, :3], np.eye(3), atol=1e-9)
@@ -86,14 +72,11 @@ def test_scaled_keeps_what_a_camera_sees():
 
 @pytest.mark.parametrize("model", StereoDepthSensorConfig.SUPPORTED_MODELS)
 def test_every_sensor_can_be_small(model):
-    from activestereo.camera.plan import plan_of
-
-    config = StereoDepthSensorConfig(model).scaled(0.125)
+    whole = StereoDepthSensorConfig(model)
+    config = whole.scaled(0.125)
     if config.ir_signal:
         assert plan_of(config).signal["speckle_psf_sigma_px"] == 0.0
-        assert config.ir_optics["psf_sigma_px"] == pytest.approx(
-            StereoDepthSensorConfig(model).ir_optics["psf_sigma_px"] / 8
-        )
+        assert config.ir_optics["psf_sigma_px"] == pytest.approx(whole.ir_optics["psf_sigma_px"] / 8)
 
 
 def test_config_of_one_sensor_does_not_change_another():
@@ -198,13 +181,11 @@ def test_resized_keeps_the_field_of_view_or_takes_the_given_one():
     config = StereoDepthSensorConfig("D435")
     same = config.resized(128, 128)
     assert same.ir_resolution == same.rgb_resolution == (128, 128)
-    assert same.ir_intrinsic[0, 0] == pytest.approx(config.ir_intrinsic[0, 0] * 128 / config.ir_resolution[0])
-    assert same.ir_intrinsic[0, 0] / same.ir_intrinsic[1, 1] == pytest.approx(
-        config.ir_intrinsic[0, 0] / config.ir_intrinsic[1, 1]
-    )
+    own, k = config.ir_intrinsic, same.ir_intrinsic
+    assert k[0, 0] == pytest.approx(own[0, 0] * 128 / config.ir_resolution[0])
+    assert k[0, 0] / k[1, 1] == pytest.approx(own[0, 0] / own[1, 1])
     given = config.resized(320, 200, fov=90.0)
-    assert given.ir_intrinsic[0, 0] == pytest.approx(160.0)
-    assert given.rgb_intrinsic[0, 0] == pytest.approx(160.0)
+    assert given.ir_intrinsic[0, 0] == given.rgb_intrinsic[0, 0] == pytest.approx(160.0)
     same.check()
     given.check()
 

@@ -10,15 +10,14 @@ import pytest
 import kuafu
 import simsense
 from activestereo import StereoDepthSensorConfig
+from depth_engines import depth_engine
 from activestereo.cli import make_parser
 from activestereo.cli.arguments import CommandError
 from activestereo.cli.sensor_options import given_parameters
 from activestereo.cli.simulate import make_config
-from activestereo.common.parameter import MATCHER, RIG
+from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG, Parameter
 from activestereo.camera.plan import matcher_parameters, parameters
-from activestereo.common.parameter import Parameter
 from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES
-from activestereo.common.parameter import RENDER, RENDERER
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
 COMMANDS = {"depth": "l.png r.png --k 1,2,3,4 --baseline 0.05 --out x", "simulate": "scene.gltf --out x"}
@@ -36,12 +35,9 @@ def parse(command: str, *options: str) -> argparse.Namespace:
     return make_parser().parse_args([command, *COMMANDS[command].split(), *options])
 
 
-def test_every_parameter_of_the_engine_is_in_the_configuration() -> None:
-    assert {p.name for p in MATCHER} == set(simsense.default_parameters()) - OF_THE_SENSOR
-
-
-def test_defaults_are_those_of_the_library() -> None:
+def test_every_parameter_of_the_engine_is_in_the_configuration_with_its_default() -> None:
     library = simsense.default_parameters()
+    assert {p.name for p in MATCHER} == set(library) - OF_THE_SENSOR
     for p in MATCHER:
         assert library[p.name] == (p.choices.index(p.default) if p.choices else p.default), p.name
 
@@ -70,16 +66,11 @@ def test_every_parameter_has_an_option(command: str, parameter) -> None:
     assert given_parameters(parse(command, f"{parameter.option}={value}"), MATCHER) == {parameter.name: value}
 
 
-def test_a_pair_option_sets_width_and_height() -> None:
-    assert given_parameters(parse("depth", "--census", "5x3"), MATCHER) == {"census_width": 5, "census_height": 3}
-
-
-def test_an_option_reaches_the_configuration_under_its_name_there() -> None:
-    config = make_config(
-        parse("simulate", "--max-disparity", "64", "--subpixel", "parabola", "--path-count", "8", "--no-depth-dilation")
-    )
+def test_an_option_reaches_the_configuration_under_its_name_there_and_a_pair_sets_width_and_height() -> None:
+    options = "--max-disparity 64 --subpixel parabola --path-count 8 --no-depth-dilation --census 5x3"
+    config = make_config(parse("simulate", *options.split()))
     assert (config.max_disparity, config.subpixel, config.path_count) == (64, "parabola", 8)
-    assert config.depth_dilation is False
+    assert config.depth_dilation is False and (config.census_width, config.census_height) == (5, 3)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -95,8 +86,7 @@ def test_names_of_faults_and_back_ends_are_those_of_the_library() -> None:
     table = {p.name: p for p in RIG}
     assert table["faults"].choices == simsense.FAULTS
     with pytest.raises(simsense.ArgumentError, match=", ".join(table["back_end"].choices)):
-        camera = simsense.Camera(64, 48, [50, 0, 32, 0, 50, 24, 0, 0, 1])
-        simsense.Engine(simsense.Device("host"), camera, camera, np.eye(4), back_end="gpu")
+        depth_engine((64, 48), 50, back_end="gpu")
 
 
 @pytest.mark.parametrize("parameter", [*RENDERER, *RENDER], ids=lambda p: p.name)
@@ -126,11 +116,10 @@ def test_what_a_render_is_told_are_all_options_that_a_sensor_does_not_decide_its
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--spp", "0"), "samples_per_pixel"),
-        (("--max-bounces", "1025"), "0..1024"),
+        (("--spp", "0"), "samples_per_pixel"), (("--max-bounces", "1025"), "0..1024"),
         (("--fault", "none"), "remap_nearest"),
     ],
-)
+)  # fmt: skip
 def test_an_option_out_of_range_is_refused_before_any_work(
     options: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -140,23 +129,10 @@ def test_an_option_out_of_range_is_refused_before_any_work(
 
 
 def test_fields_of_optics_and_imagers_are_options() -> None:
-    options = (
-        "--ir-optics",
-        "psf_sigma_px=0.7",
-        "--ir-optics",
-        "vignetting_polynomial=-0.3,0.1,0",
-        "--rgb-optics",
-        "vignetting_exponent=4",
-    )
-    config = make_config(
-        parse(
-            "simulate", *options, "--ir-signal", "d435", "--ir-signal", "read_noise_e=2", "--ir-signal", "bit_depth=10"
-        )
-    )
-    assert config.ir_optics == (StereoDepthSensorConfig().ir_optics or {}) | {
-        "psf_sigma_px": 0.7,
-        "vignetting_polynomial": [-0.3, 0.1, 0],
-    }
+    options = "--ir-optics psf_sigma_px=0.7 --ir-optics vignetting_polynomial=-0.3,0.1,0 "
+    options += "--rgb-optics vignetting_exponent=4 --ir-signal d435 --ir-signal read_noise_e=2 --ir-signal bit_depth=10"
+    config, own = make_config(parse("simulate", *options.split())), StereoDepthSensorConfig().ir_optics or {}
+    assert config.ir_optics == own | {"psf_sigma_px": 0.7, "vignetting_polynomial": [-0.3, 0.1, 0]}
     assert config.rgb_optics == {"vignetting_exponent": 4}
     assert config.ir_signal == simsense.signal_preset("d435") | {"read_noise_e": 2, "bit_depth": 10}
 

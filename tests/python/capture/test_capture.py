@@ -12,17 +12,8 @@ from typing import Any
 import activestereo
 import numpy as np
 import pytest
-from activestereo.capture.capture import (
-    Camera,
-    CaptureError,
-    CaptureWarning,
-    binned,
-    capture_from,
-    read_capture,
-    unbinned,
-    usual_binning,
-    usual_samples,
-)
+from activestereo.capture.capture import Camera, CaptureError, CaptureWarning, binned, capture_from, read_capture
+from activestereo.capture.capture import unbinned, usual_binning, usual_samples
 from activestereo.capture.capture_json import JsonObject
 from activestereo.capture.images import block_means, read_gray, write_gray
 from activestereo.capture.write import write_capture
@@ -61,7 +52,7 @@ def expect_error(folder, *words):
         assert word in str(caught.value)
 
 
-def test_what_is_written_is_read_back(pristine, tmp_path):
+def test_what_is_written_is_read_back_without_a_warning(pristine, tmp_path, recwarn):
     first = read_capture(pristine.capture_path)
     images = {(f.id, side): first.ir(f, side).astype(np.uint8) for f in first.frames for side in ("left", "right")}
     pattern = np.rint(first.rig.projector.pattern() * 255).astype(np.uint8)
@@ -70,19 +61,14 @@ def test_what_is_written_is_read_back(pristine, tmp_path):
     write_capture(tmp_path / "copy", first, images, pattern)
     assert not (tmp_path / "copy" / "left" / "000099.png").exists()
     second = read_capture(tmp_path / "copy")
-    assert json.loads((first.path / "capture.json").read_text()) == json.loads(
-        (second.path / "capture.json").read_text()
-    )
+    before, after = (json.loads((capture.path / CAPTURE).read_text()) for capture in (first, second))
+    assert before == after
     assert second.scene_path.read_bytes() == first.scene_path.read_bytes()
     np.testing.assert_array_equal(second.ir(second.frames[4], "right"), first.ir(first.frames[4], "right"))
     np.testing.assert_array_equal(second.rig.projector.pattern(), first.rig.projector.pattern())
-
-
-def test_a_capture_is_never_overwritten(pristine, tmp_path):
-    capture = read_capture(pristine.capture_path)
-    (tmp_path / "taken").mkdir()
+    assert not recwarn.list
     with pytest.raises(FileExistsError):
-        write_capture(tmp_path / "taken", capture, {}, np.zeros((2, 2), np.uint8))
+        write_capture(tmp_path / "copy", first, images, pattern)
 
 
 def test_repeats_are_grouped_by_split(pristine):
@@ -102,23 +88,13 @@ def test_depth_is_scaled_to_metres_and_absent_depth_is_none(folder):
 
 
 def test_unknown_keys_warn_and_are_ignored(folder):
-    edit(
-        folder,
-        lambda c: (c.update(owner="me"), c["frames"][2].update(weather="fine"), c["rig"]["left"].update(lens="x")),
-    )
+    edit(folder, lambda c: c.update(owner="me"))
+    edit(folder, lambda c: (c["frames"][2].update(weather="fine"), c["rig"]["left"].update(lens="x")))
     with pytest.warns(CaptureWarning) as caught:
         capture = read_capture(folder)
     said = " ".join(str(w.message) for w in caught)
     assert all(key in said for key in ("owner", "frames[id=2].weather", "rig.left.lens"))
     assert len(capture.frames) == 8
-
-
-@pytest.mark.parametrize(
-    "key, value", [("id", 2**63), ("temperature_c", 1e9), ("temperature_c", -300.0), ("repeat_group", -(2**80))]
-)
-def test_numbers_that_nothing_can_have(folder, key, value):
-    edit(folder, lambda root: root["frames"][0].update({key: value}))
-    expect_error(folder, key, "expected")
 
 
 @pytest.mark.parametrize("where", ["/etc/passwd", "../outside.png", "left/../../outside.png", "link.png"])
@@ -184,12 +160,6 @@ def test_a_rational_lens_is_read(folder):
     assert left.distortion.tolist() == lens[:4] and not left.is_pinhole
 
 
-def test_a_good_capture_gives_no_warning(pristine):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        read_capture(pristine.capture_path)
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -215,6 +185,10 @@ def test_a_good_capture_gives_no_warning(pristine):
         (lambda c: c["frames"][3].update(left="left/none.png"), ["frames[id=3].left", "none.png"]),
         (lambda c: c["frames"][3].update(depth="left/000000.png"), ["frames[id=3].depth_scale", "missing"]),
         (lambda c: c["frames"].__setitem__(0, 5), ["frames[0]", "not an object"]),
+        (lambda c: c["frames"][0].update(id=2**63), ["id", "expected"]),
+        (lambda c: c["frames"][0].update(temperature_c=1e9), ["temperature_c", "expected"]),
+        (lambda c: c["frames"][0].update(temperature_c=-300.0), ["temperature_c", "expected"]),
+        (lambda c: c["frames"][0].update(repeat_group=-(2**80)), ["repeat_group", "expected"]),
     ],
 )
 def test_a_wrong_value_is_an_error_with_file_and_key(folder, change, words):

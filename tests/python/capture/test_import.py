@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of librealsense's tools, written here as those tools write them, become captures."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift, uniform_filter
 
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
-from activestereo.capture.images import write_gray
+from activestereo.capture.images import read_gray, write_gray
 from activestereo.capture.importers.realsense_text import read_device_text
 from activestereo.capture.importers.frames import pose_at, read_trajectory
-from camera_dumps import ENUMERATED
+from camera_dumps import ENUMERATED, write_pairs
 from command_line import led_on, refused, run_here
 
 
@@ -24,10 +22,8 @@ def recording(tmp_path):
     for i in range(3):
         for stream, delay in (("Infrared 1", 0.0), ("Infrared 2", 0.2), ("Depth", 1.1)):
             kind, high = (np.uint16, 3000) if stream == "Depth" else (np.uint8, 255)
-            write_gray(
-                folder / f"run_{stream}_{1700000000000.5 + 33.3 * i + delay:.6f}.png",
-                rng.integers(1, high, (48, 64)).astype(kind),
-            )
+            name = f"run_{stream}_{1700000000000.5 + 33.3 * i + delay:.6f}.png"
+            write_gray(folder / name, rng.integers(1, high, (48, 64)).astype(kind))
     (tmp_path / "d435.txt").write_text(ENUMERATED)
     return folder
 
@@ -35,12 +31,6 @@ def recording(tmp_path):
 def _arguments(recording, *more):
     out = recording.parent / "capture"
     return ["import", str(recording), "--calibration", str(recording.parent / "d435.txt"), "--out", str(out), *more]
-
-
-def _refused(arguments, capsys):
-    line = refused(arguments, capsys)
-    assert not [path for path in Path(arguments[1]).parent.iterdir() if "capture" in path.name]
-    return line
 
 
 def test_a_recording_becomes_a_capture(recording):
@@ -51,8 +41,6 @@ def test_a_recording_becomes_a_capture(recording):
     assert np.array_equal(capture.rig.right.K, [[43.0, 0, 32.1], [0, 43.5, 24.2], [0, 0, 1]])
     assert capture.frames[1].timestamp_s == pytest.approx(1700000000.0338)
     assert [frame.exposure_s for frame in capture.frames] == [0.004, 0.002, 0.004]
-    from activestereo.capture.images import read_gray
-
     files = sorted(recording.glob("*Depth*"))
     assert capture.frames[2].depth_scale == 0.001
     assert np.allclose(capture.depth(capture.frames[2]), read_gray(files[2]) * 0.001)
@@ -116,29 +104,15 @@ def test_the_projector_is_where_the_preset_has_it(recording, sensor, x_m):
 
 def test_folders_of_cameras_and_a_trajectory(recording, tmp_path):
     folder = tmp_path / "cameras"
-    for side in ("left", "right"):
-        (folder / side).mkdir(parents=True)
-        for i in range(4):
-            write_gray(folder / side / f"{i:06d}.png", np.full((48, 64), 10 * i + (side == "right"), np.uint8))
+    write_pairs(folder, range(0, 40, 10))
     poses = tmp_path / "poses.txt"
     poses.write_text("# time tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 0.3 0 0 0 0 0.7071068 0.7071068\n")
-    arguments = [
-        "import",
-        str(folder),
-        "--calibration",
-        str(tmp_path / "d435.txt"),
-        "--poses",
-        str(poses),
-        "--out",
-        str(tmp_path / "moved"),
-    ]
-    assert main(arguments) == 0
-    capture = read_capture(tmp_path / "moved")
+    assert main(_arguments(folder, "--poses", str(poses))) == 0
+    capture = read_capture(tmp_path / "capture")
     assert [frame.repeat_group for frame in capture.frames] == [None] * 4
-    assert capture.frames[1].camera_to_world[0, 3] == pytest.approx(0.1)
-    assert np.rad2deg(
-        np.arctan2(capture.frames[1].camera_to_world[1, 0], capture.frames[1].camera_to_world[0, 0])
-    ) == pytest.approx(30.0, abs=1e-3)
+    pose = capture.frames[1].camera_to_world
+    assert pose[0, 3] == pytest.approx(0.1)
+    assert np.rad2deg(np.arctan2(pose[1, 0], pose[0, 0])) == pytest.approx(30.0, abs=1e-3)
     assert capture.ir(capture.frames[3], "right")[0, 0] == 31
 
 
@@ -150,47 +124,43 @@ def test_names_without_numbers_of_their_own_are_paired_as_they_are(recording, tm
             file = folder / names.format(stream, thing)
             file.parent.mkdir(parents=True, exist_ok=True)
             write_gray(file, np.full((48, 64), 10 * value + (stream == "right"), np.uint8))
-    arguments = ["import", str(folder), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "capture")]
-    assert main(arguments) == 0
+    assert main(_arguments(folder)) == 0
     capture = read_capture(tmp_path / "capture")
     seen = [(capture.ir(f, "left")[0, 0], capture.ir(f, "right")[0, 0]) for f in capture.frames]
     assert seen == [(20, 21), (10, 11), (0, 1)]
     (folder / names.format("right", "cup")).unlink()
-    arguments[-1] = str(tmp_path / "other")
-    capsys.readouterr()
-    assert main(arguments) == 2
-    assert "has no right image" in capsys.readouterr().err
+    assert "has no right image" in refused(_arguments(folder, "--out", str(tmp_path / "other")), capsys)
 
 
 def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, capsys):
+    def said(*more):
+        line = refused(_arguments(recording, "--depth-scale", "0.001", *more), capsys)
+        assert not [path for path in tmp_path.iterdir() if "capture" in path.name]
+        return line
+
+    assert "has 2 times for 3 frames: give one, or each" in said("--exposure", "0.01,0.02")
     text = tmp_path / "d435.txt"
-    scale = ("--depth-scale", "0.001")
-    two = _refused(_arguments(recording, *scale, "--exposure", "0.01,0.02"), capsys)
-    assert "has 2 times for 3 frames: give one, or each" in two
-    text.write_text(ENUMERATED.replace("Translation Vector: -0.04", "Translation Vector: 0.04"))
-    assert "x is 0.0499586 m, expected below 0: left and right are swapped" in _refused(
-        _arguments(recording, *scale), capsys
-    )
-    text.write_text(ENUMERATED.replace("Fx:         	43.0", "Fx:         	none"))
-    assert "Fx is 'none', expected a number" in _refused(_arguments(recording, *scale), capsys)
-    text.write_text(ENUMERATED.replace("64x48", "32x24"))
-    assert "none for the images' 64x48 (there are: 32x24)" in _refused(_arguments(recording, *scale), capsys)
-    text.write_text(ENUMERATED.split("Extrinsic Parameters")[0])
-    assert "is missing: run rs-enumerate-devices -c" in _refused(_arguments(recording, *scale), capsys)
-    text.write_text("no such thing")
-    assert '"Intrinsic of": is nowhere in it' in _refused(_arguments(recording, *scale), capsys)
+    for wrong, words in (
+        (ENUMERATED.replace("Vector: -0.04", "Vector: 0.04"), "x is 0.0499586 m, expected below 0: left and right are"),
+        (ENUMERATED.replace("Fx:         	43.0", "Fx:         	none"), "Fx is 'none', expected a number"),
+        (ENUMERATED.replace("64x48", "32x24"), "none for the images' 64x48 (there are: 32x24)"),
+        (ENUMERATED.split("Extrinsic Parameters")[0], "is missing: run rs-enumerate-devices -c"),
+        ("no such thing", '"Intrinsic of": is nowhere in it'),
+    ):
+        text.write_text(wrong)
+        assert words in said()
     text.write_text(ENUMERATED)
     odd = sorted(recording.glob("*Infrared 2*"))[1]
     write_gray(odd, np.zeros((24, 32), np.uint8))
-    assert "is 32x24, expected 64x48" in _refused(_arguments(recording, *scale), capsys)
+    assert "is 32x24, expected 64x48" in said()
     odd.write_bytes(b"\x89PNG cut")
-    assert odd.name in _refused(_arguments(recording, *scale), capsys)
+    assert odd.name in said()
     odd.unlink()
     write_gray(sorted(recording.glob("*Depth*"))[0], np.zeros((48, 64), np.uint8))
-    assert "expected 16-bit depth" in _refused(_arguments(recording, *scale), capsys)
+    assert "expected 16-bit depth" in said()
     for file in recording.glob("*Infrared 2*"):
         file.unlink()
-    assert "Infrared 2: no PNG file" in _refused(_arguments(recording, *scale), capsys)
+    assert "Infrared 2: no PNG file" in said()
 
 
 def test_an_inverse_extrinsic_will_do(tmp_path):

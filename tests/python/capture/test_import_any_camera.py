@@ -55,12 +55,9 @@ def test_k_and_baseline_do_without_a_file_of_calibration(recording, capsys, word
     assert "nominal 5" not in told and "missing: no poses" in told
 
 
-def test_a_word_that_no_depth_has_is_told(recording, capsys):
+def test_what_nothing_tells_is_the_presets_and_said(recording, capsys):
     assert _import(recording, "--sensor", "d435", "--depth", "faro") == 2
     assert "0 PNG files have 'faro' in their names" in capsys.readouterr().err
-
-
-def test_what_nothing_tells_is_the_presets_and_said(recording, capsys):
     assert _import(recording, "--sensor", "d435", "--verbose") == 0
     told = capsys.readouterr().out
     capture = read_capture(recording.parent / "rec")

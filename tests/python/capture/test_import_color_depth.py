@@ -14,7 +14,7 @@ from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.scene_io.parts import read_parts
-from camera_dumps import ENUMERATED
+from camera_dumps import ENUMERATED, write_pairs
 from command_line import refused
 
 _HEIGHT, _WIDTH = 24, 32
@@ -59,8 +59,7 @@ def write_ply(path, mesh):
     vertex = np.array([tuple(p) for p in mesh.positions], dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
     face = np.array([(3, tuple(t)) for t in mesh.indices.reshape(-1, 3)], dtype=[("count", "u1"), ("index", "<i4", 3)])
     header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertex)}\nproperty float x\nproperty float "
-        f"y\nproperty float z\n"
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertex)}\n{_XYZ}"
         f"element face {len(face)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     path.write_bytes(header.encode() + vertex.tobytes() + face.tobytes())
@@ -93,12 +92,10 @@ def test_a_tum_list_names_files_of_its_folder_unless_the_user_says_otherwise(tum
 def test_what_needs_infrared_says_so(tum, capsys):
     out = tum.parent / "capture"
     assert main(["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]) == 0
-    for command in (
-        ["calibrate", "noise", str(out), "-o", str(tum / "model.json")],
-        ["compare", str(out), "--out", str(tum / "c")],
-    ):
-        capsys.readouterr()
-        assert "infrared" in refused(command, capsys) or "repeat" in refused(command, capsys)
+    capsys.readouterr()
+    for command in (["calibrate", "noise", str(out), "-o"], ["compare", str(out), "--out"]):
+        told = refused([*command, str(tum / "model.json")], capsys)
+        assert "infrared" in told or "repeat" in told
     assert not (tum / "model.json").exists()
 
 
@@ -108,9 +105,8 @@ def test_an_open3d_folder_with_its_trajectory(tmp_path, capsys):
     fx, fy, cx, cy = _K
     intrinsic = {"width": _WIDTH, "height": _HEIGHT, "intrinsic_matrix": [fx, 0, 0, 0, fy, 0, cx, cy, 1]}
     (folder / "camera_intrinsic.json").write_text(json.dumps(intrinsic))
-    (folder / "trajectory.log").write_text(
-        "".join(f"{k} {k} {k + 1}\n1 0 0 {0.1 * k}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" for k in range(2))
-    )
+    poses = (f"{k} {k} {k + 1}\n1 0 0 {0.1 * k}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" for k in range(2))
+    (folder / "trajectory.log").write_text("".join(poses))
     assert main(["import", str(folder), "--out", str(tmp_path / "capture")]) == 0
     capture = read_capture(tmp_path / "capture")
     assert capture.rig.left.K[0, 2] == cx and capture.frames[1].camera_to_world[0, 3] == pytest.approx(0.1)
@@ -193,19 +189,16 @@ def test_a_bop_scene_whose_rotations_have_few_digits_becomes_a_capture(bop, tmp_
 
 
 def test_what_is_wrong_with_a_bop_scene_is_told(bop, tmp_path, capsys):
-    camera = json.loads((bop / "scene_camera.json").read_text())
-    del camera["1"]["cam_K"]
-    (bop / "scene_camera.json").write_text(json.dumps(camera))
-    assert "scene_camera.json: 1.cam_K: is None, expected nine numbers" in refused(
-        ["import", str(bop), "--out", str(tmp_path / "a")], capsys
-    )
-    camera["1"] = camera["0"] | {"depth_scale": None}
-    (bop / "scene_camera.json").write_text(json.dumps(camera))
-    assert "1.depth_scale: is missing" in refused(["import", str(bop), "--out", str(tmp_path / "a")], capsys)
-    camera["1"] = camera["0"]
-    (bop / "scene_camera.json").write_text(json.dumps(camera))
+    camera = json.loads((bop / "scene_camera.json").read_text())["0"]
+
+    def said(second):
+        (bop / "scene_camera.json").write_text(json.dumps({"0": camera, "1": second}))
+        return refused(["import", str(bop), "--out", str(tmp_path / "a")], capsys)
+
+    assert "scene_camera.json: 1.cam_K: is None, expected nine numbers" in said({"depth_scale": 0.1})
+    assert "1.depth_scale: is missing" in said(camera | {"depth_scale": None})
     write_gray(bop / "depth" / "000001.png", np.ones((10, 10), np.uint16))
-    assert "is 10x10, expected 32x24" in refused(["import", str(bop), "--out", str(tmp_path / "a")], capsys)
+    assert "is 10x10, expected 32x24" in said(camera)
     assert not [p for p in tmp_path.iterdir() if p.name.lstrip(".").startswith(("a", "import"))]
 
 
@@ -217,9 +210,8 @@ def test_meshes_of_cad_programs(tmp_path):
     facets = np.zeros(len(triangles), record)
     facets["points"] = 1000.0 * box.positions[triangles]
     (tmp_path / "box.stl").write_bytes(b"\0" * 80 + len(facets).to_bytes(4, "little") + facets.tobytes())
-    lines = [f"v {x} {y} {z}" for x, y, z in box.positions] + [
-        f"f {a + 1}//1 {b + 1}//1 {c + 1}//1" for a, b, c in triangles
-    ]
+    lines = [f"v {x} {y} {z}" for x, y, z in box.positions]
+    lines += [f"f {a + 1}//1 {b + 1}//1 {c + 1}//1" for a, b, c in triangles]
     (tmp_path / "box.obj").write_text("\n".join(lines))
     for name, unit in (("box.ply", 1.0), ("box.stl", 0.001), ("box.obj", 1.0)):
         (part,) = read_parts(tmp_path / name)
@@ -241,26 +233,15 @@ def test_a_round_camera_has_round_normals(tmp_path):
 
 def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, capsys):
     views = tmp_path / "views"
-    for side in ("left", "right"):
-        (views / side).mkdir(parents=True)
-        for i in range(4):
-            write_gray(views / side / f"{i:06d}.png", np.full((48, 64), 10 * i, np.uint8))
+    write_pairs(views, range(0, 40, 10))
     (tmp_path / "d435.txt").write_text(ENUMERATED)
     rows = [f"{i:06d}.png,{0.1 * (i // 2)},0,0,0,0,0,1" for i in range(4)]
     (tmp_path / "poses.csv").write_text("name,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows) + "\n")
     hand = np.eye(4)
     hand[2, 3] = 0.05
     (tmp_path / "hand.json").write_text(json.dumps({"camera_to_gripper": hand.ravel().tolist()}))
-    arguments = [
-        "import",
-        str(views),
-        "--calibration",
-        str(tmp_path / "d435.txt"),
-        "--robot",
-        str(tmp_path / "poses.csv"),
-        "--out",
-        str(tmp_path / "c"),
-    ]
+    files = ["--calibration", str(tmp_path / "d435.txt"), "--robot", str(tmp_path / "poses.csv")]
+    arguments = ["import", str(views), *files, "--out", str(tmp_path / "c")]
     assert "--robot needs --hand-eye" in refused(arguments, capsys)
     assert main([*arguments, "--hand-eye", str(tmp_path / "hand.json")]) == 0
     capture = read_capture(tmp_path / "c")
@@ -270,20 +251,11 @@ def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, cap
 
 
 def test_folders_inside_are_views_of_their_own(tmp_path):
-
     (tmp_path / "d435.txt").write_text(ENUMERATED)
     for number, view in enumerate(("desk_off", "near", "wall/far")):
-        for side in ("left", "right"):
-            (tmp_path / "r" / view / side).mkdir(parents=True)
-            for i in range(2):
-                write_gray(
-                    tmp_path / "r" / view / side / f"{i:03d}.png",
-                    np.full((48, 64), 10 * number + i + 100 * (side == "right"), np.uint8),
-                )
-    assert (
-        main(["import", str(tmp_path / "r"), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "c")])
-        == 0
-    )
+        write_pairs(tmp_path / "r" / view, (10 * number, 10 * number + 1), right=100)
+    places = ["--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "c")]
+    assert main(["import", str(tmp_path / "r"), *places]) == 0
     capture = read_capture(tmp_path / "c")
     assert [frame.repeat_group for frame in capture.frames] == [0, 0, 1, 1, 2, 2]
     assert [frame.projector_power for frame in capture.frames] == [0, 0, 1, 1, 1, 1]

@@ -15,7 +15,7 @@ def run(capsys):
 
 @pytest.fixture
 def ran(run):
-    """What a command wrote, which succeeds."""
+    """A command that succeeds: what it wrote."""
 
     def ran(*words):
         result = run(*words)

@@ -149,11 +149,7 @@ def test_one_zoom_for_all_pictures(page):
     assert others == [first] * 3
     # What was under the pointer, a quarter from the left, has stayed.
     assert first == pytest.approx([30, 33.75, 40, 22.5], abs=0.3)
-    start = page.place("#picture", 0.5, 0.5)
-    page.mouse("mousePressed", start, button="left", clickCount=1)
-    width = page.value("document.getElementById('picture').clientWidth")
-    page.mouse("mouseMoved", (start[0] - width / 4, start[1]), button="left", buttons=1)
-    page.mouse("mouseReleased", (start[0] - width / 4, start[1]), button="left")
+    page.drag("#picture", -page.value("document.getElementById('picture').clientWidth") / 4)
     assert [shown_part(page, p) for p in pictures] == [pytest.approx([first[0] + 10, *first[1:]], abs=0.3)] * 4
     page.click("#picture", count=2)
     assert {tuple(shown_part(page, p)) for p in pictures} == {(0, 0, _WIDTH, _HEIGHT)}

@@ -21,9 +21,8 @@ def capture(lab_world):
 
 @pytest.fixture(scope="module")
 def opened(capture):
-    view = View(capture.path)
-    yield view
-    view.close()
+    with View(capture.path) as view:
+        yield view
 
 
 @pytest.fixture
@@ -103,10 +102,7 @@ def test_all_pictures_share_one_zoom_and_are_dragged_together(view):
     view.page.wheel("#difference", -480, 0.5, 0.5)
     view.page.wait("document.getElementById('zoom').textContent === '4×'")
     zoomed = parts()
-    start = view.page.place("#measured", 0.5, 0.5)
-    view.page.mouse("mousePressed", start, button="left", clickCount=1)
-    view.page.mouse("mouseMoved", (start[0] - 40, start[1]), button="left", buttons=1)
-    view.page.mouse("mouseReleased", (start[0] - 40, start[1]), button="left")
+    view.page.drag("#measured", -40)
     dragged = parts()
     assert len(set(whole)) == len(set(zoomed)) == len(set(dragged)) == 1
     assert float(dragged[0].split()[0]) > float(zoomed[0].split()[0]) > 0.0
@@ -134,8 +130,7 @@ def test_nothing_but_the_server_is_asked_and_nothing_fails(view):
 
 
 def test_a_scene_is_compared_with_its_own_first_picture(table_top):
-    view = View(table_top, "--resolution", "212x120")
-    try:
+    with View(table_top, "--resolution", "212x120") as view:
         view.point(100, 60)
         u, v, before, now, *_ = view.numbers()
         assert (u, v) == (100, 60) and before == now > 0
@@ -143,23 +138,18 @@ def test_a_scene_is_compared_with_its_own_first_picture(table_top):
         assert view.page.value("pictures.measured === before[false] && before[true] !== before[false]")
         assert view.page.value("document.querySelectorAll('.waiting, .empty').length") == 0
         assert float(re.search(r"RMS ([\d.]+)", view.page.text("#rmse"))[1]) == 0.0
-    finally:
-        view.close()
 
 
 def test_a_folder_is_a_list_to_choose_from(lab_world, tmp_path):
     for name in ("first", "second"):
         shutil.copytree(read_capture(lab_world.capture_path).path, tmp_path / name)
     (tmp_path / "second" / "capture.json").write_text("{}")
-    view = View(tmp_path)
-    try:
+    with View(tmp_path) as view:
         names = "[...document.getElementById('entry').options].map((o) => o.value)"
         assert view.page.value(names) == ["first", "second"]
         view.page.value("(() => { const s = document.getElementById('entry'); s.value = 'second'; s.onchange(); })()")
         view.wait("nothing")
         assert "capture.json" in view.page.text("#told")
-    finally:
-        view.close()
 
 
 def test_a_recording_and_a_data_set_are_shown_as_they_were_measured(lab_world, tmp_path):
@@ -177,8 +167,7 @@ def test_a_recording_and_a_data_set_are_shown_as_they_were_measured(lab_world, t
             path.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(source, path)
     for folder in places:
-        view = View(tmp_path / folder, shown="measured")
-        try:
+        with View(tmp_path / folder, shown="measured") as view:
             assert view.page.value("document.getElementById('panel').hidden") is True
             view.point(30, 20)
             assert view.numbers()[:3] == [30, 20, capture.ir(frame, "left")[20, 30]]
@@ -186,5 +175,3 @@ def test_a_recording_and_a_data_set_are_shown_as_they_were_measured(lab_world, t
             assert view.page.text("#measured-name") == "as in the file"  # simulate's images are not measured
             assert view.page.value("document.getElementById('clouds').parentElement.hidden") is True
             assert view.page.value("pictures.measured.images.disparity.filter((d) => d > 0).length") > 500
-        finally:
-            view.close()

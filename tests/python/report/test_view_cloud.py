@@ -13,12 +13,10 @@ pytestmark = needs_chromium
 
 @pytest.fixture(scope="module")
 def view(lab_world):
-    view = View(lab_world.capture_path)
-    if not view.page.value("cloud.gl !== null"):
-        view.close()
-        pytest.skip("this chromium has no WebGL")
-    yield view
-    view.close()
+    with View(lab_world.capture_path) as view:
+        if not view.page.value("cloud.gl !== null"):
+            pytest.skip("this chromium has no WebGL")
+        yield view
 
 
 def pixels(view):
@@ -78,10 +76,7 @@ def test_the_cloud_is_seen_as_the_camera_sees_it(view, lab_world):
 def test_dragging_and_keys_turn_it_and_the_wheel_comes_nearer(view):
     view.page.click("#cloud", count=2)
     first, before = turned(view), pixels(view)
-    start = view.page.place("#cloud", 0.5, 0.5)
-    view.page.mouse("mousePressed", start, button="left", clickCount=1)
-    view.page.mouse("mouseMoved", (start[0] + 75, start[1] - 30), button="left", buttons=1)
-    view.page.mouse("mouseReleased", (start[0] + 75, start[1] - 30), button="left")
+    view.page.drag("#cloud", 75, -30)
     assert turned(view) == pytest.approx([first[0] + 0.5, first[1] - 0.2, first[2]], abs=1e-3)
     assert (np.abs(pixels(view) - before).max(axis=2) > 20).mean() > 0.05
     view.page.value("document.getElementById('cloud').focus()")

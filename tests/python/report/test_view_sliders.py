@@ -24,9 +24,8 @@ def saved_as(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def opened(lab_world, saved_as):
-    view = View(lab_world.capture_path, "--out", saved_as)
-    yield view
-    view.close()
+    with View(lab_world.capture_path, "--out", saved_as) as view:
+        yield view
 
 
 @pytest.fixture
@@ -198,13 +197,10 @@ def test_what_is_saved_is_what_was_shown(view, lab_world, saved_as):
     assert model.rig.exposure_s == 0.006
     view.key("s")
     view.page.wait(f"document.getElementById('saved').textContent === 'saved: {saved_as.with_name('model-2.json')}'")
-    again = View(lab_world.capture_path, "--model", saved_as)
-    try:
+    with View(lab_world.capture_path, "--model", saved_as) as again:
         changed(again, lambda: type_number(again, "exposure_s", 0.006))
         assert [e for e in settings(again)["effects"]] == ["lens_psf"]
         assert np.array_equal(picture(again), shown)
-    finally:
-        again.close()
 
 
 def test_wrong_settings_are_told_in_a_line(view):
@@ -226,10 +222,7 @@ def test_a_capture_without_a_scene_is_shown_without_sliders(lab_world, tmp_path)
     shutil.copytree(read_capture(lab_world.capture_path).path, folder)
     scene = json.loads((folder / "capture.json").read_text())["scene"]
     (folder / scene).write_text('{"asset": {"version": "2.0"}, "scenes": [{"nodes": []}], "scene": 0}')
-    view = View(folder, shown="measured")
-    try:
+    with View(folder, shown="measured") as view:
         assert view.page.value("document.getElementById('panel').hidden") is True
         view.point(30, 20)
         assert len(view.numbers()) == 5
-    finally:
-        view.close()

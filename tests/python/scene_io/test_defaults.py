@@ -29,9 +29,8 @@ def _scene(path: Path, size_m: tuple[float, float, float], is_room: bool = False
 
 def _seen(scene: kuafu.Scene, view: np.ndarray) -> dict[str, np.ndarray]:
     k = [[46, 0, 31.5], [0, 46, 17.5], [0, 0, 1]]
-    images = kuafu.Renderer(scene.device).render(
-        scene, kuafu.Camera(64, 36, k, view), ["depth", "albedo", "radiance"], band="visible", spp=16
-    )
+    camera, names = kuafu.Camera(64, 36, k, view), ["depth", "albedo", "radiance"]
+    images = kuafu.Renderer(scene.device).render(scene, camera, names, band="visible", spp=16)
     return {name: image[0] for name, image in images.items()}
 
 

@@ -284,16 +284,13 @@ def test_a_lamp_without_a_light_is_one_line(tmp_path: Path, kind: str, line: str
 def test_a_rectangle_shines_to_its_front(tmp_path: Path) -> None:
     seen = []
     for turn in (0, 180):
-        text = (
-            '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n)\n'
+        lamp = (
             'def RectLight "L"\n{\n float inputs:width = 2\n float inputs:height = 1\n float inputs:intensity = 2049\n'
             f" float3 xformOp:rotateXYZ = (0, {turn}, 0)\n double3 xformOp:translate = (0, 0, 1)\n"
             ' uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]\n}\n'
-            'def Plane "W"\n{\n double width = 8\n double length = 8\n uniform token axis = "Z"\n'
-            " color3f[] primvars:displayColor = [(1, 1, 1)]\n}\n"
         )
         path = tmp_path / f"{turn}.usda"
-        path.write_text(text)
+        path.write_text(_HEAD + _WALL + lamp)
         scene = kuafu.Scene(kuafu.Device("cpu"))
         load_usd(scene, path)
         pose = np.array([[1, 0, 0, 1.5], [0, -1, 0, 0], [0, 0, -1, 0.5], [0, 0, 0, 1]], float)  # looks at the wall

@@ -121,13 +121,10 @@ def test_a_unit_of_single_precision(tmp_path: Path) -> None:
     [
         ('Cylinder "S"\n{\n double radius = 0.5\n double height = 3', [-0.5, -0.5, -1.5], [0.5, 0.5, 1.5]),
         ('Cone "S"\n{\n double radius = 1\n double height = 2\n uniform token axis = "X"', [-1, -1, -1], [1, 1, 1]),
-        (
-            'Capsule "S"\n{\n double radius = 0.5\n double height = 1\n uniform token axis = "Y"',
-            [-0.5, -1, -0.5],
-            [0.5, 1, 0.5],
-        ),
+        ('Capsule "S"\n{\n double radius = 0.5\n double height = 1\n uniform token axis = "Y"', [-0.5, -1, -0.5],
+         [0.5, 1, 0.5]),
     ],
-)
+)  # fmt: skip
 def test_turned_solids(tmp_path: Path, solid: str, low: list[float], high: list[float]) -> None:
     scene = kuafu.Scene(kuafu.Device("cpu"))
     assert not load_usd(scene, _stage(tmp_path, f"def {solid}\n}}\n")).messages
@@ -231,14 +228,15 @@ class _Made:
         entry = self.document["bufferViews"][view]
         return self._buffer[entry["byteOffset"] : entry["byteOffset"] + entry["byteLength"]]
 
-    def picture(self, texture: dict[str, Any]) -> Image.Image:
-        image = self.document["images"][self.document["textures"][texture["index"]]["source"]]
-        return Image.open(io.BytesIO(self._bytes(image["bufferView"])))
+    def pixel(self, material: str, texture: str) -> Any:
+        """The first pixel of a material's texture."""
+        number = self.material[material]["pbrMetallicRoughness"][texture]["index"]
+        image = self.document["images"][self.document["textures"][number]["source"]]
+        return Image.open(io.BytesIO(self._bytes(image["bufferView"]))).getpixel((0, 0))
 
     def uvs(self, mesh: int) -> np.ndarray:
-        accessor = self.document["accessors"][
-            self.document["meshes"][mesh]["primitives"][0]["attributes"]["TEXCOORD_0"]
-        ]
+        attributes = self.document["meshes"][mesh]["primitives"][0]["attributes"]
+        accessor = self.document["accessors"][attributes["TEXCOORD_0"]]
         return np.frombuffer(self._bytes(accessor["bufferView"]), np.float32).reshape(-1, 2)
 
 
@@ -261,9 +259,8 @@ def test_inputs_are_followed_to_the_materials_own(tmp_path: Path) -> None:
         Reader=_READER + ".connect = </Paint.inputs:uv>",
     )
     made = _Made(tmp_path, _sheet("A", "Paint") + paint)
-    pbr = made.material["/Paint"]["pbrMetallicRoughness"]
-    assert made.picture(pbr["baseColorTexture"]).getpixel((0, 0)) == (9, 8, 7)
-    assert pbr["metallicFactor"] == 0.75
+    assert made.pixel("/Paint", "baseColorTexture") == (9, 8, 7)
+    assert made.material["/Paint"]["pbrMetallicRoughness"]["metallicFactor"] == 0.75
     assert [0.25, 0.5] in made.uvs(0).tolist()
     assert made.told("a transform of its coordinates")
 
@@ -293,23 +290,15 @@ def test_pictures_are_told_apart_by_folder_and_role(tmp_path: Path) -> None:
         _color(tmp_path / folder / "albedo.png", (red, 30, 40))
         layer = _material("P", "color3f inputs:diffuseColor.connect = </P/T.outputs:rgb>", T=_texture("./albedo.png"))
         (tmp_path / folder / "p.usda").write_text('#usda 1.0\n(\n defaultPrim = "P"\n)\n' + layer)
-    text = "".join(
-        f'def "{name}" (references = @./{name.lower()}/p.usda@)\n{{\n}}\n' + _sheet(f"On{name}", name) for name in "XY"
-    )
+    text = ""
+    for name in "XY":
+        text += f'def "{name}" (references = @./{name.lower()}/p.usda@)\n{{\n}}\n' + _sheet(f"On{name}", name)
     for key in ("roughness", "metallic"):
-        text += _sheet(f"With_{key}", key) + _material(
-            key, f"float inputs:{key}.connect = </{key}/T.outputs:g>", T=_texture("x/albedo.png")
-        )
+        surface = f"float inputs:{key}.connect = </{key}/T.outputs:g>"
+        text += _sheet(f"With_{key}", key) + _material(key, surface, T=_texture("x/albedo.png"))
     made = _Made(tmp_path, text)
-    reds = [
-        made.picture(made.material[name]["pbrMetallicRoughness"]["baseColorTexture"]).getpixel((0, 0))[0]
-        for name in ("/X", "/Y")
-    ]
-    assert reds == [10, 20]
-    packed = [
-        made.picture(made.material[name]["pbrMetallicRoughness"]["metallicRoughnessTexture"]).getpixel((0, 0))
-        for name in ("/roughness", "/metallic")
-    ]
+    assert [made.pixel(name, "baseColorTexture")[0] for name in ("/X", "/Y")] == [10, 20]
+    packed = [made.pixel(name, "metallicRoughnessTexture") for name in ("/roughness", "/metallic")]
     assert packed == [(255, 30, 255), (255, 255, 30)]
 
 
@@ -344,11 +333,7 @@ def test_a_cut_picture_is_told(tmp_path: Path, suffix: str) -> None:
     Image.fromarray(noise).save(tmp_path / f"p.{suffix}")
     data = (tmp_path / f"p.{suffix}").read_bytes()
     (tmp_path / f"p.{suffix}").write_bytes(data[: len(data) // 2])
-    paint = _material(
-        "Paint",
-        "float inputs:roughness.connect = </Paint/T.outputs:r>",
-        T=_texture(f"p.{suffix}"),
-    )
+    paint = _material("Paint", "float inputs:roughness.connect = </Paint/T.outputs:r>", T=_texture(f"p.{suffix}"))
     assert _Made(tmp_path, _sheet("A", "Paint") + paint).told("no image that can be read")
 
 
@@ -356,17 +341,15 @@ def test_sixteen_bits_of_grey_keep_their_level(tmp_path: Path) -> None:
     Image.fromarray(np.full((2, 2), 0x4080, np.uint16)).save(tmp_path / "p.png")
     paint = _material("Paint", "float inputs:roughness.connect = </Paint/T.outputs:r>", T=_texture("p.png"))
     made = _Made(tmp_path, _sheet("A", "Paint") + paint)
-    packed = made.material["/Paint"]["pbrMetallicRoughness"]["metallicRoughnessTexture"]
-    assert made.picture(packed).getpixel((0, 0)) == (255, 0x40, 255)
+    assert made.pixel("/Paint", "metallicRoughnessTexture") == (255, 0x40, 255)
 
 
 def test_a_colours_own_alpha_is_no_opacity(tmp_path: Path) -> None:
     _color(tmp_path / "p.png", (9, 8, 7, 60), "RGBA")
     surface = "color3f inputs:diffuseColor.connect = </Paint/T.outputs:rgb>\nfloat inputs:opacity = 0.5"
     made = _Made(tmp_path, _sheet("A", "Paint") + _material("Paint", surface, T=_texture("p.png")))
-    pbr = made.material["/Paint"]["pbrMetallicRoughness"]
-    assert made.picture(pbr["baseColorTexture"]).getpixel((0, 0)) == (9, 8, 7)
-    assert pbr["baseColorFactor"] == [1.0, 1.0, 1.0, 0.5]
+    assert made.pixel("/Paint", "baseColorTexture") == (9, 8, 7)
+    assert made.material["/Paint"]["pbrMetallicRoughness"]["baseColorFactor"] == [1.0, 1.0, 1.0, 0.5]
 
 
 def test_foreign_materials_show_each_prims_own_colour(tmp_path: Path) -> None:

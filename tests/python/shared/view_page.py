@@ -36,7 +36,10 @@ class View:
     def key(self, key, **more):
         self.page.call("Input.dispatchKeyEvent", type="keyDown", key=key, **more)
 
-    def close(self):
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
         self.page.__exit__()
         self.server.shutdown()
         self.server.server_close()
