@@ -54,11 +54,8 @@ def test_foreshortening_bias_is_the_disparity_of_a_point_beside(view, slant):
     tall, disparity = plane(tall, (slant, 0.2, -1.0), 0.8)
     below = EFFECTS["foreshortening_bias"](disparity, tall, offset_down_px=3.0)
     np.testing.assert_allclose(below[:-3], disparity[3:], rtol=1e-9)
-
-
-def test_fronto_parallel_walls_have_no_foreshortening_bias(view):
-    view, disparity = plane(view, (0.0, 0.0, -1.0), 0.8)
-    np.testing.assert_array_equal(EFFECTS["foreshortening_bias"](disparity, view, offset_px=2.0), disparity)
+    facing, disparity = plane(view, (0.0, 0.0, -1.0), 0.8)
+    np.testing.assert_array_equal(EFFECTS["foreshortening_bias"](disparity, facing, offset_px=2.0), disparity)
 
 
 def test_post_filter_lowers_noise_within_surfaces_keeps_edges_and_rounds(view):
@@ -75,16 +72,13 @@ def test_post_filter_lowers_noise_within_surfaces_keeps_edges_and_rounds(view):
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
 
 
-def test_a_model_without_matcher_effects_gives_the_depth_it_is_given(view):
+def test_a_models_matcher_effects_alone_change_the_depth_it_is_given(view):
     depth = view.depth_m * (np.arange(view.shape[1]) % 5 > 0)
     np.testing.assert_array_equal(Model().depth(depth, view), depth)
     fitted = Model().with_effect(EFFECTS["pixel_locking"], amplitude_px=0.0).depth(depth, view)
     np.testing.assert_allclose(fitted, depth, rtol=1e-12)
-
-
-def test_a_model_applies_disparity_effects_to_depth(view):
-    model = Model().with_effect(EFFECTS["post_filter"], step_px=0.5)
-    disparity = view.K[0, 0] * view.baseline_m / model.depth(view.depth_m, view)
+    stepped = Model().with_effect(EFFECTS["post_filter"], step_px=0.5).depth(view.depth_m, view)
+    disparity = view.K[0, 0] * view.baseline_m / stepped
     np.testing.assert_allclose(disparity * 2, np.rint(disparity * 2), atol=1e-9)
 
 

@@ -17,7 +17,6 @@ from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.meshes import box, sphere
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
 from virtual_sensor.view import PatternSource, look
-from virtual_sensor.world import look_at
 from virtual_sensor.world import table_top as world_table_top
 
 import kuafu
@@ -36,18 +35,14 @@ def kuafu_plane(device, specular, roughness, size=(96, 64)):
     scene.add_instance(mesh, [scene.add_material(material)])
     white = scene.add_texture(np.ones((64, 96), np.float32))
     projector_K = np.array([[60.0, 0, 47.5], [0, 60.0, 31.5], [0, 0, 1]])
-    scene.add_light(
-        kuafu.Light(kind="projector", texture=white, k=projector_K, ir_intensity=1.0, light_to_world=shift(0.03))
-    )
+    place = shift(0.03)
+    scene.add_light(kuafu.Light(kind="projector", texture=white, k=projector_K, ir_intensity=1.0, light_to_world=place))
     outputs = ("projector_direct", "ambient", "depth", "normal")
     images = kuafu.Renderer(device).render(scene, [kuafu.Camera(*size, K)], outputs, spp=256, seed=3)
-    direct, ambient, depth = (
-        images[name][0, ..., 0].astype(np.float64) for name in ("projector_direct", "ambient", "depth")
-    )
-    geometry = dict(
-        K=K, depth_m=depth, normal=images["normal"][0].astype(np.float64), pattern=np.ones((64, 96), np.float32)
-    )
-    view = replace(example_view("left"), projector_K=projector_K, camera_to_projector=shift(-0.03), **geometry)
+    direct, ambient, depth = (images[name][0, ..., 0].astype(np.float64) for name in outputs[:3])
+    view = replace(example_view("left"), K=K, projector_K=projector_K, camera_to_projector=shift(-0.03))
+    pattern, normal = np.ones((64, 96), np.float32), images["normal"][0].astype(np.float64)
+    view = replace(view, depth_m=depth, normal=normal, pattern=pattern)
     return Light(direct, np.zeros_like(direct), ambient, direct), view
 
 
@@ -66,10 +61,8 @@ def test_specular_is_the_renderers_own_gloss(device, roughness):
 def test_the_lobe_reflects_its_fresnel_share_where_it_is_smooth():
     cosines = np.array([1.0, 0.7, 0.3])
     inside = np.sqrt(1 - (1 - cosines**2) / 1.5**2)
-    across, along = (
-        (cosines - 1.5 * inside) / (cosines + 1.5 * inside),
-        (1.5 * cosines - inside) / (1.5 * cosines + inside),
-    )
+    across = (cosines - 1.5 * inside) / (cosines + 1.5 * inside)
+    along = (1.5 * cosines - inside) / (1.5 * cosines + inside)
     np.testing.assert_allclose(reflected_share(cosines, 0.1), (across**2 + along**2) / 2, rtol=0.05)
 
 
@@ -103,9 +96,8 @@ def test_second_projector_is_a_second_source_in_the_world():
     pose = POSE @ shift(0.015) @ place @ turn
     source = PatternSource(pose[:3, 3], pose[:3, :3], PROJECTOR_K, PATTERN)
     truth = look(world_table_top(), SIZE, CAMERA_K, POSE @ shift(0.05), source, seed=3, grid=6, bounces=0).direct
-    modelled = EFFECTS["second_projector"](
-        light, view, intensity_m2=1.0, offset_x_m=offset[0], offset_y_m=offset[1], yaw_rad=yaw
-    )
+    unit = {"intensity_m2": 1.0, "offset_x_m": offset[0], "offset_y_m": offset[1], "yaw_rad": yaw}
+    modelled = EFFECTS["second_projector"](light, view, **unit)
     added = modelled.ambient - light.ambient
     # Shadows of the second unit are not modelled, edges mix surfaces.
     here = smooth_places(view.depth_m) & (truth > 0) & (light.flat > 0)
@@ -169,16 +161,12 @@ def test_gain_error_changes_the_ratio_of_exposures_and_not_of_equal_ones():
     signal = np.full(view.shape, 40.0)
     half = replace(view, frame=replace(view.frame, exposure_s=view.frame.exposure_s / 2))
     of = lambda v, **p: EFFECTS["gain_error"](signal, v, **p).mean() / 40.0  # noqa: E731
-    assert of(half, exposure_offset_s=1e-4) / of(view, exposure_offset_s=1e-4) == pytest.approx(
-        (1 + 0.05) / (1 + 0.025)
-    )
+    assert of(half, exposure_offset_s=1e-4) / of(view, exposure_offset_s=1e-4) == pytest.approx(1.05 / 1.025)
     assert of(view, log_gain=0.1) == pytest.approx(view.frame.gain**0.1)
 
 
 def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_top):
-    camera = kuafu.Camera(
-        96, 64, np.array([[120.0, 0, 47.5], [0, 120.0, 31.5], [0, 0, 1]]), look_at((0.1, 0.4, 0.5), (0.0, 0.08, -0.2))
-    )
+    camera = kuafu.Camera(96, 64, np.array([[120.0, 0, 47.5], [0, 120.0, 31.5], [0, 0, 1]]), POSE)
     projector = kuafu.Light(kind="projector", k=PROJECTOR_K, ir_intensity=1.0, light_to_world=camera.camera_to_world)
     request = RenderRequest(table_top, (camera,), projector, PATTERN.astype(np.float32), 32, 4, 1)
     raw, smooth = (CaptureRenderer(device, smooth=s)(request)[0] for s in (False, True))
@@ -202,9 +190,8 @@ def test_what_one_surface_shows_leaves_the_others_alone(name, values):
     np.testing.assert_array_equal(there.images[:, view.material == 0], light.images[:, view.material == 0])
     np.testing.assert_array_equal(there.images[:, view.material == 1], everywhere.images[:, view.material == 1])
     assert np.abs(there.images - light.images).max() > 0
-    np.testing.assert_array_equal(
-        EFFECTS[name](light, replace(view, material=None), **values, surfaces=2.0).images, everywhere.images
-    )
+    unknown = EFFECTS[name](light, replace(view, material=None), **values, surfaces=2.0)
+    np.testing.assert_array_equal(unknown.images, everywhere.images)
 
 
 NAMES = ["paint of ball", "steel", "paint of crate"]
@@ -224,30 +211,22 @@ def path(request, tmp_path):
     return tmp_path / f"scene.{request.param}"
 
 
-def test_a_material_of_two_objects_is_two_surfaces(path):
+def test_a_material_of_two_objects_is_two_surfaces_of_a_material_each(path, device):
     assert surface_names(path) == NAMES
     assert [surface.material for surface in scene_surfaces(path)] == [0, 1, 0]
-
-
-def test_each_surface_has_a_material_of_its_own(path, device):
     scene = kuafu.Scene(device)
+    with pytest.raises(ValueError, match="the scene has 0 objects, its file 3"):
+        split_surfaces(scene, path)
     scene.load(path)
     split_surfaces(scene, path)
     assert [scene.material_name(k) for k in range(scene.summary.material_count)] == NAMES
     assert scene.get_material(2).ir_albedo == pytest.approx(0.6)
-    camera = kuafu.Camera(
-        64,
-        24,
-        [[60, 0, 32], [0, 60, 12], [0, 0, 1]],
-        np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.8], [0, 0, 0, 1.0]]),
-    )
+    pose = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.8], [0, 0, 0, 1.0]])
+    camera = kuafu.Camera(64, 24, [[60, 0, 32], [0, 60, 12], [0, 0, 1]], pose)
     seen = kuafu.Renderer(device).render(scene, [camera], ("material_id", "instance_id"), spp=1)
-    pairs = {
-        (int(i), int(m))
-        for i, m in zip(seen["instance_id"].ravel(), seen["material_id"].ravel(), strict=True)
-        if i != 0xFFFFFFFF
-    }
-    assert {(scene.instance_name(i), m) for i, m in pairs} == {("ball", 0), ("crate", 2), ("weight", 1)}
+    pairs = set(zip(seen["instance_id"].ravel().tolist(), seen["material_id"].ravel().tolist(), strict=True))
+    found = {(scene.instance_name(i), material) for i, material in pairs if i != 0xFFFFFFFF}
+    assert found == {("ball", 0), ("crate", 2), ("weight", 1)}
 
 
 def test_a_whole_material_has_its_own_name(path):
@@ -256,12 +235,6 @@ def test_a_whole_material_has_its_own_name(path):
     assert numbers_of("paint", NAMES) == [0, 2]
     assert numbers_of("paint of crate", NAMES) == [2]
     assert numbers_of("wood", NAMES) == []
-
-
-def test_a_scene_that_is_not_the_files_is_refused(path, device):
-    scene = kuafu.Scene(device)
-    with pytest.raises(ValueError, match="the scene has 0 objects, its file 3"):
-        split_surfaces(scene, path)
 
 
 def test_what_cannot_be_read_has_no_surfaces(tmp_path):

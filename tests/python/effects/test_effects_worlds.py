@@ -44,10 +44,8 @@ def test_pattern_scale_drift_spreads_the_diffraction_orders(nominal):
     x, y = (columns - PROJECTOR_K[0, 2]) / PROJECTOR_K[0, 0], (rows - PROJECTOR_K[1, 2]) / PROJECTOR_K[1, 1]
     angle, azimuth = np.arctan(np.hypot(x, y)), np.arctan2(y, x)
     radius = np.tan(np.arcsin(np.sin(angle) / 1.01))
-    places = [
-        radius * np.sin(azimuth) * PROJECTOR_K[1, 1] + PROJECTOR_K[1, 2],
-        radius * np.cos(azimuth) * PROJECTOR_K[0, 0] + PROJECTOR_K[0, 2],
-    ]
+    axes = ((1, np.sin(azimuth)), (0, np.cos(azimuth)))
+    places = [radius * way * PROJECTOR_K[i, i] + PROJECTOR_K[i, 2] for i, way in axes]
     truth, _ = seen(pattern=map_coordinates(PATTERN, places, order=1))
     assert unexplained(light, truth, EFFECTS["pattern_scale_drift"](light, view, scale=0.01)) < 0.12
 
@@ -92,15 +90,12 @@ def test_exposure_desync_is_the_view_of_the_moved_rig(nominal, delay_s):
     assert unexplained(light, truth, wrong, "flat") > 1.2
 
 
-def test_a_left_camera_is_never_touched_by_errors_of_the_right():
+def test_a_left_camera_is_never_touched_by_errors_of_the_right_nor_a_still_rig_by_motion(nominal):
     light, geometry = seen(side="left", bounces=0)
     view = view_of(geometry, "left")
     for name in ("baseline_drift", "stereo_pitch", "stereo_roll", "principal_point_offset", "exposure_desync"):
         e = EFFECTS[name]
         assert e(light, view, **e.typical_values) is light
-
-
-def test_motion_needs_a_moving_rig(nominal):
     light, view = nominal
     still = replace(view, frame=replace(view.frame, camera_velocity=np.zeros(6)))
     for name in ("rolling_shutter", "motion_blur", "exposure_desync"):

@@ -33,17 +33,7 @@ LEAST_MAPPED = 42
 
 def engine_inputs() -> EngineInputs:
     """A warm rig in front of a world of two materials."""
-    frame = Frame(
-        id=1,
-        left_path=None,
-        right_path=None,
-        timestamp_s=3.0,
-        exposure_s=0.004,
-        camera_to_world=np.eye(4),
-        split="train",
-        gain=2.0,
-        temperature_c=45.0,
-    )
+    frame = Frame(1, None, None, 3.0, 0.004, np.eye(4), "train", gain=2.0, temperature_c=45.0)
     k = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
     signal = simsense.signal_preset("neutral") | {"exposure_s": 0.004, "gain": 2.0, "temperature_c": 45.0}
     sides = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Optics(), dict(signal), right) for right in (False, True)]
@@ -85,9 +75,8 @@ def moved_fields(e, values: dict[str, float]) -> set[str]:
     e.engine(inputs, **values)
     after = fields_of(inputs)
     names = {name for name in after if after[name] != before.get(name)}
-    both = {
-        n.removeprefix("left.") for n in names if n.startswith("left.") and n.replace("left.", "right.", 1) in names
-    }
+    left = {name.removeprefix("left.") for name in names if name.startswith("left.")}
+    both = {name for name in left if f"right.{name}" in names}
     return both | {n for n in names if n.split(".", 1)[-1] not in both or not n.startswith(("left.", "right."))}
 
 
@@ -209,11 +198,8 @@ def room():
     """(points, normals) of a floor and a wall behind it, in camera axes that are the world's."""
     across, along = np.meshgrid(np.linspace(-1.2, 1.2, SHAPE[1]), np.linspace(-1.0, 1.0, SHAPE[0]))
     on_floor = (along < 0.0)[..., None]
-    points = np.where(
-        on_floor,
-        np.stack([across, np.full(SHAPE, -0.3), 0.8 + along], -1),
-        np.stack([across, along, 0 * across + 0.8], -1),
-    )
+    floor, wall = (across, np.full(SHAPE, -0.3), 0.8 + along), (across, along, np.full(SHAPE, 0.8))
+    points = np.where(on_floor, np.stack(floor, -1), np.stack(wall, -1))
     return points, np.where(on_floor, [0.0, 1.0, 0.0], [0.0, 0.0, -1.0])
 
 
@@ -292,9 +278,7 @@ def test_the_pose_is_found_from_the_dots(images, monkeypatch):
 
 def test_nothing_is_searched_in_noise_alone(images):
     assert room_unit_starts([replace(image, residual=noise) for image, noise in images]) == [{}]
-
-
-def test_the_axes_are_those_of_a_pose_that_looks_along_the_beam():
+    # The axes are those of a pose that looks along the beam.
     np.testing.assert_allclose(axes(*angles(UNIT[:3, 2]), 0.0), UNIT[:3, :3], atol=1e-12)
 
 

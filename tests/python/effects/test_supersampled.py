@@ -55,9 +55,8 @@ def truth(camera, to_ideal):
     total = 0.0
     for a in within:
         for b in within:
-            total = total + radiance(
-                *to_ideal((u + a - camera.K[0, 2]) / camera.K[0, 0], (v + b - camera.K[1, 2]) / camera.K[1, 1])
-            )
+            drawn = (u + a - camera.K[0, 2]) / camera.K[0, 0], (v + b - camera.K[1, 2]) / camera.K[1, 1]
+            total = total + radiance(*to_ideal(*drawn))
     return total / 256
 
 
