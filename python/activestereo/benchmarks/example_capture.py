@@ -17,7 +17,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.capture.write import write_capture
-from activestereo.common.pose import look_at
+from activestereo.common.pose import look_at, rigid_motion
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.effects.core.model import Model
 from activestereo.effects.engines import CaptureRenderer
@@ -86,8 +86,7 @@ def _without_images(place: Path) -> Capture:
     write_gray(pattern_path, pattern)
     width, height = config.ir_resolution
     camera = Camera(width, height, np.asarray(config.ir_intrinsic, np.float64))
-    left_to_right, left_to_projector = np.eye(4), np.eye(4)
-    left_to_right[0, 3], left_to_projector[0, 3] = -_BASELINE_M, -_PROJECTOR_M
+    left_to_right, left_to_projector = (rigid_motion((-aside, 0.0, 0.0)) for aside in (_BASELINE_M, _PROJECTOR_M))
     rig = Rig(camera, camera, left_to_right, Projector(pattern_path, np.asarray(pattern_K), left_to_projector))
     views = [0] * (_REPEATS - 1) + list(range(len(_PLACES_M)))
     frames = tuple(

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.output_files import write_text
-from activestereo.common.pose import CAMERA_TO_BODY, Pose, look_at
+from activestereo.common.pose import CAMERA_TO_BODY, Pose, look_at, rigid_motion
 from activestereo.common.progress_bar import Progress
 from activestereo.model import SensorModel
 from activestereo.scene_io import solids
@@ -82,9 +82,8 @@ def take_views(
         if progress is not None:
             progress((number + 1) / count)
     truth, found, gray = (np.stack(images).astype(np.float32) for images in zip(*taken, strict=True))
-    baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
     k = np.array(config.rgb_intrinsic, np.float64)
-    return Views(truth, found, gray, k, baseline_m, config.min_depth_m, config.max_depth_m)
+    return Views(truth, found, gray, k, config.baseline_m, config.min_depth_m, config.max_depth_m)
 
 
 def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.float64]:
@@ -117,8 +116,7 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
         add_thing(int(random.integers(3)), half, at, random.uniform(0.0, np.pi), False)
     ambient = random.uniform(0.01, 0.3)
     scene.set_environment((ambient,) * 3)
-    lamp_to_world = np.eye(4)
-    lamp_to_world[:3, 3] = random.uniform([-0.5, -0.5, 1.5], [1.5, 0.5, 2.5])
+    lamp_to_world = rigid_motion(random.uniform([-0.5, -0.5, 1.5], [1.5, 0.5, 2.5]))
     power = random.uniform(0.1, 1.5)
     scene.add_light(kuafu.Light(kind="point", intensity=(power,) * 3, light_to_world=lamp_to_world))
     eye = np.array([random.uniform(-0.4, 0.0), random.uniform(-0.2, 0.2), random.uniform(0.4, 1.0)])

@@ -69,7 +69,7 @@ def real_views(capture: Capture, device_depth: Path | None, device: str | int) -
     camera = capture.rig.left
     for number, frame in enumerate(frames):
         if files is not None:
-            depth = read_gray(files[number], (camera.width, camera.height), "depth").astype(np.float32) * 1e-3
+            depth = read_gray(files[number], camera.size, "depth").astype(np.float32) * 1e-3
         else:
             found = capture.depth(frame)
             if found is None:
@@ -130,11 +130,9 @@ def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthS
     """Returns the preset with the capture's cameras; is_calibrated: also with its projector, pattern, black level and
     vignetting."""
     rig, config = view.capture.rig, StereoDepthSensorConfig(sensor).seen_from_left()
-    config.ir_resolution = (rig.left.width, rig.left.height)
+    config.ir_resolution = rig.left.size
     config.ir_intrinsic = np.array(rig.left.K)
-    beside = np.eye(4)
-    beside[1, 3] = -rig.baseline_m
-    config.trans_pose_r = Pose(beside)
+    config.trans_pose_r = Pose((0.0, -rig.baseline_m, 0.0))
     config.max_depth_m = float("inf")
     config.ir_exposure_mode = "fixed"  # the light is fitted to the real image's
     if view.room is not None:  # measured with all its bounces, and without noise

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -12,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from activestereo.benchmarks.real_views import (
     DISTANCE_NAMES,
@@ -27,7 +25,7 @@ from activestereo.benchmarks.sim_to_real import Figure
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import png_bytes, write_text
 
 DEVICE = "device"
 HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
@@ -173,7 +171,5 @@ def _figure(name: str, disparity: NDArray[np.float32], low: float, high: float) 
     image = disparity[::step, ::step]
     shade = colormaps["turbo"](np.clip((np.nan_to_num(image, nan=low) - low) / max(high - low, 1e-6), 0.0, 1.0))
     pixels = (255.0 * shade[..., :3] * np.isfinite(image)[..., None]).astype(np.uint8)
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "png")
-    source = base64.b64encode(buffer.getvalue()).decode()
+    source = base64.b64encode(png_bytes(pixels)).decode()
     return f'<figure><img src="data:image/png;base64,{source}"><figcaption>{text(name)}</figcaption></figure>'

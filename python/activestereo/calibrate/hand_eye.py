@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from activestereo.calibrate.least_squares import INTERVAL_90, deviations, motion, vector
 from activestereo.capture.importers.frames import pose_of_seven
 from activestereo.common.input_files import read_text
-from activestereo.common.pose import printed_motion
+from activestereo.common.pose import printed_motion, rigid_motion
 
 _LEAST_POSES = 5
 # The robot must turn about two axes at least this far apart, and by this much, degrees.
@@ -70,8 +70,8 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
     parts = []
     for poses in (gripper_to_base, board_to_camera):
         parts += [[pose[:3, :3] for pose in poses], [pose[:3, 3] for pose in poses]]
-    start = np.eye(4)
-    start[:3, :3], start[:3, 3:] = cv2.calibrateHandEye(*parts, method=cv2.CALIB_HAND_EYE_PARK)
+    turn, place = cv2.calibrateHandEye(*parts, method=cv2.CALIB_HAND_EYE_PARK)
+    start = rigid_motion(place.ravel(), turn)
 
     def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
         camera, to_board = motion(x[:6]), np.linalg.inv(motion(x[6:]))
@@ -82,10 +82,10 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
     scale = 3.0 * max(float(np.median(np.abs(residuals(first)))), 1e-6)
     solution = least_squares(residuals, first, x_scale="jac", loss="soft_l1", f_scale=scale)
     rest = residuals(solution.x)
-    turn, place = (float(np.sqrt((part**2).sum(axis=1).mean())) for part in np.split(rest.reshape(count, 6), 2, axis=1))
+    turned, moved = np.sqrt((rest.reshape(count, 2, 3) ** 2).sum(axis=2).mean(axis=0)).tolist()
     return HandEye(
-        motion(solution.x[:6]), motion(solution.x[6:]), deviations(solution, rest)[:6], place,
-        float(np.rad2deg(turn / _LEVER_M)), count,
+        motion(solution.x[:6]), motion(solution.x[6:]), deviations(solution, rest)[:6], moved,
+        float(np.rad2deg(turned / _LEVER_M)), count,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from scipy.optimize import OptimizeResult
 from scipy.spatial.transform import Rotation
 
 from activestereo.common.normal_matrix import inverse_normal_matrix
+from activestereo.common.pose import rigid_motion
 
 # Half of a 90 % interval, in standard deviations.
 INTERVAL_90 = 1.6449
@@ -16,9 +17,7 @@ INTERVAL_90 = 1.6449
 
 def motion(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Converts a rotation vector (3, radians) and a translation (3, metres), in one vector [6], to a 4x4."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = Rotation.from_rotvec(np.ravel(vector[:3])).as_matrix(), np.ravel(vector[3:])
-    return pose
+    return rigid_motion(np.ravel(vector[3:]), Rotation.from_rotvec(np.ravel(vector[:3])).as_matrix())
 
 
 def vector(pose: NDArray[np.float64]) -> NDArray[np.float64]:

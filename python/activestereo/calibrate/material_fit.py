@@ -29,6 +29,7 @@ from scipy.optimize import lsq_linear
 import kuafu
 from activestereo.capture.capture import Camera, Capture, Frame
 from activestereo.common import srgb
+from activestereo.common.pose import rigid_motion
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import set_surface
@@ -79,10 +80,8 @@ class MaterialScene:
             lamp.intensity, lamp.ir_intensity = (brightest, brightest, brightest), brightest
             self.scene.set_light(number, lamp)
         for known in capture.lights:
-            pose = np.eye(4)
-            pose[:3, 3] = known.position_m
             lamp = kuafu.Light(kind="point", intensity=(1.0, 1.0, 1.0), ir_intensity=1.0, radius_m=known.radius_m)
-            lamp.light_to_world, lamp.light_group = pose, 1 + min(lamps, _GROUPS - 2)
+            lamp.light_to_world, lamp.light_group = rigid_motion(known.position_m), 1 + min(lamps, _GROUPS - 2)
             lamps += 1
             self.scene.add_light(lamp)
         self.group_count = 1 + min(lamps, _GROUPS - 1)

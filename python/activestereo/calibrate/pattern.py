@@ -22,6 +22,7 @@ from activestereo.calibrate.wall import ProjectorView, Spots, Wall, find_spots, 
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
+from activestereo.common.pose import rigid_motion
 from activestereo.common.progress_bar import part_of
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Pattern as SensorPattern
@@ -84,11 +85,8 @@ class Pattern:
             background=0.0 if self.background is None else self.background[0],
             source=f"calibrate pattern: {len(self.dots)} dots, walls at {distances}; {place}",
         )  # fmt: skip
-        nominal = Rig(
-            self.rig.left, self.rig.right, self.rig.left_to_right, self.left_to_projector, self.rig.bit_depth,
-            self.rig.line_time_s, source="the rig that calibrate pattern believed",
-        )  # fmt: skip
-        return SensorModel(pattern=pattern, rig=nominal)
+        nominal = Rig.of_capture(self.rig, source="the rig that calibrate pattern believed")
+        return SensorModel(pattern=pattern, rig=replace(nominal, left_to_projector=self.left_to_projector))
 
     def summary(self) -> str:
         """Describes the pattern and its walls as text, which the command prints."""
@@ -280,8 +278,7 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     to_pattern = projector.K[0, 0] / rig.left.K[0, 0] * middle / (middle - projector.position_m[2])
     variance = np.maximum(near.spots["left"].sigma_px ** 2 - ROUNDING_VARIANCE, 0.05) * to_pattern**2
     sigma = float(np.sqrt(max(variance - _INTERPOLATED_PX2, 0.25 * variance)))
-    left_to_projector = np.eye(4)
-    left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ projector.position_m
+    left_to_projector = rigid_motion(-rotation @ projector.position_m, rotation)
     return Pattern(
         dots, (width, height), projector.K, projector.position_m, error, left_to_projector, sigma, background, views,
         len(pairs), rig,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.capture.capture import SIDES, read_capture
-from activestereo.capture.images import read_gray
-from activestereo.common.input_files import checked_file, read_text
+from activestereo.capture.images import read_gray, read_npy
+from activestereo.common.input_files import read_text
 from activestereo.common.rounding import ROUNDING_VARIANCE
 
 LEAST_REPEATS = 10
@@ -30,15 +30,7 @@ def read_repeats(path: Path) -> list[Repeats]:
     """Reads every static view under `path`. Raises ValueError if there is none, if one has a single frame, or if sizes
     differ."""
     if path.suffix == ".npy":
-        try:
-            # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
-            counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError, OverflowError, EOFError) as error:
-            raise ValueError(f"{path}: cannot be read as a .npy stack: {error}") from error
-        if counts.ndim != 3 or counts.dtype not in (np.uint8, np.uint16):
-            kind = f"{counts.dtype} {list(counts.shape)}"
-            raise ValueError(f"{path}: is {kind}, expected uint8 or uint16 [frame][height][width]")
-        views = [Repeats(path.name, np.array(counts), None, path.name)]
+        views = [Repeats(path.name, read_npy(path, "stack", "frame", "height", "width"), None, path.name)]
     elif path.name == "capture.json" or (path / "capture.json").is_file():
         views = _read_capture(path)
     elif path.is_dir():

@@ -164,7 +164,6 @@ def _figure(place: str, entry: Any, field: Field) -> Figure:
         raise ValueError(f"{place}: is {value!r}, expected {field.count} numbers")
     for part in value if field.count else [value]:
         low = min(field.low, 0.0) if field.or_zero and part == 0 else field.low
-        fault = Limits(low, field.high, field.unit, field.whole).fault(part)
-        if fault is not None:
+        if (fault := Limits(low, field.high, field.unit, field.whole).fault(part)) is not None:
             raise ValueError(f"{place}: {fault}")
     return figure

@@ -111,8 +111,7 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 def check_field(name: str, value: Any) -> None:
     """Checks one field's value. Raises ValueError with the value and the allowed ones if it is invalid."""
-    fault = None if value is None and name in _MAY_BE_NONE else _fault(name, value)
-    if fault is not None:
+    if (fault := None if value is None and name in _MAY_BE_NONE else _fault(name, value)) is not None:
         raise ValueError(f"{name} {fault}")
 
 
@@ -249,8 +248,7 @@ def _matrix_fault(value: Any) -> str | None:
         ("fx", FOCAL, k[0, 0]), ("fy", FOCAL, k[1, 1]), ("skew", PIXEL, k[0, 1]),
         ("cx", PIXEL, k[0, 2]), ("cy", PIXEL, k[1, 2]),
     ):  # fmt: skip
-        fault = limits.fault(float(entry))
-        if fault is not None:
+        if (fault := limits.fault(float(entry))) is not None:
             return f"{name} {fault}"
     return camera_matrix_fault(k)
 
@@ -334,7 +332,6 @@ def checked_twist(linear: ArrayLike, angular: ArrayLike) -> NDArray[np.float64]:
     beyond the limits."""
     parts = (("linear velocity in m/s", linear, SPEED), ("angular velocity in rad/s", angular, TURN_RATE))
     for name, part, limits in parts:
-        fault = _list_fault(np.asarray(part).tolist(), [limits] * 3)
-        if fault is not None:
+        if (fault := _list_fault(np.asarray(part).tolist(), [limits] * 3)) is not None:
             raise ValueError(f"the {name} {fault}")
     return np.concatenate([linear, angular]).astype(np.float64)

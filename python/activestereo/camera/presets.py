@@ -31,7 +31,7 @@ from activestereo.common.limits import SIDE, Limits
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.parameter_types import MatcherFields, RenderFields
 from activestereo.common.pattern import PatternDesign
-from activestereo.common.pose import Pose, as_matrix
+from activestereo.common.pose import Pose, as_matrix, rigid_motion
 from activestereo.common.shown import did_you_mean
 
 if TYPE_CHECKING:
@@ -44,10 +44,8 @@ def _k(fx: float, fy: float, cx: float, cy: float) -> np.ndarray:
 
 
 def _pose(camera: CameraData, name: str) -> Pose:
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.reshape(camera.value("rig", "ir_rotation"), (3, 3))
-    matrix[:3, 3] = camera.value("rig", name)
-    return Pose(matrix)
+    rotation = np.reshape(camera.value("rig", "ir_rotation"), (3, 3))
+    return Pose(rigid_motion(camera.value("rig", name), rotation))
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
@@ -332,6 +330,10 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         """Focal length times baseline of the infrared pair, pixel metres: depth is this number over disparity."""
         baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
         return float(self.ir_intrinsic[0, 0] * baseline_m)
+
+    @property
+    def baseline_m(self) -> float:
+        return self.focal_baseline_px_m / float(self.ir_intrinsic[0, 0])
 
     def seen_from_left(self) -> StereoDepthSensorConfig:
         """Returns a copy whose RGB camera has the left infrared camera's pose, resolution and lens, so that depth is

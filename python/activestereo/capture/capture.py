@@ -48,6 +48,11 @@ class Camera:
     distortion: np.ndarray = field(default_factory=lambda: np.zeros(5))
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of its images, pixels."""
+        return self.width, self.height
+
+    @property
     def is_pinhole(self) -> bool:
         return not is_distorting(self.distortion)
 
@@ -201,8 +206,7 @@ class Capture:
         binned."""
         if self.whole is not None:
             return block_means(self.whole.ir(frame, side), self.binning)
-        camera = self.rig.camera(side)
-        image = read_gray(frame.path(side), (camera.width, camera.height), f"frames[id={frame.id}].{side}")
+        image = read_gray(frame.path(side), self.rig.camera(side).size, f"frames[id={frame.id}].{side}")
         return image.astype(np.float32)
 
     def known(self, frame: Frame, side: str) -> np.ndarray | None:
@@ -211,8 +215,8 @@ class Capture:
         path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[side]
         if path is None:
             return None
-        camera = (self.whole or self).rig.camera(side)
-        known = read_gray(path, (camera.width, camera.height), f"frames[id={frame.id}].{side}_mask") > 0
+        size = (self.whole or self).rig.camera(side).size
+        known = read_gray(path, size, f"frames[id={frame.id}].{side}_mask") > 0
         return known if self.whole is None else block_means(known, self.binning) == 1.0
 
     def depth(self, frame: Frame) -> np.ndarray | None:
@@ -220,16 +224,14 @@ class Capture:
         none."""
         if frame.depth_path is None:
             return None
-        size = (self.rig.left.width, self.rig.left.height)
-        image = read_gray(frame.depth_path, size, f"frames[id={frame.id}].depth")
+        image = read_gray(frame.depth_path, self.rig.left.size, f"frames[id={frame.id}].depth")
         return image.astype(np.float32) * np.float32(frame.depth_scale)
 
     def color(self, frame: Frame) -> np.ndarray | None:
         """Reads the colour image as stored, sRGB uint8 [height, width, 3]; None if the frame has none."""
         if frame.color_path is None or self.rig.color is None:
             return None
-        size = (self.rig.color.width, self.rig.color.height)
-        return read_color(frame.color_path, size, f"frames[id={frame.id}].color")
+        return read_color(frame.color_path, self.rig.color.size, f"frames[id={frame.id}].color")
 
     def repeats(self, split: str | None = None) -> dict[int, list[Frame]]:
         """Returns {repeat group: its frames} of all groups with at least two frames in the split; None: in any
@@ -284,9 +286,12 @@ def capture_from(root: JsonObject) -> Capture:
     )  # fmt: skip
 
 
-def _read_camera(entry: JsonObject) -> Camera:
-    width, height = entry.integer("width", limits.SIDE), entry.integer("height", limits.SIDE)
-    return Camera(width, height, entry.camera_matrix("K"), entry.lens("distortion"))
+def read_camera(entry: JsonObject, side: limits.Limits = limits.SIDE, needs_lens: bool = True) -> Camera:
+    """Reads a camera's width, height, K and distortion. side: the limits of width and height."""
+    width, height = entry.integer("width", side), entry.integer("height", side)
+    lens = entry.lens("distortion") if needs_lens or entry.has("distortion") else np.zeros(5)
+    key = "cam_K" if entry.has("cam_K") and not entry.has("K") else "K"  # as BOP's files have it
+    return Camera(width, height, entry.camera_matrix(key), lens)
 
 
 def _read_rig(entry: JsonObject) -> Rig:
@@ -294,15 +299,15 @@ def _read_rig(entry: JsonObject) -> Rig:
     black_dn = entry.numbers("black_dn", [limits.BLACK, limits.BLACK_DEVIATION], optional=True)
     readout = entry.object("readout", optional=True)
     return Rig(
-        left=_read_camera(entry.object("left")),
-        right=_read_camera(entry.object("right")),
+        left=read_camera(entry.object("left")),
+        right=read_camera(entry.object("right")),
         left_to_right=entry.rigid_transform("left_to_right"),
         projector=Projector(
             projector.file("pattern"), projector.camera_matrix("K"), projector.rigid_transform("left_to_projector")
         ),
         bit_depth=entry.integer("bit_depth", limits.BITS),
         line_time_s=readout.number("line_time_s", limits.LINE_TIME, optional=True) if readout else None,
-        color=ColorCamera(**vars(_read_camera(color)), left_to_color=color.rigid_transform("left_to_color"))
+        color=ColorCamera(**vars(read_camera(color)), left_to_color=color.rigid_transform("left_to_color"))
         if color
         else None,
         black_dn=None if black_dn is None else (float(black_dn[0]), float(black_dn[1])),
@@ -314,24 +319,22 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     entry.name = f"frames[id={frame_id}]"
     depth_path = entry.file("depth", optional=True)
     if depth_path is not None:
-        _check_size(entry, "depth", (rig.left.width, rig.left.height))
+        _check_size(entry, "depth", rig.left)
     has_infrared = depth_path is None or any(entry.has(side) for side in SIDES)
     for side in SIDES if has_infrared else ():
-        camera = rig.camera(side)
-        _check_size(entry, side, (camera.width, camera.height))
+        _check_size(entry, side, rig.camera(side))
     color_path = entry.file("color", optional=True)
     if color_path is not None:
         if rig.color is None:
             entry.fail("color", "rig.color is missing: say which camera took it")
-        else:
-            _check_size(entry, "color", (rig.color.width, rig.color.height))
+        _check_size(entry, "color", rig.color)
     split = entry.text("split")
     if split not in SPLITS:
         entry.fail("split", f"is {split!r}, expected 'train' or 'test'")
     masks = {side: entry.file(f"{side}_mask", optional=True) for side in SIDES}
     for side in SIDES:
         if masks[side] is not None:
-            _check_size(entry, f"{side}_mask", (rig.camera(side).width, rig.camera(side).height))
+            _check_size(entry, f"{side}_mask", rig.camera(side))
     velocity = entry.numbers("camera_velocity", [limits.SPEED] * 3 + [limits.TURN_RATE] * 3, optional=True)
     return Frame(
         id=frame_id,
@@ -357,11 +360,11 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     )
 
 
-def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
+def _check_size(entry: JsonObject, key: str, camera: Camera) -> None:
     path = entry.file(key)
-    size = image_size(path, entry.key(key))
-    if size != expected:
-        entry.fail(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
+    width, height = image_size(path, entry.key(key))
+    if (width, height) != camera.size:
+        entry.fail(key, f"{path.name} is {width}x{height}, the rig says {camera.width}x{camera.height}")
 
 
 # Images up to this size stay whole; larger ones are binned to at most half as many pixels.
@@ -388,7 +391,7 @@ def binned(capture: Capture, size: int) -> Capture:
     device's depth is dropped, since it was matched on whole images. Raises CaptureError if too few pixels remain."""
     if size == 1:
         return capture
-    least = min(min(camera.width, camera.height) for camera in (capture.rig.left, capture.rig.right))
+    least = min(*capture.rig.left.size, *capture.rig.right.size)
     most = least // 16
     if size > most:
         raise CaptureError(f"{capture.path}: images of {least} pixels cannot be averaged over {size}: give 1 to {most}")

@@ -146,8 +146,7 @@ class JsonObject:
 
     def camera_matrix(self, key: str) -> np.ndarray:
         k = self.numbers(key, _CAMERA_MATRIX).reshape(3, 3)
-        fault = camera_matrix_fault(k)
-        if fault is not None:
+        if (fault := camera_matrix_fault(k)) is not None:
             self.fail(key, fault)
         return k
 
@@ -161,15 +160,13 @@ class JsonObject:
 
     def rigid_transform(self, key: str) -> np.ndarray:
         pose = self.numbers(key, _TRANSFORM).reshape(4, 4)
-        fault = rigid_fault(pose)
-        if fault is not None:
+        if (fault := rigid_fault(pose)) is not None:
             self.fail(key, fault)
         pose[3] = (0.0, 0.0, 0.0, 1.0)  # the renderer allows no rounding there
         return pose
 
     def _within(self, key: str, value: Any, limits: Limits) -> Any:
-        fault = limits.fault(value)
-        if fault is not None:
+        if (fault := limits.fault(value)) is not None:
             self.fail(key, fault)
         return value
 

@@ -57,15 +57,20 @@ def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, k
 
 def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
     """Reads a gray image file as read_gray() does, or a .npy array, uint8 or uint16 [height, width]."""
-    if Path(path).suffix != ".npy":
-        return read_gray(path, key=key)
+    return read_npy(path, key, "height", "width") if Path(path).suffix == ".npy" else read_gray(path, key=key)
+
+
+def read_npy(path: str | Path, key: str, *axes: str) -> np.ndarray:
+    """Reads a .npy array, uint8 or uint16, with axes of these names."""
     try:
-        pixels = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
+        # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
+        counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, OverflowError, EOFError) as error:
         raise CaptureError(f"{path}: {key}: cannot be read as a .npy array: {error}") from error
-    if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16):
-        raise CaptureError(f"{path}: {key}: is {pixels.dtype} {pixels.shape}, expected uint8 or uint16 [height][width]")
-    return np.array(pixels)
+    if counts.ndim != len(axes) or counts.dtype not in (np.uint8, np.uint16):
+        expected = "".join(f"[{axis}]" for axis in axes)
+        raise CaptureError(f"{path}: {key}: is {counts.dtype} {counts.shape}, expected uint8 or uint16 {expected}")
+    return np.array(counts)
 
 
 def write_gray(path: str | Path, pixels: np.ndarray) -> None:

@@ -30,6 +30,7 @@ from activestereo.common.output_files import (
     written_together,
 )
 from activestereo.common.parameter import MATCHER, RIG
+from activestereo.common.pose import rigid_motion
 from activestereo.common.progress_bar import ProgressBar
 from activestereo.report.lettering import write_figure
 from activestereo.report.screen import Figure, command, screen
@@ -106,10 +107,10 @@ def add_parser(commands: cli.Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    _run_recording(args) if args.right is None else _run_pair(args)
-
-
-def _run_pair(args: argparse.Namespace) -> None:
+    """Matches a pair of images and prints the result; a recording alone goes to _run_recording()."""
+    if args.right is None:
+        _run_recording(args)
+        return
     from activestereo.report.pictures import colored, depth_span, matching_figure
 
     needed = ("out",) if args.calibration else ("k", "baseline", "out")
@@ -129,8 +130,7 @@ def _run_pair(args: argparse.Namespace) -> None:
     height, width = left.shape
     cameras = rectified_pair(folder_device(args, (width, height))[0], width, height)
     left_camera, right_camera = (simsense.Camera(width, height, K) for K in (cameras.left_K, cameras.right_K))
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -cameras.baseline_m
+    left_to_right = rigid_motion((-cameras.baseline_m, 0.0, 0.0))
     bits = 8 * left.itemsize  # the matcher uses all bits of 8-bit and of 16-bit images
     given = profile(args.profile, bits) | options.given_parameters(args, MATCHER, RIG)
     engine = simsense.Engine(
@@ -212,6 +212,8 @@ def depth_hints(
 def _run_recording(args: argparse.Namespace) -> None:
     """Matches all pairs of the recording, and prints the result."""
     from activestereo.camera.advanced_mode.settings import AdvancedSettings, read_settings
+    from activestereo.capture.importers.bag import count_pairs, is_bag, recorded_pairs
+    from activestereo.capture.importers.realsense_folder import frame_files
 
     settings = AdvancedSettings({}) if args.settings is None else read_settings(args.settings)
     if args.out is None:
@@ -221,12 +223,6 @@ def _run_recording(args: argparse.Namespace) -> None:
     if is_inside:
         told = "lies in the recording, which is never written: choose a folder outside of it"
         raise cli.CommandError(f"--out {args.out} {told}")
-    _match(args, settings)
-
-
-def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
-    from activestereo.capture.importers.bag import is_bag, recorded_pairs
-
     if not args.left.is_dir() and not is_bag(args.left):
         raise cli.CommandError(f"{args.left}: is neither a folder nor a bag; of a pair of images give both")
     first = next(recorded_pairs(args.left), None)
@@ -243,13 +239,13 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
         "matcher": {name: value for name, value in matcher.parameters.items() if name != "frame_index"},
     }  # fmt: skip
     _same_run(args.out / _RUN, bool(done), facts)
-    fills, count = dict[str, float](), max(1, _count(args.left))
+    fills, count = dict[str, float](), count_pairs(args.left) if is_bag(args.left) else len(frame_files(args.left))
     with ProgressBar(f"matching {args.left.name}") as bar:
         for pair in recorded_pairs(args.left, lambda name: name not in done):
             image = matcher.image(pair.left, pair.right)
             write_png(args.out / f"{pair.name}.png", image)
             fills[pair.name] = float(np.mean(image > 0))
-            bar(min(1.0, (len(done) + len(fills)) / count))
+            bar(min(1.0, (len(done) + len(fills)) / max(1, count)))
     number, share = len(fills), sum(fills.values()) / len(fills) if fills else None
     unmapped = settings.unmapped()
     if args.json:
@@ -262,8 +258,8 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     measured = "" if share is None else f"; {100 * share:.1f} % of the pixels have depth"
     sentence = f"{number} pair{'' if number == 1 else 's'} matched{before}{measured}. 16-bit depth is in {args.out}."
     order = sorted(fills, key=lambda name: fills[name])
-    told = (("least", order[0]), ("most", order[-1])) if number > 1 else ()
-    figures = [Figure(f"{which}: {name}", f"{100 * fills[name]:.1f} %", fills[name]) for which, name in told]
+    ends = (("least", order[0]), ("most", order[-1])) if number > 1 else ()
+    figures = [Figure(f"{which}: {name}", f"{100 * fills[name]:.1f} %", fills[name]) for which, name in ends]
     print(screen(sentence, figures, notes, [command("view", args.left)], args.out / _RUN, verbose=args.verbose))
 
 
@@ -283,14 +279,6 @@ def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, lis
     else:
         device, assumed = folder_device(args, (width, height))
     return rectified_pair(device, width, height), assumed
-
-
-def _count(recording: Path) -> int:
-    """Returns the number of infrared pairs in a folder of images or a bag."""
-    from activestereo.capture.importers.bag import count_pairs, is_bag
-    from activestereo.capture.importers.realsense_folder import frame_files
-
-    return count_pairs(recording) if is_bag(recording) else len(frame_files(recording))
 
 
 def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: RectifiedPair, pair: Pair) -> PairMatcher:

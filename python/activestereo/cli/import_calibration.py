@@ -41,7 +41,7 @@ def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[Devi
     config, assumed = StereoDepthSensorConfig(args.sensor), []
     K, baseline_m = args.k, args.baseline
     if baseline_m is None:
-        baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
+        baseline_m = config.baseline_m
         assumed.append(f"the baseline is {args.sensor}'s nominal {1e3 * baseline_m:.2f} mm: --baseline tells better")
     if K is None:
         own_width, own_height = config.ir_resolution
@@ -116,13 +116,7 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
             f"{device.path}: the pairs are not rectified, its cameras have a lens or are turned: record the rectified "
             "streams, or give --rectified where ROS' or OpenCV's YAML describes images that are"
         )
-    motion = device.extrinsic("Infrared 1", "Infrared 2")
-    if motion[0, 3] >= 0.0:
-        raise cli.CommandError(
-            f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {motion[0, 3]:g} m, expected '
-            "below 0: left and right are swapped"
-        )
-    return RectifiedPair(left.K, right.K, -float(motion[0, 3]))
+    return RectifiedPair(left.K, right.K, -float(device.left_to_right()[0, 3]))
 
 
 def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:

@@ -16,6 +16,7 @@ from activestereo.capture.capture import Capture, Projector
 from activestereo.capture.images import image_size
 from activestereo.cli import arguments as cli
 from activestereo.cli import import_calibration as calibration
+from activestereo.common.pose import rigid_motion
 from activestereo.common.progress_bar import ProgressBar
 from activestereo.report.screen import command, screen
 
@@ -99,7 +100,12 @@ def run(args: argparse.Namespace) -> None:
         if recording is None:
             capture, told, words = _infrared(args, Path(temporary))
         else:
-            capture, words = _write_color_depth(args, recording), []
+            from activestereo.capture.importers.color_depth import write_color_depth
+
+            config, words = StereoDepthSensorConfig(args.sensor), []
+            nominal = config.baseline_m, *_nominal_projector(config)
+            with ProgressBar(f"importing {args.recording.name}") as bar:
+                capture = write_color_depth(recording, args.out, *nominal, args.scene, bar)
             told = [f"assumed: {line}" for line in recording.assumed]
             told.append("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
     has_scene = args.scene is not None or (recording is not None and recording.scene is not None)
@@ -146,15 +152,6 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
     if (args.recording / "depth").is_dir() and any((args.recording / name).is_file() for name in INTRINSICS):
         return read_open3d(args.recording, args.k, args.depth_scale)
     return None
-
-
-def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording) -> Capture:
-    from activestereo.capture.importers.color_depth import write_color_depth
-
-    config = StereoDepthSensorConfig(args.sensor)
-    baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
-    with ProgressBar(f"importing {args.recording.name}") as bar:
-        return write_color_depth(recording, args.out, baseline_m, *_nominal_projector(config), args.scene, bar)
 
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str], list[str]]:
@@ -237,7 +234,5 @@ def _nominal_projector(config: StereoDepthSensorConfig) -> tuple[Projector, NDAr
     from activestereo.camera.plan import pattern_of
 
     pattern, K = pattern_of(config) or (np.zeros((2, 2), np.uint8), np.eye(3))
-    left_to_projector = np.eye(4)
     forward, left, up = (config.pose_rgb_irproj.p - config.trans_pose_l.p).tolist()
-    left_to_projector[:3, 3] = left, up, -forward
-    return Projector(Path("pattern.png"), K, left_to_projector), pattern
+    return Projector(Path("pattern.png"), K, rigid_motion((left, up, -forward))), pattern

@@ -13,6 +13,7 @@ import simsense
 from activestereo.capture.images import read_gray
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_text
+from activestereo.common.pose import rigid_motion
 from activestereo.common.shown import printable
 
 _TEXT = """\
@@ -50,8 +51,8 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError(f"the images differ: {kinds}")
     device = None if args.device_depth is None else _device_disparity(args, left.shape)
     gain = 1.0 if left.dtype == np.uint8 else 255.0 / max(left.max(), right.max(), 1)
-    camera, left_to_right = simsense.Camera(left.shape[1], left.shape[0], args.k), np.eye(4)
-    left_to_right[0, 3] = -args.baseline
+    camera = simsense.Camera(left.shape[1], left.shape[0], args.k)
+    left_to_right = rigid_motion((-args.baseline, 0.0, 0.0))
     engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, gain=gain)
     disparity = np.maximum(engine.compute(left, right, ("disparity",))["disparity"], 0.0)
     findings = pair_findings(left, right, disparity, float(np.iinfo(left.dtype).max), device)

@@ -37,8 +37,7 @@ class Limits:
 
     def check(self, name: str, value: Any) -> Any:
         """Returns the value if it is allowed. Raises ValueError with the name and the fault otherwise."""
-        fault = self.fault(value)
-        if fault is not None:
+        if (fault := self.fault(value)) is not None:
             raise ValueError(f"{name} {fault}")
         return value
 

@@ -2,6 +2,7 @@
 """Writes files whole or not at all: each is written under a temporary name beside its place and then renamed."""
 
 import errno
+import io
 import math
 import os
 import platform
@@ -166,6 +167,13 @@ def write_png(path: str | Path, pixels: np.ndarray) -> None:
     image = Image.fromarray(np.ascontiguousarray(pixels))
     # Run-length compression: a dictionary search takes three times as long and finds nothing in noisy images.
     replace_file(path, lambda file: image.save(file, format="png", compress_type=zlib.Z_RLE))
+
+
+def png_bytes(pixels: np.ndarray | Image.Image) -> bytes:
+    """Encodes pixels as write_png() takes them, or a Pillow image, as a PNG file."""
+    file = io.BytesIO()
+    (pixels if isinstance(pixels, Image.Image) else Image.fromarray(pixels)).save(file, format="png")
+    return file.getvalue()
 
 
 def write_depth_png(path: str | Path, depth_m: np.ndarray) -> None:

@@ -33,8 +33,7 @@ class Pose:
     def __init__(self, p: ArrayLike = (0.0, 0.0, 0.0), q: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         matrix = np.asarray(p, dtype=np.float64)
         if matrix.shape == (4, 4):
-            fault = rigid_fault(matrix)
-            if fault is not None:
+            if (fault := rigid_fault(matrix)) is not None:
                 raise ValueError(f"the matrix {fault}")
             p, q = matrix[:3, 3], _quaternion(matrix[:3, :3])
         self.p = np.array(p, dtype=np.float64)
@@ -47,9 +46,7 @@ class Pose:
 
     def to_transformation_matrix(self) -> NDArray[Any]:
         """Returns the 4x4 matrix from the body's to the parent's frame."""
-        out = np.eye(4)
-        out[:3, :3], out[:3, 3] = _rotation(self.q), self.p
-        return out
+        return rigid_motion(self.p, _rotation(self.q))
 
     def inv(self) -> Pose:
         return Pose(np.linalg.inv(self.to_transformation_matrix()))
@@ -59,6 +56,13 @@ class Pose:
 
     def __repr__(self) -> str:
         return f"Pose({np.round(self.p, 6).tolist()}, {np.round(self.q, 6).tolist()})"
+
+
+def rigid_motion(place: ArrayLike, rotation: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1))) -> NDArray[Any]:
+    """Returns the 4x4 of a 3x3 rotation and of the place (3) to which it moves the origin."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = rotation, place
+    return out
 
 
 # A Pose, another program's, or a 4x4 array.
@@ -114,9 +118,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
-    out = np.eye(4)
-    out[:3, 0], out[:3, 1], out[:3, 2], out[:3, 3] = right, np.cross(forward, right), forward, eye
-    return out
+    return rigid_motion(eye, np.stack([right, np.cross(forward, right), forward], axis=1))
 
 
 def rigid_fault(pose: NDArray[Any], tolerance: float = _ROTATION_TOLERANCE) -> str | None:
@@ -147,8 +149,7 @@ def printed_motion(
         pose[3] = np.asarray(last_row, dtype=np.float64).reshape(4)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: is not 9 numbers of a rotation and 3 of a translation") from None
-    fault = rigid_fault(pose, _PRINTED_TOLERANCE)
-    if fault is not None:
+    if (fault := rigid_fault(pose, _PRINTED_TOLERANCE)) is not None:
         raise ValueError(f"{name}: {fault}")
     left, _, right = np.linalg.svd(pose[:3, :3])
     pose[:3, :3], pose[3] = left @ right, (0.0, 0.0, 0.0, 1.0)
@@ -189,14 +190,14 @@ PosesLike: TypeAlias = ArrayLike | HasDlpack
 _RIGID = 1e-3  # float32 physics keeps its rotations to 1e-6; a scale or a shear is far beyond this
 
 
-def host_array(values: PosesLike) -> NDArray[np.float64]:
-    """Copies NumPy arrays, torch tensors on any device, DLPack arrays or nested lists to a float64 array in host
-    memory."""
+def host_array(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
+    """Returns NumPy arrays, torch tensors on any device, DLPack arrays or nested lists as an array in host memory.
+    dtype: None keeps the values' own."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     elif hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray):
-        values = np.from_dlpack(values)  # type: ignore[arg-type]  # NumPy knows no stream that is not None
-    return np.asarray(values, dtype=np.float64)
+        values = np.from_dlpack(values)
+    return np.asarray(values, dtype)
 
 
 def pose_matrices(poses: NDArray[np.float64], what: str) -> NDArray[np.float64]:

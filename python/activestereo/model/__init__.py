@@ -10,16 +10,3 @@ from activestereo.model.diagnosed import diagnosed_model
 from activestereo.model.model import Imager, ModelEffect, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.read import read_model
 from activestereo.model.write import model_json, write_model
-
-__all__ = [
-    "Imager",
-    "ModelEffect",
-    "Pattern",
-    "Quantity",
-    "Rig",
-    "SensorModel",
-    "diagnosed_model",
-    "model_json",
-    "read_model",
-    "write_model",
-]

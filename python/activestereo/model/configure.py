@@ -27,7 +27,7 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
         is_aligned = np.allclose(rotation, np.eye(3), atol=1e-6) and np.allclose(shift, 0.0, atol=1e-6)
         is_ideal = not is_distorting(rig.left.distortion) and not is_distorting(rig.right.distortion)
         changes |= {
-            "ir_resolution": (rig.left.width, rig.left.height),
+            "ir_resolution": rig.left.size,
             "ir_intrinsic": np.array(rig.left.K),
             "ir_distortion": tuple(map(float, rig.left.distortion)),
             "ir_intrinsic_right": np.array(rig.right.K),

@@ -17,7 +17,6 @@ from activestereo.common.pattern import spots_image
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model.model import (
-    NOISE_TERMS,
     NUISANCES,
     Imager,
     MeasuredPose,
@@ -46,7 +45,7 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
     rig = capture.rig
     if model.rig is not None:
         for name, camera, side in (("left", rig.left, model.rig.left), ("right", rig.right, model.rig.right)):
-            if (camera.width, camera.height) != (side.width, side.height):
+            if camera.size != side.size:
                 raise ValueError(
                     f"the model's {name} camera is {side.width}x{side.height}, {capture.path} has "
                     f"{camera.width}x{camera.height}: calibrate the rig at the size that is recorded"
@@ -123,27 +122,12 @@ def diagnosed_model(
     def quantity(owner: str, name: str, value: float, unit: str) -> Quantity:
         return Quantity(float(value), *bounds.get((owner, name), (None, None)), unit=unit, source=source)
 
-    imager = None
-    if noise is not None:
-        imager = Imager(**{n: Quantity(float(noise[n]), unit=unit, source=source) for n, unit in NOISE_TERMS.items()})
     rig, frames = capture.rig, capture.split("train") or list(capture.frames)
     usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
     model = SensorModel(
-        rig=Rig(
-            rig.left,
-            rig.right,
-            rig.left_to_right,
-            rig.projector.left_to_projector,
-            rig.bit_depth,
-            rig.line_time_s,
-            usual.exposure_s,
-            usual.gain,
-            source=f"nominal, of {capture.name}",
-        ),  # fmt: skip
-        pattern=Pattern(
-            capture.rig.projector.K, file=capture.rig.projector.pattern_path, source=f"nominal, of {capture.name}"
-        ),
-        imager=imager,
+        rig=Rig.of_capture(rig, usual.exposure_s, usual.gain, f"nominal, of {capture.name}"),
+        pattern=Pattern(rig.projector.K, file=rig.projector.pattern_path, source=f"nominal, of {capture.name}"),
+        imager=None if noise is None else Imager.of_values(noise, source),
         materials={
             name: {"ir_albedo_factor": quantity(name, "ir_albedo_factor", factor, "1")}
             for name, factor in (albedo or {}).items()

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import Camera
+from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import SURFACES, material_numbers, material_of, names_of, numbers_of
@@ -66,6 +67,15 @@ class Rig:
     gain: float | None = None
     source: str = ""
 
+    @classmethod
+    def of_capture(
+        cls, rig: CaptureRig, exposure_s: float | None = None, gain: float | None = None, source: str = ""
+    ) -> Rig:
+        """Makes the Rig of a capture's, which knows no usual settings."""
+        to_projector = rig.projector.left_to_projector
+        own = rig.left, rig.right, rig.left_to_right, to_projector, rig.bit_depth, rig.line_time_s
+        return cls(*own, exposure_s, gain, source)
+
 
 @dataclass(frozen=True)
 class Pattern:
@@ -90,6 +100,11 @@ class Imager:
     offset: Quantity
     shot: Quantity
     relative: Quantity
+
+    @classmethod
+    def of_values(cls, values: Mapping[str, float], source: str) -> Imager:
+        """Makes the Imager of fitted values by names of NOISE_TERMS."""
+        return cls(**{n: Quantity(float(values[n]), unit=unit, source=source) for n, unit in NOISE_TERMS.items()})
 
 
 @dataclass(frozen=True)

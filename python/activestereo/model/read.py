@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, Camera
+from activestereo.capture.capture import read_camera
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.common.shown import unknown
@@ -140,15 +140,9 @@ def _source(entry: JsonObject) -> str:
 
 
 def _rig(entry: JsonObject) -> Rig:
-    cameras: dict[str, Camera] = {}
-    for side in SIDES:
-        own = entry.object(side)
-        width, height = own.integer("width", _IMAGE_SIDE), own.integer("height", _IMAGE_SIDE)
-        lens = own.lens("distortion") if own.has("distortion") else np.zeros(5)
-        cameras[side] = Camera(width, height, own.camera_matrix("K"), lens)
     return Rig(
-        left=cameras["left"],
-        right=cameras["right"],
+        left=read_camera(entry.object("left"), _IMAGE_SIDE, needs_lens=False),
+        right=read_camera(entry.object("right"), _IMAGE_SIDE, needs_lens=False),
         left_to_right=entry.rigid_transform("left_to_right"),
         left_to_projector=entry.rigid_transform("left_to_projector") if entry.has("left_to_projector") else None,
         bit_depth=entry.integer("bit_depth", _BIT_DEPTH) if entry.has("bit_depth") else 8,

@@ -76,7 +76,7 @@ def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors)
         "start": worst_frame(comparison.scores, split)["id"],
         "models": {name: words[name] for name in images},
         "rows": [frame.id for frame in with_rows],
-        "maps": {name: colour_stops(name) for name in ("gray", "RdBu_r", "viridis")},
+        "maps": colour_maps(),
     }
 
 
@@ -146,5 +146,9 @@ def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def colour_stops(name: str) -> list[list[int]]:
-    return [[int(round(255 * c)) for c in colormaps[name](i / (_COLOURS - 1))[:3]] for i in range(_COLOURS)]
+def colour_maps() -> dict[str, list[list[int]]]:
+    """Returns the stops, RGB 0..255, of each colour map that the pages draw with."""
+    return {
+        name: [[int(round(255 * c)) for c in colormaps[name](i / (_COLOURS - 1))[:3]] for i in range(_COLOURS)]
+        for name in ("gray", "RdBu_r", "viridis")
+    }

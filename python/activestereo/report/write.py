@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,7 +56,10 @@ def write_report(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if diagnosis is None:
-        diagnosis = _stored_diagnosis(folder, comparison.capture.name)
+        with suppress(OSError, ValueError):  # the folder's own, if it can be read and is of this capture
+            stored = read_json(folder / "diagnose.json")
+            if isinstance(stored, dict) and stored.get("capture", comparison.capture.name) == comparison.capture.name:
+                diagnosis = stored
     html_text = report_page(comparison, diagnosis, effects, progress, steps=steps)
     write_text(folder / "compare.json", json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n")
     write_text(folder / "report.html", html_text)
@@ -121,15 +125,6 @@ def _kept_page(kept_as: str, steps: Sequence[Step], make: Callable[[Sequence[Ste
     for mark, step in zip(marks, steps, strict=True):
         kept = kept.replace(mark.text, text(step.text))
     return kept
-
-
-def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
-    """Reads the folder's diagnose.json. Returns None if it cannot be read or belongs to another capture."""
-    try:
-        diagnosis = read_json(folder / "diagnose.json")
-    except (OSError, ValueError):
-        return None
-    return diagnosis if isinstance(diagnosis, dict) and diagnosis.get("capture", capture) == capture else None
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: str | Path) -> list[Path]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.pose import look_at
+from activestereo.common.pose import look_at, rigid_motion
 from activestereo.scene_io.scene_files import likely_unit
 from activestereo.scene_io.staging import LAMPS, LUMENS_PER_WATT, ROOM_LUX, has_lamps
 
@@ -64,8 +64,8 @@ def light_closed_room(scene: kuafu.Scene) -> None:
     if place is None:
         return
     low, high = scene.summary.bounds_min_m[1], scene.summary.bounds_max_m[1]
-    pose, drop_m = np.eye(4), 0.9 * (high - low)
-    pose[:3, 3] = place[0], low + drop_m, place[2]
+    drop_m = 0.9 * (high - low)
+    pose = rigid_motion((place[0], low + drop_m, place[2]))
     level = ROOM_LUX / LUMENS_PER_WATT * drop_m**2
     scene.add_light(kuafu.Light(name="the added lamp", intensity=(level,) * 3, light_to_world=pose, light_group=LAMPS))
 

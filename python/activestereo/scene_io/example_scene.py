@@ -8,7 +8,6 @@ World axes are glTF's (y up); the table top is y = 0. The node "camera" stands a
 objects. Two lamps near the ceiling light the middle of the table with 240 lux. Light from a room's walls, ROOM_RADIANCE
 of staging.py, adds 70 lux. The sum is within 300 to 500 lux, as EN 12464-1 asks of offices."""
 
-import io
 import sys
 from collections.abc import Sequence
 from itertools import pairwise
@@ -16,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
+from activestereo.common.output_files import png_bytes
 from activestereo.common.pose import look_at
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
@@ -106,9 +105,7 @@ def _wood_png(width: int = 1024, height: int = 572, planks: int = 6) -> bytes:
     gap = np.clip(np.minimum(across, 1.0 - across) / 0.015, 0.35, 1.0)
     shade = (0.80 + 0.16 * tone + 0.07 * grain) * gap
     pixels = np.rint(255.0 * np.clip(shade[..., None] * [0.80, 0.62, 0.44], 0.0, 1.0)).astype(np.uint8)
-    file = io.BytesIO()
-    Image.fromarray(pixels).save(file, format="png")
-    return file.getvalue()
+    return png_bytes(pixels)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,33 +5,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from math import prod
-from typing import Any, Protocol
+from typing import Any
 
 from numpy.typing import NDArray
 
-import simsense
-from activestereo.camera.plan import SensorPlan
 from activestereo.sensor.cuda_memory import CudaArray, CudaMap, CudaMaps
 
 
-class ComputesMaps(Protocol):
-    """The attributes of a SensorEngine that Maps uses. compute() returns the named maps or fills given arrays."""
-
-    plan: SensorPlan
-    matcher: simsense.Engine
-    shape: tuple[int, ...]
-
-    def compute(self, outputs: Any) -> Mapping[str, NDArray[Any]]: ...
-
-
 class Maps:
-    """Computes and caches the maps (depth, disparity, measured infrared images, ...) of the current pictures. Those
-    that were read for earlier pictures are computed together; others when they are first read.
+    """Computes and caches the maps (depth, disparity, measured infrared images, ...) of the current pictures of a
+    SensorEngine. Those that were read for earlier pictures are computed together; others when they are first read.
 
     on_cuda: maps lie in memory that CUDA sees, and the host reads them from there. The first computation raises
     CudaError without CUDA on this GPU."""
 
-    def __init__(self, engine: ComputesMaps, on_cuda: bool = False) -> None:
+    def __init__(self, engine: Any, on_cuda: bool = False) -> None:
         self._engine, self.on_cuda = engine, on_cuda
         self._cuda_maps = CudaMaps(engine.matcher.device) if on_cuda else None
         self._wanted = ["depth_rgb"]

@@ -76,7 +76,7 @@ def cameras_json(config: StereoDepthSensorConfig, rgb_to_world: NDArray[np.float
         "sensor": config.model,
         "units": "metres; K and distortion for pixels whose centres are whole numbers",
         "frame_axes": "x right, y down, z forward; world: the scene file's",
-        "baseline_m": config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0]),
+        "baseline_m": config.baseline_m,
         "cameras": cameras,
         "depth": depth,
         "depth_engine": depth_engine(config),

@@ -40,6 +40,7 @@ from activestereo.common.output_files import (
     write_text,
     written_together,
 )
+from activestereo.common.pose import rigid_motion
 from activestereo.sensor.results import camera_info, depth_engine
 
 SPLIT = "train_pbr"
@@ -220,10 +221,7 @@ def stored_frames(out: Path, count: int) -> Iterator[Stored]:
             read_gray(folder / kind / name) for kind in ("depth", "depth_true", "ir_left", "ir_right")
         )
         camera = read_json(record_path(out, number))["camera"]
-        world_to_camera = np.eye(4)
-        world_to_camera[:3, :3] = np.reshape(camera["cam_R_w2c"], (3, 3))
-        world_to_camera[:3, 3] = np.array(camera["cam_t_w2c"]) / 1000.0
+        turn, place = np.reshape(camera["cam_R_w2c"], (3, 3)), np.array(camera["cam_t_w2c"]) / 1000.0
+        camera_to_world = np.linalg.inv(rigid_motion(place, turn))
         k = np.reshape(np.array(camera["cam_K"], np.float64), (3, 3))
-        yield Stored(
-            number, read_color(folder / "rgb" / name), depth, true, left, right, k, np.linalg.inv(world_to_camera)
-        )
+        yield Stored(number, read_color(folder / "rgb" / name), depth, true, left, right, k, camera_to_world)

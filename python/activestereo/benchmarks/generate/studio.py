@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.input_files import read_toml
-from activestereo.common.pose import CAMERA_TO_BODY, look_at, pose_matrices
+from activestereo.common.pose import CAMERA_TO_BODY, look_at, pose_matrices, rigid_motion
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.scene_io.scene_files import keep_transparent, load_scene_file, size_hint
@@ -230,8 +230,7 @@ def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Po
     out: Poses = {}
     for index in order:
         body = data.body(str(index))
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = body.xmat.reshape(3, 3), body.xpos
+        pose = rigid_motion(body.xpos, body.xmat.reshape(3, 3))
         middle = pose[:3, :3] @ (0.5 * (things[index].low_m + things[index].high_m)) + body.xpos
         if np.isfinite(pose).all() and np.hypot(*middle[:2]) < 2.0 * spread and middle[2] > 0.0:
             out[index] = pose
@@ -339,8 +338,7 @@ class Studio:
             scene.remove_light(lamp)
         self._lamps = []
         for _ in range(ranges.count("lamps", random)):
-            lamp_to_world = np.eye(4)
-            lamp_to_world[:3, 3] = random.uniform([-1.0, -1.0, 1.0], [1.0, 1.0, 2.0])
+            lamp_to_world = rigid_motion(random.uniform([-1.0, -1.0, 1.0], [1.0, 1.0, 2.0]))
             power = ranges.draw("lamp_w_per_sr", random)
             light = kuafu.Light(kind="point", intensity=(power, power, power), light_to_world=lamp_to_world)
             self._lamps.append(scene.add_light(light))

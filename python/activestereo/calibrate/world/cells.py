@@ -28,6 +28,7 @@ from activestereo.calibrate.world.views import (
 )
 from activestereo.capture.capture import SIDES, Capture, Frame, binned
 from activestereo.common.computed_once import computed_once
+from activestereo.common.lens import to_tangents
 
 # Depths that differ by less than this share are of one place; a surface is seen at no flatter angle than this cosine.
 _SAME_SURFACE, _LEAST_COSINE = 0.012, 0.25
@@ -60,11 +61,8 @@ class RoomImage:
     @computed_once
     def rays(self) -> tuple[Image, Image]:
         """Returns (x, y) of the ray with z = 1 through every pixel."""
-        column, row = pixel_grid(self.dn.shape)
-        return (
-            ((column - self.K[0, 2]) / self.K[0, 0]).astype(np.float32),
-            ((row - self.K[1, 2]) / self.K[1, 1]).astype(np.float32),
-        )
+        x, y = to_tangents(*pixel_grid(self.dn.shape), self.K)
+        return x.astype(np.float32), y.astype(np.float32)
 
     def r2(self) -> Image:
         """Returns the squared tangent of every ray's angle to the optical axis."""
@@ -105,7 +103,15 @@ class Room:
         self.joint = joint_covariance(capture)
         self.rig = binned(capture, _HALF).rig
         pattern = blurred(capture.rig.projector.pattern().astype(np.float32), _PATTERN_BLUR)
-        self.images = [image for n, frame in enumerate(chosen) for image in self._pair(n, frame, pattern)]
+        self.images: list[RoomImage] = []
+        left_camera = self.rig.camera("left")
+        for number, frame in enumerate(chosen):
+            depth = capture.depth(frame)
+            assert depth is not None
+            left = np.where(near_edges(depth), 0.0, depth).astype(np.float32)[::_HALF, ::_HALF]
+            left = np.ascontiguousarray(left[: left_camera.height, : left_camera.width])
+            depths = {"left": left, "right": self._seen_right(left)}
+            self.images += [self._image(number, frame, side, depths[side], pattern) for side in SIDES]
         self._places: dict[tuple[int, int], Places] = {}
 
     @property
@@ -121,14 +127,6 @@ class Room:
         """Returns a view's name in `joint`: its frame's id; views of a good session have none there."""
         return f"good {self.frames[view].id}" if view >= self.judged else str(self.frames[view].id)
 
-    def _pair(self, number: int, frame: Frame, pattern: Image) -> list[RoomImage]:
-        depth = self.capture.depth(frame)
-        assert depth is not None
-        left = np.where(near_edges(depth), 0.0, depth).astype(np.float32)[::_HALF, ::_HALF]
-        left = np.ascontiguousarray(left[: self.rig.camera("left").height, : self.rig.camera("left").width])
-        depths = {"left": left, "right": self._seen_right(left)}
-        return [self._image(number, frame, side, depths[side], pattern) for side in SIDES]
-
     def _image(self, number: int, frame: Frame, side: str, depth_m: Image, pattern: Image) -> RoomImage:
         K, whole = self.rig.camera(side).K, self.capture.ir(frame, side).astype(np.float32)
         height, width = depth_m.shape
@@ -139,7 +137,7 @@ class Room:
         there = _moved(points, projector.left_to_projector @ to_left)
         u, v, _ = places_of(points, projector.left_to_projector @ to_left, projector.K)
         dots = cv2.remap(pattern, u, v, cv2.INTER_LINEAR, borderValue=0.0)
-        normal = _moved(normals_of(points), _turn_of(projector.left_to_projector @ to_left))
+        normal = normals_of(points) @ (projector.left_to_projector @ to_left)[:3, :3].T.astype(np.float32)
         distance = np.maximum(np.linalg.norm(there, axis=-1), 0.05)
         geometry = np.abs((normal * there).sum(axis=-1)) / distance**3
         bright = (dn > _SATURATED * self.capture.rig.max_dn).astype(np.uint8)
@@ -186,7 +184,7 @@ class Room:
         seen &= (row > _BORDER_PX) & (row < height - _BORDER_PX - 1)
         clear = cv2.erode(b.usable.astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)).astype(np.float32)
         seen &= cv2.remap(clear, column, row, cv2.INTER_LINEAR) > 0.99
-        normal = _moved(normals_of(points), _turn_of(a_to_b))
+        normal = normals_of(points) @ a_to_b[:3, :3].T.astype(np.float32)
         distance = np.maximum(np.linalg.norm(there, axis=-1), 0.05)
         seen &= np.abs((normal * there).sum(axis=-1)) / distance > _LEAST_COSINE
         return Places(column, row, seen)
@@ -194,9 +192,3 @@ class Room:
 
 def _moved(points: Image, pose: NDArray[np.float64]) -> Image:
     return points @ pose[:3, :3].T.astype(np.float32) + pose[:3, 3].astype(np.float32)
-
-
-def _turn_of(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    out = np.eye(4)
-    out[:3, :3] = pose[:3, :3]
-    return out

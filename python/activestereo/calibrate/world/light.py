@@ -197,9 +197,8 @@ def solve_light(
     pairs = [_ratios(views, poses, K, a, b) for a, b in itertools.combinations(range(n), 2)]
     rows = np.concatenate(pairs) if pairs else np.zeros((0, 6))
     if not len(rows):
-        if held is None:
-            return LightEstimate(np.ones(n), np.full(n, np.inf), believed, None, (np.nan, np.nan))
-        return LightEstimate(np.ones(n), np.full(n, np.inf), held.black_dn, held.exponent, (np.nan, np.nan))
+        black_and_exponent = (believed, None) if held is None else (held.black_dn, held.exponent)
+        return LightEstimate(np.ones(n), np.full(n, np.inf), *black_and_exponent, (np.nan, np.nan))
     first, second, here, there, lens, block = rows.T
     exposures = np.zeros((len(rows), n))
     exposures[np.arange(len(rows)), second.astype(int)] = 1.0

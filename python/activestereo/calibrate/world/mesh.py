@@ -5,13 +5,11 @@ the parts that an earlier view has. Masks the part of each image that the scene 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Picture
 from scipy.ndimage import distance_transform_edt
 
 from activestereo.calibrate.world.light import Textures
@@ -28,6 +26,7 @@ from activestereo.calibrate.world.views import (
 )
 from activestereo.capture.capture import Camera, Capture, Rig
 from activestereo.common import srgb
+from activestereo.common.output_files import png_bytes
 from activestereo.scene_io.gltf_writer import CLAMP, GltfWriter
 from activestereo.scene_io.meshes import Mesh, depth_triangles
 
@@ -49,12 +48,20 @@ def write_scene(
     writer = GltfWriter("activestereo calibrate world")
     writer.set_extras(room_light="emission")
     step = int(np.ceil(np.sqrt(2.0 * len(views) * camera.width * camera.height / _MOST_TRIANGLES)))
-    albedo_scale = _BRIGHTEST_ALBEDO / _brightest([t.albedo for t in textures])
-    room_scale = 1.0 / _brightest([t.room for t in textures])
+    albedo_bright, room_bright = (
+        max(float(np.quantile(np.stack([image[::4, ::4] for image in images]), _BRIGHT)), 1e-9)
+        for images in ([t.albedo for t in textures], [t.room for t in textures])
+    )
+    albedo_scale, room_scale = _BRIGHTEST_ALBEDO / albedo_bright, 1.0 / room_bright
     triangles = 0
     for k, (view, pose, texture) in enumerate(zip(views, poses, textures, strict=True)):
         fresh = ~_already_seen(view, pose, views[:k], poses[:k], camera.K)
-        depth = closed_depth(view.depth_m)
+        # Smooth the depth's finest noise, and fill holes of a few pixels with the depth behind them.
+        smooth = cv2.medianBlur(view.depth_m, 5)
+        smooth = np.where(np.abs(smooth - view.depth_m) < _JUMP * view.depth_m, smooth, view.depth_m)
+        depth = cv2.bilateralFilter(smooth.astype(np.float32), 5, 0.01, 2.0)
+        for _ in range(3):
+            depth = np.where(depth > 0, depth, cv2.dilate(depth, np.ones((3, 3), np.uint8)))
         mesh = surface_mesh(depth, depth, fresh, camera.K, pose, max(step, 2))
         if mesh is None:
             continue
@@ -73,27 +80,10 @@ def write_scene(
     return triangles
 
 
-def _brightest(images: Sequence[Image]) -> float:
-    return max(float(np.quantile(np.stack([image[::4, ::4] for image in images]), _BRIGHT)), 1e-9)
-
-
 def _png(linear: Image) -> bytes:
     """Encodes a linear image 0..1 as an sRGB PNG, which keeps the relative error of dark values small."""
     counts = np.rint(255.0 * srgb.encoded(np.clip(linear, 0.0, 1.0))).astype(np.uint8)
-    buffer = BytesIO()
-    Picture.fromarray(np.repeat(counts[..., None], 3, axis=2)).save(buffer, "PNG")
-    return buffer.getvalue()
-
-
-def closed_depth(depth_m: Image) -> Image:
-    """Smooths the depth's finest noise and fills holes of a few pixels with the depth behind them."""
-    smooth = cv2.medianBlur(depth_m, 5)
-    smooth = np.where(np.abs(smooth - depth_m) < _JUMP * depth_m, smooth, depth_m).astype(np.float32)
-    smooth = cv2.bilateralFilter(smooth, 5, 0.01, 2.0)
-    for _ in range(3):
-        behind = cv2.dilate(smooth, np.ones((3, 3), np.uint8))
-        smooth = np.where(smooth > 0, smooth, behind)
-    return np.asarray(smooth, np.float32)
+    return png_bytes(np.repeat(counts[..., None], 3, axis=2))
 
 
 def _already_seen(

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.calibrate.least_squares import motion
 from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, correlation, normals_of, points_of
 from activestereo.common.lens import to_pixels
 
@@ -84,19 +85,18 @@ def find_overlap(
     for ratio, (here, there) in product(_RATIOS, list(zip(first.features, second.features, strict=True))):
         start, matches = _by_features(here, there, K, ratio)
         overlap = None if start is None else _icp(a, b, first, second, start, K)
-        if overlap is not None and overlap.seen > _LEAST_SEEN and overlap.on > least_on:
-            if matches >= _SURE_MATCHES or _correlation_of_light(first, second, overlap, K) > _SAME_LIGHT:
-                return overlap
+        if overlap is None or overlap.seen <= _LEAST_SEEN or overlap.on <= least_on:
+            continue
+        if matches >= _SURE_MATCHES:
+            return overlap
+        # Few matches: does the light without dots correlate on the surfaces that both views show?
+        c = contact(first, second, overlap.a_to_b, K, _REACH_M[-1])
+        x, y, z = c.there.T
+        column, row = (np.rint(place).astype(int) for place in to_pixels(x / z, y / z, K))
+        left, right = (blurred(surface.view.left, _DOTS_PX) for surface in (first, second))
+        if correlation(left.ravel()[c.pixel], right[row, column]) > _SAME_LIGHT:
+            return overlap
     return None
-
-
-def _correlation_of_light(first: Surface, second: Surface, overlap: Overlap, K: NDArray[np.float64]) -> float:
-    """Returns how the light without dots correlates on the surfaces that both views show."""
-    c = contact(first, second, overlap.a_to_b, K, _REACH_M[-1])
-    x, y, z = c.there.T
-    column, row = (np.rint(place).astype(int) for place in to_pixels(x / z, y / z, K))
-    here, there = (blurred(surface.view.left, _DOTS_PX) for surface in (first, second))
-    return correlation(here.ravel()[c.pixel], there[row, column])
 
 
 def _features(image: Image, points: Image) -> Features:
@@ -132,9 +132,7 @@ def _by_features(first: Features, second: Features, K: NDArray[np.float64], rati
     )
     if not is_found or inliers is None or len(inliers) < _LEAST_MATCHES:
         return None, 0
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], place.ravel()
-    return pose, len(inliers)
+    return motion(np.concatenate([turn, place])), len(inliers)
 
 
 @dataclass(frozen=True)
@@ -179,13 +177,6 @@ def robust_weight(distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(1.0 / (1.0 + (distance_m / _ROBUST_M) ** 2))
 
 
-def moved_by(step: NDArray[np.float64], pose: Pose) -> Pose:
-    """Returns the pose after a small step [6] (rotation vector, translation) in the frame that the pose leads to."""
-    small = np.eye(4)
-    small[:3, :3], small[:3, 3] = cv2.Rodrigues(step[:3])[0], step[3:]
-    return np.asarray(small @ pose)
-
-
 def _icp(a: int, b: int, first: Surface, second: Surface, pose: Pose, K: NDArray[np.float64]) -> Overlap:
     for reach in _REACH_M:
         c = contact(first, second, pose, K, reach)
@@ -194,7 +185,7 @@ def _icp(a: int, b: int, first: Surface, second: Surface, pose: Pose, K: NDArray
         jacobian = np.concatenate([np.cross(c.point, c.normal), c.normal], axis=1)
         weighted = jacobian * robust_weight(c.distance)[:, None]
         step = np.linalg.solve(weighted.T @ jacobian + 1e-9 * np.eye(6), weighted.T @ c.distance)
-        pose = moved_by(step, pose)
+        pose = motion(step) @ pose
     c = contact(first, second, pose, K, _REACH_M[-1])
     on = len(c.distance) / max(c.seen * len(first.pick), 1.0)
     return Overlap(a, b, pose, c.seen, on, float(np.median(np.abs(c.distance))) if len(c.distance) else np.inf)

@@ -49,9 +49,8 @@ class PairEstimate:
             f" +- {1.645 * scale * x:.2f}" if x < np.inf else ""
             for scale, x in ((1e3, self.deviation[0]), (1.0, self.deviation[2]))
         )
-        baseline = f"baseline {1e3 * self.baseline_m:.2f}{metre} mm"
-        if self.own_depth:
-            baseline = f"baseline {1e3 * self.baseline_m:.2f} mm (nominal: depth was computed with it)"
+        baseline = f"baseline {1e3 * self.baseline_m:.2f}"
+        baseline += " mm (nominal: depth was computed with it)" if self.own_depth else f"{metre} mm"
         sure = "90 %" if row else "no interval: fewer than two views tell it"
         return f"cameras: {baseline}; the right camera's rows are {self.row_px:+.2f}{row} px off ({sure})"
 
@@ -77,7 +76,10 @@ def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
     left = high_pass(view.left)
     shifted = {s: right_at_depth(view, rig, s) for s in ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))}
     inside = np.all([ok for _, ok in shifted.values()], axis=0).astype(np.float32)
-    r = {s: _correlated(left, image, inside)[::_STEP, ::_STEP] for s, (image, _) in shifted.items()}
+    r = {}  # the local correlation of both images under each shift
+    for s, (image, _) in shifted.items():
+        ab, aa, bb = (blurred(x * y * inside, _BLOCK_PX) for x, y in ((left, image), (left, left), (image, image)))
+        r[s] = (ab / np.sqrt(np.maximum(aa * bb, 1e-12)))[::_STEP, ::_STEP]
     full = blurred(inside, _BLOCK_PX)[::_STEP, ::_STEP] > 0.9
     chosen = full & (r[0.0, 0.0] > _LEAST_R)
     if chosen.sum() < 50:
@@ -92,12 +94,6 @@ def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
         rest = across - design @ slope
         keep = np.abs(rest) < 3.0 * 1.4826 * np.median(np.abs(rest[keep])) + 1e-6
     return float(slope[0]), float(slope[1]), float(np.median(down[np.isfinite(down)]))
-
-
-def _correlated(a: Image, b: Image, weight: Image) -> NDArray[np.float32]:
-    """Computes the local correlation of two high-pass images."""
-    ab, aa, bb = (blurred(x * y * weight, _BLOCK_PX) for x, y in ((a, b), (a, a), (b, b)))
-    return np.asarray(ab / np.sqrt(np.maximum(aa * bb, 1e-12)))
 
 
 def _top(before: Image, middle: Image, after: Image) -> NDArray[np.float64]:

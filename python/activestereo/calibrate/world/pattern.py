@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -24,8 +25,8 @@ Vector = NDArray[np.float64]
 _SCALE, _BEYOND = 2, 1.12
 _SLOW_PX, _RMS_PX = 4.0, 12.0
 _LEAST_RMS_DN, _RMS_FLOOR_DN = 1.0, 0.5
-# Dots are compared at this blur of the pattern's image, in its pixels.
-_BLUR = 1.0
+# Dots are compared at this blur of the pattern's image, in its pixels, where at least so many samples fall into one.
+_BLUR, _LEAST_COUNT = 1.0, 0.15
 # The position is sought with a part of the samples, and at first of the views, in steps of these metres.
 _STEPS_M = np.array([1.0e-3, 1.0e-3, 3.0e-3])
 _SOUGHT_VIEWS = 8
@@ -102,9 +103,9 @@ class _Canvas:
         return total, np.bincount(index, minlength=size).reshape(shape).astype(np.float32)
 
 
-def _mean(total: Image, count: Image, least: float) -> Image:
+def _mean(total: Image, count: Image) -> Image:
     total, count = blurred(total, _BLUR), blurred(count, _BLUR)
-    return np.where(count > least, total / np.maximum(count, 1e-6), np.nan).astype(np.float32)
+    return np.where(count > _LEAST_COUNT, total / np.maximum(count, 1e-6), np.nan).astype(np.float32)
 
 
 def recover_pattern(
@@ -123,41 +124,36 @@ def recover_pattern(
         )
     size = views[0].left.shape[1], views[0].left.shape[0]
     canvas = _Canvas(K, size)
-    chosen = [_some(f, rng) for f in dots]
+    chosen = list(dots)
+    for number, f in enumerate(dots):
+        if len(f.value) > _MOST_PIXELS:
+            # Stripes, not single pixels: dots must stay whole.
+            stripes = np.arange(len(f.value) // 64 * 64).reshape(-1, 64)
+            index = stripes[np.sort(rng.choice(len(stripes), _MOST_PIXELS // 64, replace=False))].ravel()
+            chosen[number] = DotView(f.value[index], f.points[index], f.used)
     apart = scenes if scenes is not None and len(set(scenes)) > 2 else range(len(dots))
     place, covariance = _sharpest(canvas, chosen, apart, np.asarray(start, float), progress)
     sums = [canvas.sums(f, place) for f in dots]
     total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
     r = {}
     for view, f, (own, hits) in zip(views, dots, sums, strict=True):
-        others = _mean(total - own, count - hits, 0.15)
+        others = _mean(total - own, count - hits)
         seen = sampled(others, *canvas.pixels(f.points, place))
         known = np.isfinite(seen)
         r[view.frame.id] = correlation(seen[known], f.value[known]) if known.sum() > 1000 else 0.0
-    estimate = PatternEstimate(_mean(total, count, 0.15), canvas.K, place, covariance, r)
+    estimate = PatternEstimate(_mean(total, count), canvas.K, place, covariance, r)
     if not estimate.r_median() > _LEAST_R:
         covered = [f.used.sum() / max(view.surface.sum(), 1) for view, f in zip(views, dots, strict=True)]
         if np.median(covered) > _COVERED:
             stated = np.asarray(start, float)
             sums = [canvas.sums(f, stated) for f in dots]
             total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
-            image, unsure = _mean(total, count, 0.15), np.diag(_STEPS_M**2)
-            return PatternEstimate(image, canvas.K, stated, unsure, r, is_common=False)
+            return PatternEstimate(_mean(total, count), canvas.K, stated, np.diag(_STEPS_M**2), r, is_common=False)
         raise ValueError(
             f"the views have no dots in common (each view's dots correlate {estimate.r_median():.2f} in the median "
             "with what the others predict, 0.5 and more where they do): switch the projector on, and record one device"
         )
     return estimate
-
-
-def _some(view: DotView, rng: np.random.Generator) -> DotView:
-    if len(view.value) <= _MOST_PIXELS:
-        return view
-    # Stripes, not single pixels: dots must stay whole.
-    pick = np.arange(len(view.value)).reshape(-1)[: len(view.value) // 64 * 64].reshape(-1, 64)
-    rows = np.sort(rng.choice(len(pick), _MOST_PIXELS // 64, replace=False))
-    index = pick[rows].ravel()
-    return DotView(view.value[index], view.points[index], view.used)
 
 
 def sampled(image: Image, u: NDArray, v: NDArray) -> NDArray[np.float32]:
@@ -200,21 +196,15 @@ def _sharpest(
 
     # A coarse search on some views comes first, then a paraboloid for all views and for each scene left out.
     some = views[:: max(1, -(-len(views) // _SOUGHT_VIEWS))]
+    simplex = np.vstack([np.zeros(3), 2.0 * np.eye(3)])
     found = minimize(
         lambda s: -agreement(start + s * _STEPS_M, some, False)[0],
         np.zeros(3),
         method="Nelder-Mead",
-        options={
-            "initial_simplex": np.vstack([np.zeros(3), 2.0 * np.eye(3)]),
-            "xatol": 0.05,
-            "fatol": 1e-5,
-            "maxfev": _WALK,
-        },
+        options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 1e-5, "maxfev": _WALK},
     )
     middle = start + found.x * _STEPS_M
-    design = np.array(
-        [[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if abs(i) + abs(j) + abs(k) <= 2]
-    )
+    design = np.array([step for step in product((-1, 0, 1), repeat=3) if np.abs(step).sum() <= 2])
     step, n = 0.4 * _STEPS_M, len(numbers)
     values = np.array([agreement(middle + d * step, views, n > 2) for d in design])
     peaks = np.array([_peak(design, column) for column in values.T])

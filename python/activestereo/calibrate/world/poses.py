@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.calibrate.least_squares import motion
 from activestereo.calibrate.world.overlaps import (
     Contact,
     Overlap,
@@ -19,7 +20,6 @@ from activestereo.calibrate.world.overlaps import (
     Surface,
     contact,
     find_overlap,
-    moved_by,
     robust_weight,
     surface_of,
 )
@@ -84,12 +84,20 @@ def solve_poses(
     """Estimates the poses of one scene's views `group`. prior: [3, 3], inverse covariance of (f, cx, cy) around K."""
     own = [o for o in overlaps if o.a in group and o.b in group]
     order = {view: k for k, view in enumerate(group)}
-    poses = _chained(group, own)
+    # The start: motions from the first view along the widest overlaps.
+    known: dict[int, Pose] = {group[0]: np.eye(4)}
+    wide = sorted(own, key=lambda o: -o.seen * o.on)
+    while len(known) < len(group):
+        o = next(o for o in wide if (o.a in known) != (o.b in known))
+        if o.a in known:
+            known[o.b] = known[o.a] @ np.linalg.inv(o.a_to_b)
+        else:
+            known[o.a] = known[o.b] @ o.a_to_b
+    poses = [known[view] for view in group]
     k0 = np.array([K[0, 0], K[0, 2], K[1, 2]])
     camera = k0.copy()
     for _ in range(_ROUNDS):
-        sums = _normal_equations(surfaces, own, order, poses, camera)
-        hessian, gradient, blocks = sums.hessian.copy(), sums.gradient.copy(), sums.blocks
+        hessian, gradient, blocks, distance_m = _normal_equations(surfaces, own, order, poses, camera)
         hessian[:3, :3] += prior
         gradient[:3] += prior @ (k0 - camera)
         free = np.r_[0:3, 9 : len(gradient)]  # the first view is the world
@@ -97,7 +105,7 @@ def solve_poses(
         moved = np.zeros(len(gradient))
         moved[free] = inverse @ gradient[free]
         camera = camera + moved[:3]
-        poses = [moved_by(moved[3 + 6 * k : 9 + 6 * k], pose) for k, pose in enumerate(poses)]
+        poses = [motion(moved[3 + 6 * k : 9 + 6 * k]) @ pose for k, pose in enumerate(poses)]
         if np.abs(moved[3:]).max() < 1e-6 and np.abs(moved[:3]).max() < 1e-3:
             break
     scatter = blocks[:, free].T @ blocks[:, free]
@@ -106,46 +114,17 @@ def solve_poses(
     covariance[np.ix_(free, free)] = inverse @ scatter @ inverse
     by_camera = np.zeros((len(gradient) - 3, 3))
     by_camera[6:] = -np.linalg.solve(hessian[9:, 9:], hessian[9:, :3])
-    return PoseEstimate(
-        tuple(group),
-        tuple(poses),
-        covariance[3:, 3:],
-        by_camera,
-        tuple(own),
-        sums.distance_m,
-        (camera, covariance[:3, :3]),
-    )
-
-
-def _chained(group: Sequence[int], overlaps: Sequence[Overlap]) -> list[Pose]:
-    """Returns the 4x4 view_to_world of each view in `group`, by chaining motions from the first view along the widest
-    overlaps."""
-    known: dict[int, Pose] = {group[0]: np.eye(4)}
-    wide = sorted(overlaps, key=lambda o: -o.seen * o.on)
-    while len(known) < len(group):
-        o = next(o for o in wide if (o.a in known) != (o.b in known))
-        if o.a in known:
-            known[o.b] = known[o.a] @ np.linalg.inv(o.a_to_b)
-        else:
-            known[o.a] = known[o.b] @ o.a_to_b
-    return [known[view] for view in group]
-
-
-@dataclass(frozen=True)
-class _Sums:
-    hessian: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    blocks: NDArray[np.float64]
-    distance_m: float
+    told = camera, covariance[:3, :3]
+    return PoseEstimate(tuple(group), tuple(poses), covariance[3:, 3:], by_camera, tuple(own), distance_m, told)
 
 
 def _normal_equations(
     surfaces: Sequence[Surface], overlaps: Sequence[Overlap], order: dict[int, int], poses: Sequence[Pose],
     camera: NDArray[np.float64],
-) -> _Sums:  # fmt: skip
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:  # fmt: skip
     """Sums the Gauss-Newton equations of all points' distances from the planes of the overlapping view, in both
-    directions. Unknowns are f, cx, cy, then each view's rotation and translation. order: {view's index: its place in
-    poses}."""
+    directions: (hessian, gradient, the image blocks' gradients, median distance in metres). Unknowns are f, cx, cy,
+    then each view's rotation and translation. order: {view's index: its place in poses}."""
     size = 3 + 6 * len(poses)
     hessian, gradient, blocks, distances = np.zeros((size, size)), np.zeros(size), [], []
     K = np.array([[camera[0], 0, camera[1]], [0, camera[0], camera[2]], [0, 0, 1.0]])
@@ -176,7 +155,7 @@ def _normal_equations(
     median = float(np.median(np.concatenate(distances)))
     weight = 1.0 / (_MAD * max(median, _LEAST_DISTANCE_M)) ** 2
     # Both directions see the same pairs of surfaces: they count as one.
-    return _Sums(weight * hessian / 2, weight * gradient / 2, weight * np.concatenate(blocks) / np.sqrt(2.0), median)
+    return weight * hessian / 2, weight * gradient / 2, weight * np.concatenate(blocks) / np.sqrt(2.0), median
 
 
 def _camera_derivatives(c: Contact, a_to_b: Pose, camera: NDArray[np.float64]) -> NDArray[np.float64]:

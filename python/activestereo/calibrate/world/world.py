@@ -46,6 +46,7 @@ from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.common.output_files import write_png
+from activestereo.common.pose import rigid_motion
 from activestereo.common.progress_bar import part_of
 
 # Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
@@ -270,9 +271,7 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
     light = np.nan_to_num(dots.image + darkness(dots), nan=0.0).clip(0.0)
     world.pattern = np.rint(np.minimum(255.0 * light / np.quantile(light[light > 0], 0.9995), 255.0)).astype(np.uint8)
     world.pictures["pattern"] = world.pattern
-    left_to_projector = np.eye(4)
-    left_to_projector[:3, 3] = -dots.place
-    projector = replace(rig.projector, K=dots.K, left_to_projector=left_to_projector)
+    projector = replace(rig.projector, K=dots.K, left_to_projector=rigid_motion(-dots.place))
     world.capture = replace(world.capture, rig=replace(rig, projector=projector))
     sd = _Z90 * 1e3 * np.sqrt(np.diag(dots.covariance))
     place = ", ".join(f"{1e3 * x:.2f} +- {s:.2f}" for x, s in zip(dots.place, sd, strict=True))
@@ -282,17 +281,12 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
         "left_out_r": {str(k): round(v, 4) for k, v in dots.r.items()},
         "is_common": dots.is_common,
     }
-    if not dots.is_common:
-        line = (
-            f"pattern: the views share no dots (r {dots.r_median():.2f} in the median): each view's own stand in, at "
-            "the projector's stated place"
-        )
-    else:
-        line = (
-            f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
-            f"{dots.r_median():.2f} in the median ({min(dots.r.values()):.2f} to {max(dots.r.values()):.2f}) with what "
-            "the others predict"
-        )
+    line = f"pattern: the views share no dots (r {dots.r_median():.2f} in the median): each view's own stand in, at "
+    line += "the projector's stated place"
+    if dots.is_common:
+        line = f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
+        line += f"{dots.r_median():.2f} in the median ({min(dots.r.values()):.2f} to {max(dots.r.values()):.2f}) with "
+        line += "what the others predict"
     world.note("pattern", values, line)
 
 
@@ -336,22 +330,18 @@ def _exposure(world: World, seed: int, folder: Path, progress: Progress) -> None
     if estimate.covariance is not None:
         further = [f"exposure {views[k].frame.id}" for k in train[1:]]
         values["joint"] = block([*further, "falloff", "black"], estimate.covariance)
-    world.note("exposure", values, _exposure_line(estimate, times, first))
+    shares = ", ".join(f"{frame}: {time / first:.3f}" for frame, time in times.items())
+    line = f"exposure: {shares}; black level {estimate.black_dn[0]:.2f} +- {_Z90 * estimate.black_dn[1]:.2f} DN; "
+    if estimate.exponent is None:
+        line += "no overlaps: the lens's falloff cannot be told from the surfaces"
+    else:
+        n, sd = estimate.exponent
+        line += f"in overlaps light falls as cos^{n:.2f} +- {_Z90 * sd:.2f} of the angle (90 %): log-ratios scatter by "
+        line += f"{estimate.scatter[0]:.3f} without, {estimate.scatter[1]:.3f} with"
+    world.note("exposure", values, line)
     if len(train) > 1:
         own = [views[k] for k in train]
         world.pictures["exposure"] = exposure_picture(own, [poses[k] for k in train], world.K, estimate)
-
-
-def _exposure_line(estimate: LightEstimate, times: dict[int, float], first: float) -> str:
-    shares = ", ".join(f"{frame}: {time / first:.3f}" for frame, time in times.items())
-    black = f"black level {estimate.black_dn[0]:.2f} +- {_Z90 * estimate.black_dn[1]:.2f} DN"
-    if estimate.exponent is None:
-        return f"exposure: {shares}; {black}; no overlaps: the lens's falloff cannot be told from the surfaces"
-    n, sd = estimate.exponent
-    return (
-        f"exposure: {shares}; {black}; in overlaps light falls as cos^{n:.2f} +- {_Z90 * sd:.2f} of the angle (90 %): "
-        f"log-ratios scatter by {estimate.scatter[0]:.3f} without, {estimate.scatter[1]:.3f} with"
-    )
 
 
 def _albedo(world: World, seed: int, folder: Path, progress: Progress) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import simsense
 from activestereo.camera.advanced_mode.settings import AdvancedSettings, DepthTable, depth_table, matcher_parameters
+from activestereo.common.pose import rigid_motion
 
 _DISPARITY_STEPS = 32  # of a pixel, the step of disparities in images
 _IN_COUNTS_OF_8_BITS = ("p2_full_gradient_dn", "min_texture_dn", "low_texture_dn", "census_noise_dn")
@@ -39,8 +40,7 @@ class PairMatcher:
         for name in _IN_COUNTS_OF_8_BITS:
             matcher[name] <<= bits - 8
         left, right = (simsense.Camera(width, height, own) for own in K)
-        left_to_right = np.eye(4)
-        left_to_right[0, 3] = -baseline_m
+        left_to_right = rigid_motion((-baseline_m, 0.0, 0.0))
         self._engine = simsense.Engine(
             device, left, right, left_to_right, rectified=True, bit_depth=bits, **(matcher | overrides)
         )

@@ -31,7 +31,7 @@ from activestereo.capture.importers.realsense_text import DeviceText, read_devic
 from activestereo.common.baseline import with_baseline
 from activestereo.common.input_files import read_bytes, read_text
 from activestereo.common.limits import DISTORTION, LENGTH, PIXEL, SIDE, Limits, camera_matrix_fault
-from activestereo.common.pose import printed_motion
+from activestereo.common.pose import printed_motion, rigid_motion
 from activestereo.common.shown import shown
 
 _NO_LENS = np.zeros(5)
@@ -97,16 +97,14 @@ class Entry:
             self.fail(key, f"has {has} entries, expected {' or '.join(map(str, counts))} numbers")
         given = [(_whole if limits.whole else _number)(text) for text in texts]
         for i, number in enumerate(given):
-            fault = limits.fault(number)
-            if fault is not None:
+            if (fault := limits.fault(number)) is not None:
                 self.fail(f"{key}[{i}]", fault)
         return np.array(given, dtype=np.float64)
 
     def side(self, *keys: str) -> int:
         """Reads a width or a height in pixels, under the first of `keys` that exists."""
         key, value = self.named(*keys)
-        fault = SIDE.fault(_whole(value))
-        if fault is not None:
+        if (fault := SIDE.fault(_whole(value))) is not None:
             self.fail(key, fault)
         return int(value)
 
@@ -236,8 +234,7 @@ def _ros(path: Path, entries: Sequence[Entry], are_rectified: bool, baseline_m: 
         lenses = [Camera(c.width, c.height, P[:, :3].copy(), _NO_LENS) for c, P in ((left, left_P), (right, right_P))]
         return DeviceText.of_pair(path, lenses, float(length_m))
     # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
-    left_to_right = np.eye(4)
-    left_to_right[:3, :3], left_to_right[:3, 3] = right_R.T @ left_R, right_R.T @ (-length_m, 0.0, 0.0)
+    left_to_right = rigid_motion(right_R.T @ (-length_m, 0.0, 0.0), right_R.T @ left_R)
     return DeviceText.of_pair(path, [left, right], left_to_right)
 
 
@@ -250,8 +247,7 @@ def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int]
         lenses = [
             Camera(width, height, _matrix(entry, P[:, :3], key)) for P, key in ((P1.copy(), "P1"), (P2.copy(), "P2"))
         ]
-        motion = np.eye(4)
-        motion[0, 3] = (P2[0, 3] - P1[0, 3]) / P2[0, 0]
+        motion = rigid_motion(((P2[0, 3] - P1[0, 3]) / P2[0, 0], 0.0, 0.0))
         return _ordered(path, lenses, motion)
     is_fisheye = entry.one_of(_ROS_MODELS, "distortion_model", default="plumb_bob") in _FISHEYE
     lenses = []
@@ -274,8 +270,7 @@ def _ordered(path: Path, lenses: Sequence[Camera], first_to_second: NDArray[np.f
 
 
 def _matrix(entry: Entry, K: NDArray[np.float64], key: str) -> NDArray[np.float64]:
-    fault = camera_matrix_fault(K)
-    if fault is not None:
+    if (fault := camera_matrix_fault(K)) is not None:
         entry.fail(key, fault)
     return K
 

@@ -15,7 +15,6 @@ Depth lies on the colour image's pixels, as if one camera took both, unless the 
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,15 +22,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture.images import image_size
 from activestereo.capture.importers.frames import pose_at, read_trajectory, write_frames
 from activestereo.common.input_files import read_json_object, read_text
 from activestereo.common.limits import camera_matrix_fault
+from activestereo.common.output_files import png_bytes
 from activestereo.common.own_files import own_file
-from activestereo.common.pose import printed_motion
+from activestereo.common.pose import printed_motion, rigid_motion
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.parts import read_parts
 
@@ -70,8 +69,7 @@ def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64
         K = np.array(values, dtype=np.float64).reshape(3, 3)
     except (TypeError, ValueError):
         raise ValueError(f"{path}: {key}: is {values!r}, expected nine numbers") from None
-    fault = camera_matrix_fault(K)
-    if fault is not None:
+    if (fault := camera_matrix_fault(K)) is not None:
         raise ValueError(f"{path}: {key}: {K.ravel().tolist()} {fault}")
     return K
 
@@ -99,8 +97,7 @@ def write_color_depth(
         )
         for number, entry in enumerate(recording.frames)
     )  # fmt: skip
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -baseline_m
+    left_to_right = rigid_motion((-baseline_m, 0.0, 0.0))
     color = (recording.color or ColorCamera(width, height, recording.K)) if has_color else None
     rig = Rig(camera, camera, left_to_right, projector, color=color)
     notes = f"imported from {recording.kind}: colour and depth, no infrared; baseline and pattern are nominal"
@@ -262,9 +259,8 @@ def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> Col
                 pbr["baseColorFactor"] = _GREY
             if "base_color_texture" in part.textures:
                 texture = part.textures["base_color_texture"]
-                png = io.BytesIO()
-                Image.fromarray(np.squeeze(texture["texels"])).save(png, "PNG")
-                pbr["baseColorTexture"] = {"index": writer.add_texture(png.getvalue(), texture["name"])}
+                png = png_bytes(np.squeeze(texture["texels"]))
+                pbr["baseColorTexture"] = {"index": writer.add_texture(png, texture["name"])}
             mesh = replace(part.mesh, positions=part.mesh.positions * np.float32(_MM))
             material = writer.add_material(name, pbrMetallicRoughness=pbr)
             writer.place(name, writer.add_shape(name, mesh, material, part.colors), pose)

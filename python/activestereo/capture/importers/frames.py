@@ -16,6 +16,7 @@ from activestereo.capture.capture import SIDES, Capture
 from activestereo.capture.images import read_color, read_gray
 from activestereo.capture.write import write_capture
 from activestereo.common.input_files import read_text
+from activestereo.common.pose import rigid_motion
 
 INFRARED = ("Infrared 1", "Infrared 2")  # the left and the right camera, as librealsense calls them
 
@@ -27,9 +28,7 @@ def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
     norm = float(np.linalg.norm((qx, qy, qz, qw)))
     if abs(norm - 1.0) > 0.01:
         raise ValueError(f"{name}: the quaternion's length is {norm:.3f}, expected 1")
-    out = np.eye(4)
-    out[:3, :3], out[:3, 3] = Rotation.from_quat((qx, qy, qz, qw)).as_matrix(), (x, y, z)
-    return out
+    return rigid_motion((x, y, z), Rotation.from_quat((qx, qy, qz, qw)).as_matrix())
 
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -65,10 +64,8 @@ def pose_at(times: NDArray[np.float64], poses: NDArray[np.float64], time: float,
     time = float(np.clip(time, times[0], times[-1]))
     if len(times) == 1:
         return poses[0]
-    pose = np.eye(4)
-    pose[:3, :3] = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))(time).as_matrix()
-    pose[:3, 3] = [np.interp(time, times, poses[:, axis, 3]) for axis in range(3)]
-    return pose
+    turn = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))(time).as_matrix()
+    return rigid_motion([np.interp(time, times, poses[:, axis, 3]) for axis in range(3)], turn)
 
 
 _SIDE = 4  # pixels of a block; a dot that moves by a part of a pixel keeps some 0.4 of its variance in block means
@@ -121,18 +118,16 @@ def write_frames(
     seen: list[NDArray[np.generic]] = []
     for number, frame in enumerate(frames):
         for side, name in zip(SIDES if frame.has_infrared else (), INFRARED, strict=False):
-            images[frame.id, side] = read_gray(
-                frame.path(side), (rig.camera(side).width, rig.camera(side).height), name
-            )
+            images[frame.id, side] = read_gray(frame.path(side), rig.camera(side).size, name)
         if frame.depth_path is not None:
-            depths[frame.id] = read_gray(frame.depth_path, (rig.left.width, rig.left.height), "Depth")
+            depths[frame.id] = read_gray(frame.depth_path, rig.left.size, "Depth")
             if depths[frame.id].dtype != np.uint16:
                 raise ValueError(
                     f"{frame.depth_path}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw "
                     "stream"
                 )
         if rig.color is not None and frame.color_path is not None:
-            colors[frame.id] = read_color(frame.color_path, (rig.color.width, rig.color.height), "Color")
+            colors[frame.id] = read_color(frame.color_path, rig.color.size, "Color")
         if frame.has_infrared:
             seen.append(images[frame.id, "left"])
         else:

@@ -185,12 +185,7 @@ def import_realsense(
     pictures agree become a repeat group."""
     size = image_size(files[0].files["left"], "Infrared 1")
     left, right = (device.intrinsic(_NAMES[side], *size) for side in ("left", "right"))
-    left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
-    if left_to_right[0, 3] >= 0:
-        raise ValueError(
-            f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected '
-            "below 0: left and right are swapped"
-        )
+    left_to_right = device.left_to_right()
     color, colored = None, next((entry.files["color"] for entry in files if "color" in entry.files), None)
     if colored is not None and any(stream == "Color" for stream, _, _ in device.intrinsics):
         lens = device.intrinsic("Color", *image_size(colored, "Color"))

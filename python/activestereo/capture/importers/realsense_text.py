@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Camera
 from activestereo.capture.importers.frames import INFRARED
 from activestereo.common.input_files import read_text
-from activestereo.common.pose import printed_motion
+from activestereo.common.pose import printed_motion, rigid_motion
 
 _INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+)x(?P<height>\d+)')
 _EXTRINSIC = re.compile(r'Extrinsic from\s+"(?P<first>[^"]+)"\s+To\s+"(?P<second>[^"]+)"', re.IGNORECASE)
@@ -48,13 +48,10 @@ class DeviceText:
     def of_pair(cls, path: Path, lenses: Sequence[Camera], left_to_right: NDArray[np.float64] | float) -> DeviceText:
         """Makes the calibration of both infrared cameras alone. left_to_right: 4x4, or the baseline in metres of
         rectified cameras."""
-        motion = np.eye(4)
         if isinstance(left_to_right, float):
-            motion[0, 3] = -left_to_right
-        else:
-            motion = left_to_right
+            left_to_right = rigid_motion((-left_to_right, 0.0, 0.0))
         modes = {(side, lens.width, lens.height): lens for side, lens in zip(INFRARED, lenses, strict=True)}
-        return cls(path, modes, {INFRARED: motion})
+        return cls(path, modes, {INFRARED: left_to_right})
 
     def intrinsic(self, stream: str, width: int, height: int) -> Camera:
         """Returns a stream's camera for images of this size. Raises ValueError, which lists the known sizes."""
@@ -69,6 +66,16 @@ class DeviceText:
                 f"(there are: {modes}){hint}"
             )
         return found
+
+    def left_to_right(self) -> NDArray[np.float64]:
+        """Returns the 4x4 from the left to the right infrared camera. Raises ValueError if it is swapped."""
+        motion = self.extrinsic(*INFRARED)
+        if motion[0, 3] >= 0.0:
+            raise ValueError(
+                f'{self.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {motion[0, 3]:g} m, expected below 0: '
+                "left and right are swapped"
+            )
+        return motion
 
     def extrinsic(self, first: str, second: str) -> NDArray[np.float64]:
         """Returns the 4x4 first_to_second of two streams. Raises ValueError if neither it nor its inverse is known."""

@@ -91,7 +91,7 @@ class SimulatedCamera:
         self.world = world
         self.base = StereoDepthSensorConfig(world.sensor)
         self.base.samples_per_pixel = world.samples_per_pixel
-        self.baseline_m = self.base.focal_baseline_px_m / float(self.base.ir_intrinsic[0, 0])
+        self.baseline_m = self.base.baseline_m
         self.settings = AdvancedSettings({})
         self.values = {which: r.default for which, r in sensor_ranges(self.base).items()}
         width, height = self.base.ir_resolution

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.common.lens import distort, undistort
+from activestereo.common.pose import rigid_motion
 from activestereo.integrations.realsense.options import distortion, frame_metadata_value, stream
 from activestereo.integrations.realsense.options import format as pixel_format
 
@@ -38,9 +39,7 @@ class extrinsics:
 
     def matrix(self) -> NDArray[np.float64]:
         """Returns the transform as 4x4."""
-        out = np.eye(4)
-        out[:3, :3], out[:3, 3] = np.reshape(self.rotation, (3, 3)).T, self.translation
-        return out
+        return rigid_motion(self.translation, np.reshape(self.rotation, (3, 3)).T)
 
 
 def deprojected(camera: intrinsics, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:

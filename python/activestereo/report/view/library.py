@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,10 @@ import numpy as np
 
 from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
+from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_camera
 from activestereo.capture.capture_json import JsonObject
 from activestereo.capture.images import image_size, read_gray
 from activestereo.capture.importers.realsense_folder import frame_files
-from activestereo.common.limits import SIDE
 from activestereo.common.pose import camera_to_camera
 
 SCENE_ENDINGS = (".gltf", ".glb", ".obj", ".dae", ".stl", ".ply", ".usd", ".usda", ".usdc", ".usdz")
@@ -63,14 +63,14 @@ def is_scene(path: Path) -> bool:
     return path.suffix.lower() in SCENE_ENDINGS and path.is_file()
 
 
+def _is_entry(path: Path) -> bool:
+    return is_capture(path) or is_scene(path) or is_pictures(path)
+
+
 def _entries(root: Path) -> list[Path]:
-    if is_capture(root) or is_scene(root) or is_pictures(root):
+    if _is_entry(root):
         return [root]
-    found: list[Path] = []
-    for path in _below(root, _DEEPEST):
-        found.append(path)
-        if len(found) == _MOST:
-            break
+    found = list(islice(_below(root, _DEEPEST), _MOST))
     # A folder of any other kind is taken for a recording; if it is none, the reader's error names the missing part.
     return found if found or not root.is_dir() else [root]
 
@@ -83,7 +83,7 @@ def _below(folder: Path, depth: int) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if path.is_symlink() or path.name.startswith("."):
             continue
-        if is_capture(path) or is_scene(path) or is_pictures(path):
+        if _is_entry(path):
             yield path
         elif path.is_dir():
             yield from _below(path, depth - 1)
@@ -108,8 +108,10 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
     if own := next((path for path in files if path.is_file()), None):
         root = JsonObject.read(own)
         cameras = root.object("cameras") if root.has("cameras") else root
-        (left, left_to_rgb), (right, right_to_rgb) = (_camera_and_place(cameras.object(side)) for side in SIDES)
-        rig = Rig(left, right, np.linalg.inv(right_to_rgb) @ left_to_rgb, nowhere, bits)
+        left, right = (cameras.object(side) for side in SIDES)
+        left_to_rgb, right_to_rgb = (side.rigid_transform("camera_to_rgb") for side in (left, right))
+        left_to_right = np.linalg.inv(right_to_rgb) @ left_to_rgb
+        rig = Rig(read_camera(left), read_camera(right), left_to_right, nowhere, bits)
         title = f"{folder.name}, with the cameras of {own.name}"
         return Capture(folder, title, _NONE, rig, frames, root.free_form("depth_engine"))
     if size != config.ir_resolution:
@@ -122,13 +124,6 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
     rig = Rig(left, right, left_to_right, nowhere, bits)
     title = f"{folder.name}, with the nominal figures of the {config.model}"
     return Capture(folder, title, _NONE, rig, frames, {"max_disparity": config.max_disparity})
-
-
-def _camera_and_place(entry: JsonObject) -> tuple[Camera, np.ndarray]:
-    """Reads a camera and its camera_to_rgb."""
-    width, height = entry.integer("width", SIDE), entry.integer("height", SIDE)
-    k = entry.camera_matrix("K" if entry.has("K") else "cam_K")
-    return Camera(width, height, k, entry.lens("distortion")), entry.rigid_transform("camera_to_rgb")
 
 
 def _pairs(folder: Path) -> list[tuple[Path, Path]]:

@@ -24,7 +24,7 @@ from activestereo.common.output_files import finite
 from activestereo.effects import Effect
 from activestereo.model import Quantity, SensorModel, write_model
 from activestereo.model.model import NUISANCES
-from activestereo.report.explorer import colour_stops
+from activestereo.report.explorer import colour_maps
 from activestereo.report.view import settings as positions
 from activestereo.report.view.library import Library
 from activestereo.report.view.settings import BY_HAND, Settings, settings_of
@@ -32,7 +32,6 @@ from activestereo.report.view.simulation import Exposure, Pictures, Simulation, 
 
 # The most pages whose latest request is remembered.
 _MOST_PAGES = 64
-_MAPS = ("gray", "RdBu_r", "viridis")
 _ALIGNMENT = 8
 _MOST_NUMBERS = 10_000
 _POWER = "projector_scale"
@@ -54,8 +53,7 @@ class Routes:
 
     def list(self, given: dict[str, Any]) -> bytes:
         """Answers with the names of all entries that can be opened."""
-        maps = {name: colour_stops(name) for name in _MAPS}
-        return packed({"root": self._library.root.name, "entries": self._library.names, "maps": maps})
+        return packed({"root": self._library.root.name, "entries": self._library.names, "maps": colour_maps()})
 
     def open(self, given: dict[str, Any]) -> bytes:
         """Opens one entry. Answers with its title, its frames, and the camera figures that the page draws with."""
@@ -72,28 +70,23 @@ class Routes:
 
     def sliders(self, given: dict[str, Any]) -> bytes:
         """Answers with the camera's sliders for one frame, and the effects that the model has."""
-        source = self._library.source(given.get("entry"))
-        _simulation(source)
-        exposure = source.exposure(_whole(given, "frame"))
+        _, exposure, _ = self._asked(given)
         camera = positions.camera_sliders(exposure.config)
         return packed({"camera": camera, "effects": positions.present_effects(exposure.model)})
 
     def surface(self, given: dict[str, Any]) -> bytes:
         """Answers with the name and sliders of the material at pixel u, v of the left image; the name is null without a
         surface."""
-        source = self._library.source(given.get("entry"))
-        simulation = _simulation(source)
-        exposure, (u, v) = source.exposure(_whole(given, "frame")), (_whole(given, name) for name in "uv")
-        found = simulation.surface(exposure, self._settings(given, simulation), u, v)
+        simulation, exposure, settings = self._asked(given)
+        found = simulation.surface(exposure, settings, _whole(given, "u"), _whole(given, "v"))
         name, values = (None, None) if found is None else found
         return packed({"name": name, "sliders": positions.surface_sliders(values) if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
         """Writes a model.json of the sensor with the page's settings applied. Answers with its path and a
         remark on settings that it cannot hold."""
-        source = self._library.source(given.get("entry"))
-        simulation = _simulation(source)
-        model, remark = saved_model(source.exposure(_whole(given, "frame")), self._settings(given, simulation))
+        _, exposure, settings = self._asked(given)
+        model, remark = saved_model(exposure, settings)
         with free_name(self._save_as) as path:
             write_model(path, model)
         return packed({"path": str(path), "remark": remark})
@@ -104,30 +97,26 @@ class Routes:
         page: a random number that identifies the page; serial: counts its requests. An answer with "superseded" has no
         images, because the page has asked for a newer frame.
         """
-        source = self._library.source(given.get("entry"))
-        simulation = _simulation(source)
-        settings = self._settings(given, simulation)
         page, serial = (_whole(given, name) for name in ("page", "serial"))
         self._newest[page] = max(serial, self._newest.pop(page, serial))
         while len(self._newest) > _MOST_PAGES:
             self._newest.pop(next(iter(self._newest)))
         is_wanted = lambda: self._newest.get(page, serial) <= serial  # noqa: E731
+        simulation, exposure, settings = self._asked(given)
         try:
-            exposure = source.exposure(_whole(given, "frame"))
             taken = simulation.picture(exposure, settings, bool(given.get("is_draft")), is_wanted)
         except Superseded:
             return packed({"superseded": True})
         return _answer(taken)
 
-    def _settings(self, given: dict[str, Any], simulation: Simulation) -> Settings:
-        return settings_of(given.get("settings", {}), self._effects, simulation.material_names())
-
-
-def _simulation(source: Any) -> Simulation:
-    found = source.simulation()
-    if found is None:
-        raise ValueError(f"{source.title} has an empty scene: there is nothing to simulate")
-    return found
+    def _asked(self, given: dict[str, Any]) -> tuple[Simulation, Exposure, Settings]:
+        """Returns what a call names: an entry's simulation, one of its exposures, and settings, if there are any."""
+        source = self._library.source(given.get("entry"))
+        simulation = source.simulation()
+        if simulation is None:
+            raise ValueError(f"{source.title} has an empty scene: there is nothing to simulate")
+        settings = settings_of(given.get("settings", {}), self._effects, simulation.material_names())
+        return simulation, source.exposure(_whole(given, "frame")), settings
 
 
 def _whole(given: Mapping[str, Any], name: str) -> int:

@@ -28,7 +28,7 @@ from activestereo.effects.engines import CaptureRenderer
 from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.configure import exposed
 from activestereo.model.diagnosed import calibrated
-from activestereo.model.model import NOISE_TERMS, NUISANCES
+from activestereo.model.model import NUISANCES
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, drawn_from_left
 from activestereo.scene_io.defaults import light_closed_room, overall_view
 from activestereo.scene_io.scene_files import load_scene_file
@@ -53,6 +53,7 @@ class CaptureSource:
         self.title = capture.name
         self._given = SensorModel() if model is None else model
         self._capture = calibrated(capture, self._given)
+        self._focal_baseline_px_m = float(self._capture.rig.left.K[0, 0]) * self._capture.rig.baseline_m
         self._device = device
         self._exposures: dict[int, Exposure] = {}
         self._matching = threading.Lock()  # the engine takes one call at a time
@@ -71,8 +72,7 @@ class CaptureSource:
         """Returns the left camera's figures (size, max_dn, K, focal_baseline_px_m), with which the page computes
         depth and points."""
         rig = self._capture.rig
-        size, baseline = (rig.left.width, rig.left.height), self._focal_baseline()
-        return _facts("capture", size, rig.max_dn, rig.left.K, baseline)
+        return _facts("capture", rig.left.size, rig.max_dn, rig.left.K, self._focal_baseline_px_m)
 
     def measured(self, frame_id: int) -> Pictures:
         """Returns one measured frame with the device's depth, or with depth matched from the pair if the device gave
@@ -83,8 +83,9 @@ class CaptureSource:
         if depth is None:
             with self._matching:
                 depth = self._matcher().depth(left, right)
-        disparity = disparity_of(depth, self._focal_baseline())
-        return Pictures(left, right, disparity, self._focal_baseline(), frame.exposure_s, frame.gain)
+        focal_baseline = self._focal_baseline_px_m
+        disparity = disparity_of(depth, focal_baseline)
+        return Pictures(left, right, disparity, focal_baseline, frame.exposure_s, frame.gain)
 
     @computed_once
     def simulation(self) -> Simulation | None:
@@ -113,9 +114,6 @@ class CaptureSource:
             raise ValueError(f"{self.title} has no frame {frame_id!r} with infrared images")
         return self._frames[frame_id]
 
-    def _focal_baseline(self) -> float:
-        return float(self._capture.rig.left.K[0, 0]) * self._capture.rig.baseline_m
-
     @computed_once
     def _matcher(self) -> DepthModel:
         return DepthModel(self._capture)
@@ -138,14 +136,14 @@ class CaptureSource:
         and noise."""
         capture, given = self._capture, self._given
         rig, projector = capture.rig, capture.rig.projector
-        own = Rig(rig.left, rig.right, rig.left_to_right, projector.left_to_projector, rig.bit_depth, rig.line_time_s)
         pattern = given.pattern or Pattern(projector.K, projector.pattern_path)
-        model = replace(given, rig=own, pattern=pattern)
+        model = replace(given, rig=Rig.of_capture(rig), pattern=pattern)
         if not {"projector_scale", "ambient_scale", "black_dn"} <= set(given.nuisances):
             fitted = _fitted_nuisances(capture, CaptureRenderer(self._device))
             model = replace(model, nuisances=fitted | dict(given.nuisances))
         if model.imager is None:
-            model = replace(model, imager=_fitted_noise(capture, model.nuisances["black_dn"].value))
+            noise = fit_noise_model(repeat_statistics(capture), model.nuisances["black_dn"].value, rig.max_dn)
+            model = replace(model, imager=noise and Imager.of_values(vars(noise), _SOURCE))
         return model
 
 
@@ -161,16 +159,6 @@ def _fitted_nuisances(capture: Capture, renderer: CaptureRenderer) -> dict[str, 
     seen = [(f, layers[f.id][side], capture.ir(f, side)) for f in frames for side in SIDES]
     values = vars(fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances)
     return {name: Quantity(float(value), unit=NUISANCES[name][0], source=_SOURCE) for name, value in values.items()}
-
-
-def _fitted_noise(capture: Capture, black_dn: float) -> Imager | None:
-    """Fits the imager's noise model to the capture's repeated frames; None without repeats. black_dn: the black
-    level."""
-    noise_model = fit_noise_model(repeat_statistics(capture), black_dn, capture.rig.max_dn)
-    if noise_model is None:
-        return None
-    terms = {n: Quantity(getattr(noise_model, n), unit=unit, source=_SOURCE) for n, unit in NOISE_TERMS.items()}
-    return Imager(**terms)
 
 
 class SceneSource:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from activestereo.common.output_files import png_bytes
 from activestereo.scene_io.gltf_writer import CLAMP, MIRROR, REPEAT, GltfWriter
 from activestereo.scene_io.meshes import Mesh
 from activestereo.scene_io.staging import LUMENS_PER_WATT, infrared_share
@@ -336,7 +337,7 @@ class Surfaces:
                     data = bytes(opened.GetBuffer())
                     image = Image.open(io.BytesIO(data))
                     image.load()
-                    data = data if image.format in ("PNG", "JPEG") else _png(image)
+                    data = data if image.format in ("PNG", "JPEG") else png_bytes(image)
             except _UNREADABLE:
                 data = None
             self._files[asset.resolvedPath] = data
@@ -382,12 +383,6 @@ def _open(picture: Picture) -> Image.Image:
     return image
 
 
-def _png(image: Image.Image) -> bytes:
-    out = io.BytesIO()
-    image.save(out, "PNG")
-    return out.getvalue()
-
-
 def _joined(parts: dict[str, Picture | None]) -> Picture | None:
     """Joins pictures into one glTF texture; None without pictures. parts: by role, 'color' and 'opacity' (its alpha),
     or 'roughness' and 'metallic' (its green and blue). A colour picture's own alpha is ignored."""
@@ -416,4 +411,4 @@ def _joined(parts: dict[str, Picture | None]) -> Picture | None:
         image = Image.merge("RGB", [Image.new("L", size, 255), channel("roughness"), channel("metallic")])
     name = "|".join(f"{role} {part.name}.{part.channel}" for role, part in used.items())
     source = "|".join(f"{role} {part.source}.{part.channel}" for role, part in used.items())
-    return Picture(_png(image), name, source, image.mode.lower(), first.wrap, first.uv_name)
+    return Picture(png_bytes(image), name, source, image.mode.lower(), first.wrap, first.uv_name)

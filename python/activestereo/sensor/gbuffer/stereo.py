@@ -22,6 +22,7 @@ from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.lens import is_distorting, with_finer_pixels
 from activestereo.common.limits import POWER, Limits
+from activestereo.common.pose import host_array
 from activestereo.common.shown import shown, unknown
 from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.model import SensorModel
@@ -100,7 +101,7 @@ _FURTHEST_NEAR_M = 50.0  # no sensor of this kind measures there
 def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     """Returns the values as an array of this shape on the host; for one environment the first axis may be missing.
     Raises ValueError for another shape, TypeError for anything but numbers."""
-    image = np.asarray(_on_host(values))
+    image = host_array(values, None)
     if image.dtype.kind not in "fiub":
         raise TypeError(f"{name} is of {image.dtype}, expected numbers")
     return _checked_shape(name, image, shape)
@@ -164,7 +165,7 @@ class InputImages:
                 wait_for(target)
                 continue
             if name == "albedo":
-                image = _red(name, np.asarray(_on_host(values)), self._shape)
+                image = _red(name, host_array(values, None), self._shape)
             else:
                 image = host_image(name, values, shape)
             if name == "material":
@@ -174,12 +175,6 @@ class InputImages:
             else:
                 np.copyto(buffer.image(_TYPES[name], shape).array(), image, casting="unsafe")
         return found
-
-
-def _on_host(values: Any) -> Any:
-    if hasattr(values, "detach"):
-        return values.detach().cpu().numpy()
-    return np.from_dlpack(values) if hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray) else values
 
 
 _ENVIRONMENTS = Limits(1, 1_000_000, whole=True)
