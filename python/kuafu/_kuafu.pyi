@@ -29,6 +29,7 @@ class NoDeviceError(Error):
 class CancelledError(Error):
     """A progress callback returned True."""
 
+
 class DeviceInfo:
     """Properties of a device."""
 
@@ -141,9 +142,7 @@ class BufferDesc:
 class Buffer:
     """Memory of a device; a host-visible one is also a NumPy buffer."""
 
-    def __init__(
-        self, device: Device, size_bytes: int, *, exportable: bool = False, host_visible: bool = True
-    ) -> None: ...
+    def __init__(self, device: Device, size_bytes: int, *, exportable: bool = False, host_visible: bool = True) -> None: ...
     @staticmethod
     def import_(device: Device, desc: Any) -> Buffer:
         """The memory that another library exported; desc is its BufferDesc."""
@@ -196,7 +195,6 @@ class Image:
         """Where in the buffer its first element lies."""
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
-
 class Material:
     """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission, volume, clearcoat, diffuse_transmission, anisotropy, sheen, iridescence and dispersion. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
 

@@ -30,6 +30,7 @@ class NoDeviceError(Error):
 class CancelledError(Error):
     """A progress callback returned True."""
 
+
 class DeviceInfo:
     """Properties of a device."""
 
@@ -142,9 +143,7 @@ class BufferDesc:
 class Buffer:
     """Memory of a device; a host-visible one is also a NumPy buffer."""
 
-    def __init__(
-        self, device: Device, size_bytes: int, *, exportable: bool = False, host_visible: bool = True
-    ) -> None: ...
+    def __init__(self, device: Device, size_bytes: int, *, exportable: bool = False, host_visible: bool = True) -> None: ...
     @staticmethod
     def import_(device: Device, desc: Any) -> Buffer:
         """The memory that another library exported; desc is its BufferDesc."""
@@ -197,7 +196,6 @@ class Image:
         """Where in the buffer its first element lies."""
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
-
 class Camera:
     """A camera. distortion: k1, k2, p1, p2[, k3[, k4, k5, k6]] of Brown and Conrady (OpenCV's order), or k1, k2, k3, k4 of a
     fisheye lens (kannala_brandt)."""
@@ -227,19 +225,13 @@ class Camera:
         """The coefficients, of which a fisheye lens has four; zeros of Brown and Conrady's are an ideal pinhole."""
 
 def distort(
-    x: ArrayLike,
-    y: ArrayLike,
-    distortion: Sequence[float],
-    lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady",
+    x: ArrayLike, y: ArrayLike, distortion: Sequence[float], lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady"
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where rays (x, y, 1) appear, in focal lengths from the principal point; x and y have one shape. Beyond the lens' fold the
     radial factor stays constant, so that positions go on outwards."""
 
 def undistort(
-    x: ArrayLike,
-    y: ArrayLike,
-    distortion: Sequence[float],
-    lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady",
+    x: ArrayLike, y: ArrayLike, distortion: Sequence[float], lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady"
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The inverse of distort(), by Newton's method."""
 
@@ -480,11 +472,9 @@ class Submission:
 
 def default_parameters() -> dict[str, float]:
     """The engine's parameters as it has them where none are given, as a new dict."""
-
 def signal_preset(name: Literal["neutral", "paper-d415", "sapien", "d435"]) -> dict[str, float]:
     """All parameters of an imager as a dict: 'neutral', or measured ones whose input is in 8-bit counts,
     'paper-d415', 'sapien', 'd435'."""
-
 def signal_analogue(
     signal: Mapping[str, float], light: NDArray[Any], *, seed: int = 0, frame_index: int = 0, side: int = 0
 ) -> NDArray[np.float32]:

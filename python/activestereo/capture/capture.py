@@ -249,7 +249,7 @@ def read_capture(path: str | Path) -> Capture:
     folder = Path(path)
     if folder.name == "capture.json":
         folder = folder.parent
-    root = JsonObject.read(folder / "capture.json")
+    root = JsonObject.read(folder / "capture.json", "; a capture is a folder with a capture.json")
     capture = capture_from(root)
     for key in root.unknown_keys():
         warnings.warn(f"{root.path}: unknown key {key} is ignored", CaptureWarning, stacklevel=2)

@@ -34,17 +34,15 @@ class JsonObject:
         self._children: list[JsonObject] = []
 
     @classmethod
-    def read(cls, path: str | Path) -> JsonObject:
-        """Reads a file whose top level is a JSON object. Raises CaptureError otherwise."""
+    def read(cls, path: str | Path, remedy: str = "") -> JsonObject:
+        """Reads a file whose top level is a JSON object. Raises CaptureError otherwise. remedy: the end of the message
+        where the file cannot be read."""
         try:
-            values = read_json_object(path)
+            return cls(Path(path), "", read_json_object(path))
         except OSError as error:
-            raise CaptureError(
-                f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json"
-            ) from error
+            raise CaptureError(f"{path}: cannot be read ({error.strerror}){remedy}") from error
         except ValueError as error:
             raise CaptureError(str(error)) from error
-        return cls(Path(path), "", values)
 
     def key(self, key: str) -> str:
         return f"{self.name}.{key}" if self.name else key

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.computed_once import computed_once
-from activestereo.integrations.sapien.scene import Looks, is_visible, light_record, render_system
+from activestereo.integrations.sapien.scene import Looks, is_visible, light_record, own_matrix, render_system
 from activestereo.scene_io.bodies import Bodies, Shape
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.cuda_memory import CudaError, cuda_tensor, wait_for
@@ -146,7 +146,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         first pixel at (0.5, 0.5)."""
         config = deepcopy(self.sensor) or self._preset_config(intrinsic)
         config.rgb_resolution = (self.width, self.height)
-        config.rgb_intrinsic = _centred(intrinsic)
+        config.rgb_intrinsic = own_matrix(intrinsic)
         return config
 
     def _preset_config(self, intrinsic: NDArray[np.float64]) -> StereoDepthSensorConfig:
@@ -154,7 +154,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         scale = 2 if self.width < _SMALL_PX else 1
         focal_px, lit = config.ir_intrinsic[0, 0], _tangents(config)
         config.ir_resolution = (scale * self.width, scale * self.height)
-        config.ir_intrinsic = _centred(np.diag([scale, scale, 1.0]) @ intrinsic)
+        config.ir_intrinsic = own_matrix(np.diag([scale, scale, 1.0]) @ intrinsic)
         # The pattern reaches as far beyond a preset's field of view as the camera does.
         config.light_pattern_scale = max(1.0, float((_tangents(config) / lit).max()))
         config.min_depth_m, config.max_depth_m = self.min_depth, self.max_depth
@@ -173,13 +173,6 @@ class StereoDepthCameraConfig(ManiSkillConfig):
 def _tangents(config: StereoDepthSensorConfig) -> NDArray[np.float64]:
     """Returns the tangents of half the infrared cameras' horizontal and vertical fields of view."""
     return 0.5 * np.array(config.ir_resolution) / np.diag(config.ir_intrinsic)[:2]
-
-
-def _centred(intrinsic: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Converts K [3, 3] from SAPIEN's pixel centres at halves to ours at integers."""
-    k = np.array(intrinsic, np.float64)
-    k[:2, 2] -= 0.5
-    return k
 
 
 _MM = 1000.0

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.capture.capture import read_camera
-from activestereo.capture.capture_json import CaptureError, JsonObject
+from activestereo.capture.capture_json import JsonObject
 from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.common.shown import unknown
 from activestereo.effects import builtin
@@ -41,11 +41,7 @@ _NOTES = ("simulated", "image_only", "unit")
 def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> SensorModel:
     """Reads a model file. effects: {id: Effect} that the file may name; None = the built-in ones. Raises ValueError
     with the fault."""
-    path = Path(path)
-    try:
-        root = JsonObject.read(path)
-    except CaptureError as error:
-        raise ValueError(str(error).replace("; a capture is a folder with a capture.json", "")) from error
+    root = JsonObject.read(path)
     if root.text("format") != FORMAT:
         root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
     version = root.integer("version")

@@ -3,11 +3,10 @@
 
 | file | job |
 |--|--|
-| layout.py | objects, ranges of random values, layouts: side by side, or dropped with physics |
-| studio.py | one frame: layout, camera, light, pictures |
+| studio.py | one frame: layout (side by side, or dropped with physics), camera, light, pictures |
 | bop.py | folders and files of the BOP format |
-| ray_actors.py | frames from the machines of a Ray cluster |
-| run.py | workers, resuming, progress, other formats |
+| formats.py | the same frames in other formats |
+| run.py | workers, the machines of a Ray cluster, resuming, progress |
 
 Frame n depends only on the settings, the seed and n. Neither workers nor interruptions change a picture.
 """

@@ -129,7 +129,7 @@ def generate(
 
     Other parts may run at the same time, also on other machines that share the folder. The process that makes the last
     frame writes the scenes' tables. ray: (address of a Ray cluster, processors of an actor there), used in place of
-    workers (ray_actors.py). USD stages are first written to out/things as .glb. Raises ValueError if `out` has frames
+    workers. USD stages are first written to out/things as .glb. Raises ValueError if `out` has frames
     of other settings, and ChildProcessError if workers are killed repeatedly. Finished frames stay, and the same call
     continues the work."""
     if settings.layout == "drop":

@@ -14,12 +14,12 @@ import io
 import json
 import re
 import sqlite3
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -93,7 +93,7 @@ class _Content:
         elif stream is not None and (place := _place(self.path, topic, message)) is not None:
             self.places.setdefault(stream, place)
 
-    def device(self, streams: set[str], given_m: float | None) -> DeviceText:
+    def device(self, streams: Container[str], given_m: float | None) -> DeviceText:
         """Returns the calibration of both infrared cameras. streams: those with images. given_m: the user's baseline,
         or None. Raises ValueError with the missing part, or if the bag states another baseline than given_m."""
         for stream in INFRARED:
@@ -121,17 +121,17 @@ def is_bag(path: Path) -> bool:
     return path.suffix in (".bag", ".db3", ".mcap") or (path / "metadata.yaml").is_file()
 
 
-def image_streams(path: Path) -> set[str]:
-    """Returns the streams of which a bag has images: Infrared 1, Infrared 2, Depth, Aligned, Color. Raises as
-    extract_bag() does."""
+def image_streams(path: Path) -> dict[str, int]:
+    """Returns the streams of which a bag has images (Infrared 1, Infrared 2, Depth, Aligned, Color), and their
+    number. Raises as extract_bag() does."""
     with _opened(path) as reader:
-        found = {stream_of(c.topic) for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES}
-    return {stream for stream in found if stream is not None}
+        images = [c for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES]
+        return {stream: c.msgcount for c in images if (stream := stream_of(c.topic)) is not None}
 
 
 def has_color_depth_alone(path: Path) -> bool:
     """Returns whether a bag has depth but no infrared stream. Raises ValueError if it cannot be read."""
-    streams = image_streams(path)
+    streams = image_streams(path).keys()
     return not streams & set(INFRARED) and bool(streams & {"Depth", "Aligned"})
 
 
@@ -142,7 +142,7 @@ def extract_bag(
     Returns (calibration, metres per unit of depth or None). baseline_m: the user's baseline, for a bag that states
     none. Raises ValueError, one line, with the bag and the missing part, also without rosbags."""
     content = _extract(path, folder, _OF_A_PAIR, progress)
-    return content.device(set(content.images), baseline_m), content.depth_units_m
+    return content.device(content.images, baseline_m), content.depth_units_m
 
 
 def read_color_depth_bag(
@@ -247,8 +247,7 @@ def read_pairs(
 
 def count_pairs(path: Path) -> int:
     """Returns an upper limit of the number of infrared pairs. Raises as extract_bag() does."""
-    with _opened(path) as reader:
-        counts = {stream_of(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES}
+    counts = image_streams(path)
     return min(counts.get(side, 0) for side in INFRARED)
 
 
@@ -438,8 +437,7 @@ def _color_pixels(path: Path, topic: str, message: Any) -> NDArray[np.uint8]:
 _MOST_OF_8_BITS = 255
 
 
-@dataclass(frozen=True)
-class Pair:
+class Pair(NamedTuple):
     """Two rectified images of one size, uint8, or uint16 if the first pair has counts above 255. name: unique in the
     recording and usable as a file name."""
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sapien
@@ -108,12 +107,10 @@ class Looks:
     def shapes(self, entity: Any, name: str) -> list[Shape]:
         """Adds the entity's meshes under this name and returns its shapes."""
         out = []
-        for part, pose in parts(entity):
-            optional = {"normals": part.normals, "uvs": part.uvs}
-            given = {key: value for key, value in optional.items() if value is not None}
-            mesh = self._scene.add_mesh(part.positions, part.indices, name=name, **given)
-            to_body = as_matrix(pose) @ np.diag([*np.asarray(part.scale, np.float64), 1.0])
-            out.append(Shape(mesh, [self.material(part.material)], to_body))
+        for (arrays, scale, material), pose in parts(entity):
+            mesh = self._scene.add_mesh(name=name, **arrays)
+            to_body = as_matrix(pose) @ np.diag([*np.asarray(scale, np.float64), 1.0])
+            out.append(Shape(mesh, [self.material(material)], to_body))
         return out
 
     def materials(self, entity: Any) -> list[int]:
@@ -195,6 +192,13 @@ def light_record(light: Any, environment: int | None = None) -> kuafu.Light | No
     return None
 
 
+def own_matrix(k: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Converts K [3, 3] from SAPIEN's pixel centres at halves to ours at integers."""
+    k = np.array(k, np.float64)
+    k[:2, 2] -= 0.5
+    return k
+
+
 def render_system(scene: Any) -> Any:
     """Returns the scene's render system; None if SAPIEN has no renderer."""
     try:
@@ -212,15 +216,11 @@ _ENDLESS_M = 50.0
 _GREY = (0.6, 0.6, 0.6, 1.0)
 
 
-@dataclass(frozen=True)
-class Part:
-    """A mesh with one material, in the frame of the visual shape that it is from. scale: [3], factors not yet applied
-    to positions. normals and uvs are None if the source has none."""
+class Part(NamedTuple):
+    """A mesh with one material, in the frame of the visual shape that it is from. arrays: kuafu's add_mesh()'s, without
+    normals or uvs if the source has none. scale: [3], factors not yet applied to positions."""
 
-    positions: NDArray[np.float32]
-    indices: NDArray[np.uint32]
-    normals: NDArray[np.float32] | None
-    uvs: NDArray[np.float32] | None
+    arrays: dict[str, NDArray[Any]]
     scale: ArrayLike
     material: Any  # kuafu.Material, SAPIEN's RenderMaterial, or None
 
@@ -240,13 +240,9 @@ def render_parts(shape: Any) -> Iterator[Part]:
     else:
         scale = [1.0, 1.0, 1.0]
     for part in shape.parts:
-        normals, uvs = part.get_vertex_normal(), part.get_vertex_uv()
-        positions = _floats(part.vertices)
-        yield Part(
-            positions, np.ascontiguousarray(part.triangles, np.uint32),
-            _floats(normals) if len(normals) == len(positions) else None,
-            _floats(uvs) if len(uvs) == len(positions) else None, scale, part.material,
-        )  # fmt: skip
+        arrays, optional = _arrays(part), {"normals": part.get_vertex_normal(), "uvs": part.get_vertex_uv()}
+        told = {name: _floats(own) for name, own in optional.items() if len(own) == len(arrays["positions"])}
+        yield Part(arrays | told, scale, part.material)
 
 
 def record_parts(record: Any) -> Iterator[Part]:
@@ -264,10 +260,11 @@ def record_parts(record: Any) -> Iterator[Part]:
         except Exception as error:  # errors of trimesh's many readers
             raise ValueError(f"{record.filename}: no mesh could be read: {error}") from error
         faces, normals = np.ascontiguousarray(loaded.faces, np.uint32), _floats(loaded.vertex_normals)
-        yield Part(_floats(loaded.vertices), faces, normals, None, record.scale, material)
+        arrays = {"positions": _floats(loaded.vertices), "indices": faces, "normals": normals}
+        yield Part(arrays, record.scale, material)
         return
     mesh, scale = _solid(record.type, record.scale, record.radius, record.length)
-    yield Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, material)
+    yield Part(vars(mesh), scale, material)
 
 
 def collision_parts(shape: Any) -> Iterator[Part]:
@@ -275,12 +272,11 @@ def collision_parts(shape: Any) -> Iterator[Part]:
     kind = type(shape).__name__.removeprefix("PhysxCollisionShape")
     grey = kuafu.Material(name="collision shape", base_color=_GREY)
     if kind in ("ConvexMesh", "TriangleMesh"):
-        triangles = np.ascontiguousarray(shape.triangles, np.uint32)
-        yield Part(_floats(shape.vertices), triangles, None, None, shape.scale, grey)
+        yield Part(_arrays(shape), shape.scale, grey)
         return
     size = getattr(shape, "half_size", [_ENDLESS_M] * 3)
     mesh, scale = _solid(kind.lower(), size, getattr(shape, "radius", 1.0), getattr(shape, "half_length", 1.0))
-    yield Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, grey)
+    yield Part(vars(mesh), scale, grey)
 
 
 def _solid(kind: str, size: ArrayLike, radius: float, half_length: float) -> tuple[Mesh, ArrayLike]:
@@ -295,6 +291,10 @@ def _solid(kind: str, size: ArrayLike, radius: float, half_length: float) -> tup
     if kind == "plane":
         return solids.turned(solids.rectangle(), solids.Z_TO_X), size
     raise ValueError(f"SAPIEN's shape '{kind}' has no likeness in a kuafu scene")
+
+
+def _arrays(shape: Any) -> dict[str, NDArray[Any]]:
+    return {"positions": _floats(shape.vertices), "indices": np.ascontiguousarray(shape.triangles, np.uint32)}
 
 
 def _floats(values: ArrayLike) -> NDArray[np.float32]:

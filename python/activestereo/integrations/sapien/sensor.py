@@ -20,7 +20,7 @@ from activestereo.camera.presets import SAPIEN_NAMES
 from activestereo.camera.presets import StereoDepthSensorConfig as NativeConfig
 from activestereo.common.input_files import checked_file
 from activestereo.common.pose import Pose, as_matrix
-from activestereo.integrations.sapien.scene import SapienScene
+from activestereo.integrations.sapien.scene import SapienScene, own_matrix
 from activestereo.sensor.cuda_memory import copied_to_cuda, cuda_tensor, wait_for
 
 if TYPE_CHECKING:
@@ -28,50 +28,6 @@ if TYPE_CHECKING:
 
 
 _NATIVE_NAMES = {given: own for own, given in SAPIEN_NAMES.items()}
-
-
-class Parameters:
-    """Holds a configuration, and passes changes on to the sensor once it exists. Raises TypeError for values that
-    SAPIEN refuses."""
-
-    _config: Any
-    _sensor: activestereo.StereoDepthSensor | None
-
-    def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
-        """Sets factors on the default noise; ir_speckle_noise 0 switches both kinds off."""
-        self.change(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise)
-
-    def set_census_window_size(self, census_width: int, census_height: int) -> None:
-        """Sets the census window's sides, odd numbers of pixels."""
-        self.change(census_width=census_width, census_height=census_height)
-
-    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
-        """Sets the sides of the block that matching costs are summed over, odd numbers of pixels."""
-        self.change(block_width=block_width, block_height=block_height)
-
-    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
-        """Sets the costs of a disparity step between neighbours: p1_penalty of one pixel, p2_penalty of more."""
-        self.change(p1_penalty=p1_penalty, p2_penalty=p2_penalty)
-
-    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
-        """Sets by how many percent the best disparity must beat the others."""
-        self.change(uniqueness_ratio=uniqueness_ratio)
-
-    def set_lr_max_diff(self, lr_max_diff: int) -> None:
-        """Sets the largest difference of the left and right disparities, in pixels; 255 switches the check off."""
-        self.change(lr_max_diff=lr_max_diff)
-
-    def change(self, **changes: Any) -> None:
-        """Changes fields, by SAPIEN's names, of the configuration and of the sensor."""
-        changed = deepcopy(self._config)
-        for name, value in changes.items():
-            setattr(changed, name, value)
-        check_config(changed)
-        if self._sensor is not None:
-            native = {_NATIVE_NAMES.get(name, name): own_value(name, value) for name, value in changes.items()}
-            self._sensor.change(**native)
-        for name, value in changes.items():
-            setattr(self._config, name, value)
 
 
 class StereoDepthSensorConfig(NativeConfig):
@@ -98,9 +54,7 @@ def native_config(config: Any) -> NativeConfig:
             setattr(out, name, Pose(as_matrix(value)) if is_pose else deepcopy(own_value(name, value)))
     for name in ("rgb_intrinsic", "ir_intrinsic", "ir_intrinsic_right"):
         if getattr(out, name) is not None:
-            k = np.array(getattr(out, name), np.float64)
-            k[:2, 2] -= 0.5
-            setattr(out, name, k)
+            setattr(out, name, own_matrix(getattr(out, name)))
     if isinstance(out.light_pattern, (str, PathLike)) and out.light_pattern != "generated":
         with Image.open(checked_file(Path(out.light_pattern))) as image:  # SAPIEN's projector is red
             out.light_pattern = np.ascontiguousarray(np.asarray(image.convert("RGB"))[..., 0])
@@ -235,7 +189,7 @@ class DeviceArray:
 _GAMMA = 2.2
 
 
-class StereoDepthSensor(Parameters):
+class StereoDepthSensor:
     """Simulates an RGB camera, two infrared cameras and a projector on an entity of a SAPIEN scene.
 
     config: SAPIEN's StereoDepthSensorConfig, or ours with more fields. mount_entity: a sapien.Entity, in a scene before
@@ -323,6 +277,43 @@ class StereoDepthSensor(Parameters):
 
     def set_local_pose(self, pose: sapien.Pose) -> None:
         self._pose = pose
+
+    def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
+        """Sets factors on the default noise; ir_speckle_noise 0 switches both kinds off."""
+        self.change(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise)
+
+    def set_census_window_size(self, census_width: int, census_height: int) -> None:
+        """Sets the census window's sides, odd numbers of pixels."""
+        self.change(census_width=census_width, census_height=census_height)
+
+    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
+        """Sets the sides of the block that matching costs are summed over, odd numbers of pixels."""
+        self.change(block_width=block_width, block_height=block_height)
+
+    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
+        """Sets the costs of a disparity step between neighbours: p1_penalty of one pixel, p2_penalty of more."""
+        self.change(p1_penalty=p1_penalty, p2_penalty=p2_penalty)
+
+    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
+        """Sets by how many percent the best disparity must beat the others."""
+        self.change(uniqueness_ratio=uniqueness_ratio)
+
+    def set_lr_max_diff(self, lr_max_diff: int) -> None:
+        """Sets the largest difference of the left and right disparities, in pixels; 255 switches the check off."""
+        self.change(lr_max_diff=lr_max_diff)
+
+    def change(self, **changes: Any) -> None:
+        """Changes fields, by SAPIEN's names, of the configuration and of the sensor. Raises TypeError for values that
+        SAPIEN refuses."""
+        changed = deepcopy(self._config)
+        for name, value in changes.items():
+            setattr(changed, name, value)
+        check_config(changed)
+        if self._sensor is not None:
+            native = {_NATIVE_NAMES.get(name, name): own_value(name, value) for name, value in changes.items()}
+            self._sensor.change(**native)
+        for name, value in changes.items():
+            setattr(self._config, name, value)
 
     def native(self) -> activestereo.StereoDepthSensor:
         """Returns activestereo's sensor behind this one, which gives more: true depth, ids, the noisy infrared pair.
