@@ -9,10 +9,10 @@ import numpy as np
 from activestereo.capture.capture import Frame
 from activestereo.effects.core.descriptor import Parameter, Stage, StartImage, effect
 from activestereo.effects.core.engine import EngineInputs, rotation
-from activestereo.effects.core.lamp import lamp_pose, lamp_starts
+from activestereo.effects.core.lamp import axes, lamp_pose, lamp_starts
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.moved import engine_effect
-from activestereo.effects.core.room_unit import COARSE, PlaneMatch, SeenPoints, axes, room_unit_starts
+from activestereo.effects.core.room_unit import COARSE, PlaneMatch, SeenPoints, room_unit_starts
 from activestereo.effects.core.view import View
 
 # Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %. A few frames would fit
@@ -199,13 +199,18 @@ def external_light(
         inputs.add_light(on_rig=False, kind="point", name="lamp", light_to_world=place, ir_intensity=intensity)
 
 
+_UNIT_INTENSITY = Parameter(
+    "intensity_m2", "m^2", high=200.0, typical=8.0,
+    source="radiant intensity over ambient radiance: the unit burns whatever the own projector does",
+)  # fmt: skip
+
+
 @engine_effect(
     stage=Stage.SURFACE, family="second projector", starts=unit_starts, moves=("rig_lights",),
     finding="A second projector on the rig is on",
     source="overlapping units: holes where two patterns meet (librealsense issue 516)",
     parameters=[
-        Parameter("intensity_m2", "m^2", high=200.0, typical=8.0,
-                  source="radiant intensity over ambient radiance: the unit burns whatever the own projector does"),
+        _UNIT_INTENSITY,
         Parameter("offset_x_m", "m", neutral=0.2, low=-1.0, high=1.0, typical=0.1,
                   source="from the own projector, its axes"),
         Parameter("offset_y_m", "m", low=-1.0, high=1.0, typical=0.1),
@@ -234,8 +239,7 @@ def second_projector(
     finding="A second projector stands in the room",
     source="overlapping units: holes where two patterns meet (librealsense issue 516)",
     parameters=[
-        Parameter("intensity_m2", "m^2", high=200.0, typical=8.0,
-                  source="radiant intensity over ambient radiance: the unit burns whatever the own projector does"),
+        _UNIT_INTENSITY,
         Parameter("x_m", "m", neutral=-0.2, low=-10.0, high=10.0, typical=0.3, slope_step=0.002, source="of the world"),
         Parameter("y_m", "m", neutral=0.5, low=-10.0, high=10.0, typical=0.3, slope_step=0.002, source="of the world"),
         Parameter("z_m", "m", neutral=0.1, low=-10.0, high=10.0, typical=0.3, slope_step=0.002, source="of the world"),

@@ -102,7 +102,8 @@ def test_a_models_materials_take_the_scenes_place(plastic):
     fields = {"roughness": Quantity(0.2), "ir_albedo": Quantity(0.7), "transmission": Quantity(0.1)}
     scene_measurement = SensorModel(materials={"paint": fields}).scene_measurement(surface_names(capture.scene_path))
     renderer = CaptureRenderer(samples_per_pixel=1)
-    material = renderer.inputs(capture, capture.frames[0], Model(), scene_measurement).material(1)
+    [(_, inputs)] = renderer.inputs(capture, Model(), capture.frames[:1], scene_measurement)
+    material = inputs.material(1)
     assert (material.roughness, material.transmission_roughness) == pytest.approx((0.2, 0.2))
     assert (material.ir_albedo, material.transmission, material.metallic) == pytest.approx((0.7, 0.1, 0.0))
 

@@ -91,10 +91,10 @@ class DotView:
         out.ravel()[order] = means
         return out
 
-    def change(self, light: Light, before: np.ndarray, after: np.ndarray) -> Light:
-        """Returns the light after the pattern changed. before, after: means of both patterns over each pixel's box,
-        [height][width]. Only their difference is added to the direct light; bounced light stays."""
-        change = np.where(self.lit, light.flat * (after - before), 0.0)
+    def change(self, light: Light, after: np.ndarray) -> Light:
+        """Returns the light after the view's own pattern changed. after: means of the new pattern over each pixel's
+        box, [height][width]. Only the difference is added to the direct light; bounced light stays."""
+        change = np.where(self.lit, light.flat * (after - self.nominal()), 0.0)
         return replace(light, direct=np.maximum(light.direct + change, 0.0))
 
     def _footprint(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes how a lamp in the world, or the sun, lights the pixels of a camera, with shadows. Proposes starting values
-for its fit."""
+"""Computes how an added light (a lamp in the world, the sun, another projector) lights the pixels of a camera. Proposes
+starting values for a lamp's fit."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
+from activestereo.common.lens import to_pixels
 from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.shading import Shading
-from activestereo.effects.core.view import View
+from activestereo.effects.core.resample import Pattern, disc_sampler
+from activestereo.effects.core.shading import Facing, reflectance_of
+from activestereo.effects.core.view import View, transform
 
 if TYPE_CHECKING:
     import kuafu
@@ -40,29 +42,58 @@ def towards(azimuth_rad: float, elevation_rad: float) -> np.ndarray:
     return np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
 
 
+def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
+    """Returns the rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam
+    about the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
+    along = towards(azimuth_rad, elevation_rad)
+    right = np.array([-np.cos(azimuth_rad), 0.0, np.sin(azimuth_rad)])
+    down = np.cross(along, right)
+    c, s = np.cos(roll_rad), np.sin(roll_rad)
+    return np.stack([c * right + s * down, c * down - s * right, along], axis=1)
+
+
+def angles(along: np.ndarray) -> tuple[float, float]:
+    """Returns (azimuth, elevation) in radians of a world direction [3], as in axes()."""
+    x, y, z = along / np.linalg.norm(along)
+    return float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
+
+
 def lamp_pose(azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -> np.ndarray:
     """Returns the pose [4][4] of a light in a direction from the world's origin; its +z axis points back to the origin.
     nearness_per_m: 1 / distance; 0 = infinitely far, and the pose stands at the origin."""
-    direction = towards(azimuth_rad, elevation_rad)
-    right = np.cross([0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0], -direction)
-    right /= np.linalg.norm(right)
     pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(-direction, right), -direction], axis=1)
+    pose[:3, :3] = axes(azimuth_rad, elevation_rad, 0.0) * (-1.0, 1.0, -1.0)
     if nearness_per_m > 0:
-        pose[:3, 3] = direction / nearness_per_m
+        pose[:3, 3] = towards(azimuth_rad, elevation_rad) / nearness_per_m
     return pose
 
 
-def radiance_under(lamp: kuafu.Light, to_camera: np.ndarray, light: Light, view: View) -> np.ndarray:
-    """Returns the radiance [height][width] that a lamp adds to the diffuse surfaces, with shadows. lamp: a point light
-    or a directional one. to_camera: its pose [4][4] in camera coordinates."""
-    shading = Shading.of(light, view)
-    way = -to_camera[:3, 2]
-    irradiance = shading.cosine(way)
-    if lamp.kind == "point":
-        way, _, irradiance = shading.from_source(to_camera[:3, 3])
+def radiance_under(added: kuafu.Light, to_camera: np.ndarray, light: Light, view: View) -> np.ndarray:
+    """Returns the radiance [height][width] that an added light gives the diffuse surfaces: a point light or a
+    directional one, with shadows, or a projector of the rig's pattern, without. to_camera: its pose [4][4] in camera
+    coordinates."""
+    facing, reflectance = Facing.of(view), reflectance_of(light, view)
+    if added.kind == "directional":
+        way = -to_camera[:3, 2]
+        irradiance = facing.cosine(way)
+    else:
+        way, _, irradiance = facing.from_source(to_camera[:3, 3])
+    assert added.ir_intensity is not None  # the effect has set it
+    if added.kind == "projector":
+        return added.ir_intensity * _dots(facing, to_camera, view) * irradiance * reflectance
     lit = view.latest("lamp's shadow", None, lambda: _lit(view, way), choice=to_camera.tobytes())
-    return lamp.ir_intensity * shading.reflectance * irradiance * lit
+    return added.ir_intensity * reflectance * irradiance * lit
+
+
+def _dots(facing: Facing, to_camera: np.ndarray, view: View) -> np.ndarray:
+    """Returns the rig's pattern as another projector casts it on each pixel's surface point, [height][width]."""
+    sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
+    x, y, z = np.moveaxis(transform(np.linalg.inv(to_camera), facing.points), -1, 0)
+    ahead, K = np.where(z > 0, z, np.inf), view.projector_K
+    u, v = to_pixels(x / ahead, y / ahead, K)
+    # The pattern's mean over a camera pixel, a box by the ratio of the focal lengths.
+    dots = sharp(u, v, *(np.full(u.shape, K[i, i] / view.K[i, i]) for i in (0, 1)))
+    return np.where((z > 0) & facing.hit, dots, 0.0)
 
 
 def _lit(view: View, way: np.ndarray) -> np.ndarray:
@@ -132,13 +163,13 @@ def _some_pixels(image: StartImage) -> tuple[np.ndarray, list[np.ndarray]]:
     """Returns world_to_camera [4][4] and float32 arrays of n pixels on a coarse grid. First come points [n][3] and
     normals [n][3] in the camera's frame. Then come four [n]: DN per unit strength of a lamp, DN of ambient light,
     weight (1/DN^2), residual (DN)."""
-    shading = Shading.of(image.light, image.view)
-    chosen = np.zeros(shading.hit.shape, dtype=bool)
+    facing = Facing.of(image.view)
+    chosen = np.zeros(facing.hit.shape, dtype=bool)
     chosen[::_GRID_EVERY_PX, ::_GRID_EVERY_PX] = True
-    at = chosen & shading.hit
-    white = np.pi * shading.reflectance * image.ambient_dn
+    at = chosen & facing.hit
+    white = np.pi * reflectance_of(image.light, image.view) * image.ambient_dn
     ambient = image.light.ambient * image.ambient_dn
-    images = shading.points, shading.normal, white, ambient, image.weight, image.residual
+    images = facing.points, facing.normal, white, ambient, image.weight, image.residual
     world_to_camera = image.view.left_to_camera @ np.linalg.inv(image.view.frame.camera_to_world)
     return world_to_camera.astype(np.float32), [x[at].astype(np.float32) for x in images]
 
@@ -166,7 +197,6 @@ def _far_starts(images: list[StartImage]) -> list[dict[str, float]]:
     strength = float(np.linalg.norm(vector))
     if strength == 0.0:
         return []
-    x, y, z = vector / strength
-    azimuth, elevation = float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
+    azimuth, elevation = angles(vector)
     start = {"strength": strength, "azimuth_rad": azimuth, "elevation_rad": elevation}
     return [start, start | {"nearness_per_m": 0.5}]

@@ -35,7 +35,7 @@ from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineCame
 from activestereo.effects.core.lamp import radiance_under
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
-from activestereo.effects.core.shading import Shading, reflected
+from activestereo.effects.core.shading import reflected
 from activestereo.effects.core.surfaces import on_surfaces
 from activestereo.effects.core.view import PickedView, View, transform
 
@@ -266,18 +266,18 @@ def _projected(light: Light, view: View, inputs: _ViewInputs) -> Light:
         light = replace(light, direct=seen.direct, flat=seen.flat)
     if inputs.pattern is not None and inputs.pattern is not view.pattern:
         dots = DotView.of(view)
-        light = dots.change(light, dots.nominal(), dots.mean(inputs.pattern))
+        light = dots.change(light, dots.mean(inputs.pattern))
     if own.pattern_scale != 1.0 or any(own.distortion):
         dots, K = DotView.of(view), view.projector_K
         x, y = distort(*to_tangents(dots.u, dots.v, K), own.distortion)
         u, v = to_pixels(x / own.pattern_scale, y / own.pattern_scale, K)  # of the beam that lights the pixel now
-        light = dots.change(light, dots.nominal(), dots.mean(view.pattern, u, v))
+        light = dots.change(light, dots.mean(view.pattern, u, v))
     if own.radius_m > 0.0:
         dots = DotView.of(view)
         z = np.where(dots.lit, dots.z, own.focus_m)
         aperture_px_m = own.radius_m * np.mean(np.diag(view.projector_K)[:2])
         disc_px = np.minimum(2.0 * aperture_px_m * np.abs(1.0 / z - 1.0 / own.focus_m), _LARGEST_DISC_PX)
-        light = dots.change(light, dots.nominal(), dots.mean_of_discs(view.pattern, disc_px))
+        light = dots.change(light, dots.mean_of_discs(view.pattern, disc_px))
     return light
 
 
@@ -291,12 +291,7 @@ def _add_lights(light: Light, view: View, inputs: _ViewInputs) -> Light:
     poses = [(added, added.light_to_world) for added in inputs.rig_lights]
     poses += [(added, world_to_camera @ added.light_to_world) for added in inputs.lights]
     for added, to_camera in poses:
-        if added.kind == "projector":
-            assert added.ir_intensity is not None  # the effect has set it
-            shine = Shading.of(light, view).light_of_unit(added.ir_intensity, to_camera)
-        else:
-            shine = radiance_under(added, to_camera, light, view)
-        light = replace(light, ambient=light.ambient + shine)
+        light = replace(light, ambient=light.ambient + radiance_under(added, to_camera, light, view))
     return light
 
 

@@ -23,34 +23,13 @@ from scipy.ndimage import gaussian_filter, zoom
 from scipy.optimize import minimize
 
 from activestereo.effects.core.descriptor import StartImage
-from activestereo.effects.core.lamp import towards
-from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.lamp import angles, axes
+from activestereo.effects.core.shading import Facing, reflectance_of
 from activestereo.effects.core.view import View, transform
-
-
-def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
-    """Returns the rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam
-    about the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
-    along = towards(azimuth_rad, elevation_rad)
-    right = np.array([-np.cos(azimuth_rad), 0.0, np.sin(azimuth_rad)])
-    down = np.cross(along, right)
-    c, s = np.cos(roll_rad), np.sin(roll_rad)
-    return np.stack([c * right + s * down, c * down - s * right, along], axis=1)
-
-
-def angles(along: np.ndarray) -> tuple[float, float]:
-    """Returns (azimuth, elevation) in radians of a world direction [3], as in axes()."""
-    x, y, z = along / np.linalg.norm(along)
-    return float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
-
 
 _SEED = 12
 # The difference of these two Gaussians (sigma in pixels) keeps dots: it removes noise and smooth light.
 _DOTS_PX = 0.8, 4.0
-
-
-def _to_world(view: View) -> np.ndarray:
-    return view.frame.camera_to_world @ np.linalg.inv(view.left_to_camera)
 
 
 class SeenPoints(NamedTuple):
@@ -66,20 +45,23 @@ class SeenPoints(NamedTuple):
     dots: np.ndarray
 
     @classmethod
-    def of(cls, images: list[StartImage], most: int, to_frame: Callable[[View], np.ndarray] = _to_world) -> SeenPoints:
+    def of(
+        cls, images: list[StartImage], most: int,
+        to_frame: Callable[[View], np.ndarray] = lambda v: v.frame.camera_to_world @ np.linalg.inv(v.left_to_camera),
+    ) -> SeenPoints:  # fmt: skip
         """Returns at most `most` random pixels of the images, among those that see a surface. to_frame: maps a view to
-        the pose [4][4] of its camera in the points' frame."""
+        the pose [4][4] of its camera in the points' frame, by default the world."""
         columns = []
         for image in images:
-            view, shading = image.view, Shading.of(image.light, image.view)
-            to_own = to_frame(view)
-            at = shading.hit & (shading.reflectance > 0)
+            facing, reflectance = Facing.of(image.view), reflectance_of(image.light, image.view)
+            to_own = to_frame(image.view)
+            at = facing.hit & (reflectance > 0)
             sharp, smooth = (gaussian_filter(image.residual, size) for size in _DOTS_PX)
             columns.append(
                 (
-                    transform(to_own, shading.points[at]),
-                    shading.normal[at] @ to_own[:3, :3].T,
-                    image.ambient_dn * shading.reflectance[at],
+                    transform(to_own, facing.points[at]),
+                    facing.normal[at] @ to_own[:3, :3].T,
+                    image.ambient_dn * reflectance[at],
                     image.weight[at],
                     image.residual[at],
                     (np.abs(sharp - smooth) * np.sqrt(image.weight))[at],

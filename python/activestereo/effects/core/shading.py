@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.integrate import trapezoid
 
-from activestereo.common.lens import to_pixels
+from activestereo.common.computed_once import computed_once
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import BlurAlong, Pattern, disc_sampler
-from activestereo.effects.core.view import View, transform
+from activestereo.effects.core.resample import BlurAlong
+from activestereo.effects.core.view import View
 
 if TYPE_CHECKING:
     import kuafu
@@ -111,8 +111,12 @@ class Facing:
     """Geometry of each pixel's surface towards camera and projector. Directions are unit vectors [height][width][3] in
     camera coordinates. Cosines to the normal are 0 where nothing is hit or the surface faces away."""
 
+    @classmethod
+    def of(cls, view: View) -> Facing:
+        """Returns the Facing of a view, computed once per view."""
+        return view.once("facing", lambda: cls(view))
+
     def __init__(self, view: View) -> None:
-        self._view = view
         self.hit = view.depth_m > 0
         self.points = view.points()
         self.to_camera = _unit(-self.points)
@@ -121,10 +125,11 @@ class Facing:
         source = np.linalg.inv(view.camera_to_projector)[:3, 3]
         self.to_projector, self.projector_cosine, self.irradiance = self.from_source(source)
 
+    @computed_once
     def lobe(self) -> Cosines:
         """Returns the Cosines of the highlight that the projector's light makes on each pixel's surface, towards the
         camera."""
-        return self._view.once("lobe", lambda: cosines_of(self.normal, self.to_projector, self.to_camera))
+        return cosines_of(self.normal, self.to_projector, self.to_camera)
 
     def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns, for a point source at `position` (camera coordinates), each pixel's direction to it, cosine to the
@@ -140,37 +145,19 @@ class Facing:
         return np.where(self.hit, np.maximum((self.normal * direction).sum(-1), 0.0), 0.0)
 
 
-class Shading(Facing):
-    """Computes how surfaces face camera and projector, as Facing does, and the reflectance that the light layers show.
+def reflectance_of(light: Light, view: View) -> np.ndarray:
+    """Returns the surfaces' diffuse radiance per irradiance, albedo / pi, [height][width], as the light layers show it.
+    Where the projector does not reach, it is guessed from the ambient light by the scene's median ratio. The view
+    remembers it for the latest light."""
 
-    reflectance: diffuse radiance per irradiance, albedo / pi, [height][width]. Where the projector does not reach, it
-    is guessed from the ambient light by the scene's median ratio.
-    """
-
-    @classmethod
-    def of(cls, light: Light, view: View) -> Shading:
-        """Returns the Shading of a light and a view; the view remembers it for the latest light."""
-        return view.latest("shading", light, lambda: cls(light, view))
-
-    def __init__(self, light: Light, view: View) -> None:
-        vars(self).update(vars(view.once("facing", lambda: Facing(view))))
-        lit = self.hit & (light.flat > 0) & (self.projector_cosine > _LEAST_COSINE)
-        own = light.flat / np.where(lit, self.irradiance, 1.0)
+    def shown() -> np.ndarray:
+        facing = Facing.of(view)
+        lit = facing.hit & (light.flat > 0) & (facing.projector_cosine > _LEAST_COSINE)
+        own = light.flat / np.where(lit, facing.irradiance, 1.0)
         share = np.median((own / np.maximum(light.ambient, 1e-12))[lit]) if lit.any() else 0.0
-        self.reflectance = np.where(self.hit, np.where(lit, own, light.ambient * share), 0.0)
+        return np.where(facing.hit, np.where(lit, own, light.ambient * share), 0.0)
 
-    def light_of_unit(self, intensity_m2: float, to_camera: np.ndarray) -> np.ndarray:
-        """Returns the radiance, relative to the ambient radiance, that another projector with this pattern adds,
-        [height][width], without shadows. intensity_m2: its radiant intensity over the ambient radiance, m^2.
-        to_camera: its pose [4][4] in camera coordinates."""
-        view, K = self._view, self._view.projector_K
-        sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
-        x, y, z = np.moveaxis(transform(np.linalg.inv(to_camera), self.points), -1, 0)
-        u, v = to_pixels(x / np.where(z > 0, z, np.inf), y / np.where(z > 0, z, np.inf), K)
-        # The pattern's mean over a camera pixel, a box by the ratio of the focal lengths.
-        dots = sharp(u, v, *(np.full(u.shape, K[i, i] / view.K[i, i]) for i in (0, 1)))
-        *_, irradiance = self.from_source(to_camera[:3, 3])
-        return intensity_m2 * np.where((z > 0) & self.hit, dots, 0.0) * irradiance * self.reflectance
+    return view.latest("reflectance", light, shown)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
@@ -215,17 +202,17 @@ def reflected(light: Light, view: View, material: kuafu.Material, unrendered: di
 
 def _glossy(light: Light, view: View, material: kuafu.Material) -> Light:
     """Returns the light with a highlight of the projector's dots and a sheen of the surroundings."""
-    shading, share = Shading.of(light, view), material.specular
+    facing, share = Facing.of(view), material.specular
     assert material.ir_roughness is not None and material.ir_ior is not None  # the effect has set them
     layer = material.ir_roughness, material.ir_ior
     lit = light.flat > 0
-    cosines = np.maximum(shading.camera_cosine, 1e-3), np.maximum(shading.projector_cosine, 1e-3)
+    cosines = np.maximum(facing.camera_cosine, 1e-3), np.maximum(facing.projector_cosine, 1e-3)
     flat = light.flat * base_share(*cosines, layer[0], share, layer[1]) + np.where(
-        lit, share * highlight(shading.lobe(), *layer) * shading.irradiance, 0.0
+        lit, share * highlight(facing.lobe(), *layer) * facing.irradiance, 0.0
     )
     dots = light.direct / np.where(lit, light.flat, 1.0)
-    sheen = share * np.where(shading.hit, reflected_share(cosines[0], *layer), 0.0)
-    white = np.pi * shading.reflectance
+    sheen = share * np.where(facing.hit, reflected_share(cosines[0], *layer), 0.0)
+    white = np.pi * reflectance_of(light, view)
     # The share of the surroundings that a surface sees: its ambient light over that of an open surface of its albedo.
     open_share = np.clip(light.ambient / np.where(white > 0, white, np.inf), 0.0, 1.0)
     ambient = light.ambient * (1.0 - sheen) + sheen * open_share

@@ -94,12 +94,11 @@ def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
     of_objects = {m for k in chosen for m in instances[k].materials}
     if -1 in of_objects:
         raise ValueError(f"{scene_path}: the object '{name}' has a part without a material: give it one")
-    own = [
+    return [
         k
         for k, surface in enumerate(scene_surfaces(scene_path))
         if (surface.instance in chosen if surface.instance is not None else surface.material in of_objects)
     ]
-    return own
 
 
 def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
@@ -196,18 +195,11 @@ def material_numbers(surfaces: float) -> list[int]:
     return [k for k in range(MOST_MATERIALS) if int(surfaces) >> k & 1]
 
 
-def chosen(view: View, surfaces: float) -> np.ndarray:
-    """Returns a mask [height][width] of the pixels on the selected materials. surfaces: the sum of 2^k over their
-    numbers k. All pixels are selected by 0, or if the view has no material image."""
-    if surfaces == 0 or view.material is None:
-        return np.ones(view.shape, dtype=bool)
-    material = view.material
-    return view.once(("surfaces", surfaces), lambda: np.isin(material, material_numbers(surfaces)))
-
-
 def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Light:
-    """Returns the light that is `changed` on the selected surfaces and `light` elsewhere. surfaces: as for chosen()."""
-    if surfaces == 0:
+    """Returns the light that is `changed` on the selected materials and `light` elsewhere. surfaces: the sum of 2^k
+    over their numbers k. All pixels are selected by 0, or if the view has no material image."""
+    if surfaces == 0 or view.material is None:
         return changed
-    here = chosen(view, surfaces)
+    numbers = view.material, material_numbers(surfaces)
+    here = view.once(("surfaces", surfaces), lambda: np.isin(*numbers))
     return Light.of_images(np.where(here, changed.images, light.images), light.supersampled)

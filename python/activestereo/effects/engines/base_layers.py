@@ -25,7 +25,7 @@ from activestereo.common.lens import to_tangents, with_finer_pixels
 from activestereo.common.progress_bar import Progress
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.capture_inputs import copy_record
-from activestereo.effects.engines.layers import RenderRequest, request_key, with_pixels
+from activestereo.effects.engines.layers import RenderRequest, request_key
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
@@ -228,7 +228,7 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
 def _resized(camera: kuafu.Camera, size: float) -> kuafu.Camera:
     """Returns the camera with `size` times as many pixels along each side."""
     width, height = (int(np.ceil(size * side)) for side in (camera.width, camera.height))
-    return with_pixels(camera, width, height, with_finer_pixels(camera.k, size))
+    return copy_record(camera, width=width, height=height, k=with_finer_pixels(camera.k, size))
 
 
 def _pixels(request: RenderRequest) -> int:

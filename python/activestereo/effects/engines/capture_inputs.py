@@ -116,39 +116,32 @@ def capture_inputs(
     )
 
 
+def _fields(record: Any) -> dict[str, Any]:
+    """Returns {name: value} of all fields of one of kuafu's records."""
+    return {n: getattr(record, n) for n, value in vars(type(record)).items() if isinstance(value, property)}
+
+
 def record_key(record: Any) -> tuple:
     """Returns (name, value) of all fields of one of kuafu's records, () for None. Equal keys mean equal records."""
-    if record is None:
-        return ()
-    names = [n for n, value in vars(type(record)).items() if isinstance(value, property)]
-    return tuple(
-        (n, value.tobytes() if isinstance(value, np.ndarray) else value)
-        for n in names
-        for value in [getattr(record, n)]
-    )
+    values = {} if record is None else _fields(record)
+    return tuple((n, v.tobytes() if isinstance(v, np.ndarray) else v) for n, v in values.items())
 
 
-def copy_record(record: Any) -> Any:
-    """Returns a copy of one of kuafu's records, field by field. Cameras need copy_camera: their constructor takes
-    arguments."""
-    return type(record)(
-        **{n: getattr(record, n) for n, value in vars(type(record)).items() if isinstance(value, property)}
-    )
+def copy_record(record: Any, **changes: Any) -> Any:
+    """Returns a copy of one of kuafu's records, with other values of some fields."""
+    return type(record)(**_fields(record) | changes)
 
 
 def copy_camera(camera: kuafu.Camera, delay_s: float) -> kuafu.Camera:
     """Returns a copy of the camera at its pose `delay_s` seconds after its time."""
-    names = ("lens_model", "distortion", "lens_radius_m", "focus_m", "shutter", "readout", "exposure_s", "line_time_s")
-    fields = {name: getattr(camera, name) for name in (*names, "linear_velocity", "angular_velocity")}
     pose = moved_pose(camera.camera_to_world, camera.linear_velocity, camera.angular_velocity, delay_s)
-    return kuafu.Camera(camera.width, camera.height, camera.k, pose, camera.near_m, camera.far_m, **fields)
+    return copy_record(camera, camera_to_world=pose)
 
 
 def copy_light(light: kuafu.Light, delay_s: float = 0.0) -> kuafu.Light:
     """Returns a copy of the light at its pose `delay_s` seconds after its time."""
-    later = copy_record(light)
-    later.light_to_world = moved_pose(light.light_to_world, light.linear_velocity, light.angular_velocity, delay_s)
-    return later
+    pose = moved_pose(light.light_to_world, light.linear_velocity, light.angular_velocity, delay_s)
+    return copy_record(light, light_to_world=pose)
 
 
 def world_key(inputs: EngineInputs) -> tuple:

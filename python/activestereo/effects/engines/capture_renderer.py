@@ -93,29 +93,43 @@ class CaptureRenderer:
 
     @contextmanager
     def _loaded(self, scene_path: Path) -> Iterator[LoadedScene]:
-        """Gives the loaded scene to one thread at a time."""
+        """Gives the loaded scene to one thread at a time. After an error the next call loads a new one, since changes
+        may be left in the old one."""
         with self._one_at_a_time:
             digest = scene_digest(scene_path)
             if self._scene is None or digest != self._digest:
                 self._scene, self._digest = LoadedScene(scene_path, self.device, self._smooth), digest
                 self._first, self._kept = {}, {}
-            yield self._scene
+            try:
+                yield self._scene
+            except BaseException:
+                self._scene = None
+                raise
 
     def __call__(self, request: RenderRequest, progress: Progress | None = None) -> tuple[Layers, ...]:
         """Renders a request; returns one Layers per camera. progress: called as progress(fraction done)."""
-        with self._loaded(request.scene_path) as world, world.alone() as scene:
+        with self._loaded(request.scene_path) as world:
             may_be_matt = self._smooth and not self._traced
-            if may_be_matt and is_matt_world(scene, world.has_room_light):
+            if may_be_matt and is_matt_world(world.scene, world.has_room_light):
                 return matt_layers(world, request, self._first, progress)
             return traced_layers(world, request, progress)
 
     def inputs(
-        self, capture: Capture, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None
-    ) -> EngineInputs:
-        """Returns the engines' inputs for a frame: calibration and settings, the scene measurement's corrections, then
-        the model's deterministic effects. Random effects have no part in an expected image."""
-        [(_, inputs)] = self._inputs(capture, model, [frame], scene_measurement)
-        return inputs
+        self, capture: Capture, model: Model, frames: Iterable[Frame] | None, scene_measurement: SceneMeasurement | None
+    ) -> list[tuple[Frame, EngineInputs]]:
+        """Returns (frame, the engines' inputs) of all frames; None: of the capture's. The inputs are calibration and
+        settings, the scene measurement's corrections, then the model's deterministic effects. Random effects have no
+        part in an expected image."""
+        pattern, made = capture.rig.projector.pattern(), []
+        expected = [(e, e.on_pixels(p, capture.binning)) for e, p in model.effects if e.randomness is Randomness.NONE]
+        with self._loaded(capture.scene_path) as world:
+            for frame in capture.frames if frames is None else frames:
+                inputs = capture_inputs(capture, frame, world.scene, pattern, self.seed)
+                if scene_measurement is not None:
+                    scene_measurement.apply(inputs)
+                apply_engine(inputs, tuple(expected))
+                made.append((frame, inputs))
+        return made
 
     def lights(
         self,
@@ -130,7 +144,7 @@ class CaptureRenderer:
         or gain alone share their images. All poses with the same materials and medium are one render. half: 0 or 1, one
         of two independent halves of the samples (smooth.py)."""
         jobs: dict[tuple, _Job] = {}
-        for frame, inputs in self._inputs(capture, model, frames, scene_measurement):
+        for frame, inputs in self.inputs(capture, model, frames, scene_measurement):
             jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))
         worlds: dict[tuple, list[_Job]] = {}
         for job in jobs.values():
@@ -156,7 +170,7 @@ class CaptureRenderer:
     ) -> str:
         """Returns a hash of all that decides lights(), but for the scene's files and the engine's version. It is equal
         in every process."""
-        inputs = [own for _, own in self._inputs(capture, model, frames, scene_measurement)]
+        inputs = [own for _, own in self.inputs(capture, model, frames, scene_measurement)]
         powers = [(i.frame.id, i.projector and i.projector.ir_intensity) for i in inputs]
         smooth = self._smooth and SMOOTH_VERSION
         settings = self.samples_per_pixel, self.max_bounces, self.seed, half, smooth, BOUNCED_VERSION
@@ -177,30 +191,15 @@ class CaptureRenderer:
 
     # ---- inside ----
 
-    def _inputs(
-        self, capture: Capture, model: Model, frames: Iterable[Frame] | None, scene_measurement: SceneMeasurement | None
-    ) -> list[tuple[Frame, EngineInputs]]:
-        """Returns (frame, inputs()) of all frames; None: of the capture's."""
-        pattern, made = capture.rig.projector.pattern(), []
-        expected = [(e, e.on_pixels(p, capture.binning)) for e, p in model.effects if e.randomness is Randomness.NONE]
-        with self._loaded(capture.scene_path) as world:
-            for frame in capture.frames if frames is None else frames:
-                inputs = capture_inputs(capture, frame, world.scene, pattern, self.seed)
-                if scene_measurement is not None:
-                    scene_measurement.apply(inputs)
-                apply_engine(inputs, tuple(expected))
-                made.append((frame, inputs))
-        return made
-
     def _images(
         self, scene_path: Path, jobs: list[_Job], progress: Progress | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
         """Returns the rendered images, {output: image}, by job and side: [job][side]. The last renders are kept and
         reused for changes that move no ray."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
-        with self._loaded(scene_path) as world, world.alone() as scene:
+        with self._loaded(scene_path) as world:
             if key not in self._kept:
-                with changed_world(scene, jobs[0].inputs):
+                with changed_world(world.scene, jobs[0].inputs):
                     self._kept[key] = self._render_world(world, jobs, progress, half)
                 while len(self._kept) > _KEPT:
                     self._kept.pop(next(iter(self._kept)))
@@ -238,18 +237,21 @@ class CaptureRenderer:
             for light in _lights(job.inputs, own, delay_s):
                 light.environment, light.light_group = environment, _ADDED_GROUP
                 lights.append((light, job.inputs.pattern if light.kind == "projector" else None))
+        samples, seed = self.samples_per_pixel, self.seed
+        if half is not None:
+            samples, seed = half_samples(samples), half_seeds(seed)[half]
         sides = [(moments.index((job, side.delay_s)), side) for job in jobs for side in job.inputs.sides]
         with world.lit(lights):
             images = world.images(
                 [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides],
                 outputs + group,
-                self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
+                samples,
                 self.max_bounces,
                 progress,
                 keeps_surfaces=all(keeps_surfaces(job.inputs) for job in jobs),
                 environments=[n for n, _ in sides],
                 optics=[side.optics for _, side in sides],
-                seed=self.seed if half is None else half_seeds(self.seed)[half],
+                seed=seed,
             )
         images["added"] = images.pop(*group) if has_lamps else np.zeros_like(images[outputs[0]])
         images["added_indirect"] = np.zeros_like(images["added"])
@@ -260,25 +262,21 @@ class CaptureRenderer:
 
 def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
     """Returns copies of the lights of one render pass, which `own` selects as in _render(). Lights on the rig are moved
-    to their pose delay_s seconds later."""
-    on_rig = [*([_unit(inputs.projector)] if own and inputs.projector is not None else []), *inputs.rig_lights]
+    to their pose delay_s seconds later. The projector's power is 1 W/sr, and scales the images afterwards."""
+    on_rig = [
+        *([copy_record(inputs.projector, ir_intensity=1.0)] if own and inputs.projector is not None else []),
+        *inputs.rig_lights,
+    ]
     lights = [copy_light(light, delay_s) for light in on_rig] + [copy_light(light) for light in inputs.lights]
     first = 1 if own and inputs.projector is not None else 0
     return lights[:first] + [light for light in lights[first:] if (light.kind == "projector") != own]
 
 
-def _unit(projector: kuafu.Light) -> kuafu.Light:
-    """Returns a copy of the projector at 1 W/sr: its power scales the image afterwards."""
-    unit = copy_record(projector)
-    unit.ir_intensity = 1.0
-    return unit
-
-
 def _job_key(inputs: EngineInputs) -> tuple:
-    """Returns a key that is equal for poses with equal images. It leaves out powers, since they scale the images
+    """Returns a key that is equal for poses with equal images. It leaves out the projector's power, which scales them
     afterwards."""
     sides = tuple((record_key(side.camera), record_key(side.optics), side.delay_s) for side in inputs.sides)
-    projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
+    projector = () if inputs.projector is None else record_key(copy_record(inputs.projector, ir_intensity=1.0))
     pattern = hashlib.sha256(b"" if inputs.pattern is None else inputs.pattern.tobytes())
     return (*sides, projector, pattern.digest(), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
 

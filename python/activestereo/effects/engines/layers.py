@@ -16,7 +16,7 @@ from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.lens import lens_fields
 from activestereo.effects.core.resample import SupersampledImages
 from activestereo.effects.core.view import Layers
-from activestereo.effects.engines.capture_inputs import record_key
+from activestereo.effects.engines.capture_inputs import copy_record, record_key
 
 # Increase this number when the meaning of a cached array changes.
 _FORMAT = 4
@@ -60,7 +60,7 @@ class Sampling:
             [[self.scale, 0, self.scale * shift - 0.5], [0, self.scale, self.scale * shift - 0.5], [0, 0, 1.0]]
         )
         width, height = ((size + 2 * self.margin_px) * self.scale for size in (camera.width, camera.height))
-        return with_pixels(camera, width, height, to_fine @ camera.k)
+        return copy_record(camera, width=width, height=height, k=to_fine @ camera.k)
 
     def pixel_layers(self, layers: Layers) -> Layers:
         """Reduces the Layers rendered with camera() to the camera's pixels."""
@@ -84,12 +84,6 @@ class Sampling:
         depth_m = np.where(smooth, mean, nearest).astype(np.float32)
         surfaces = depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
         return Layers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled)
-
-
-def with_pixels(camera: kuafu.Camera, width: int, height: int, k: np.ndarray) -> kuafu.Camera:
-    """Returns a camera at the same place behind the same lens, with other pixels. k: 3x3."""
-    pose, model = camera.camera_to_world, camera.lens_model
-    return kuafu.Camera(width, height, k, pose, distortion=camera.distortion, lens_model=model)
 
 
 def sampling_of(rig: Rig, scale: int) -> Sampling:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -105,15 +104,11 @@ class LoadedScene:
     def __init__(self, scene_path: Path, device: kuafu.Device, smooth: bool) -> None:
         self.device = device
         self._renderer = kuafu.Renderer(self.device)
-        self._path, self._smooth = scene_path, smooth
-        self._one_at_a_time, self._is_changed = threading.Lock(), False
-        self._load()
-
-    def _load(self) -> None:
+        self._smooth = smooth
         self.scene = kuafu.Scene(self.device)
-        load_scene_file(self.scene, self._path)
-        split_surfaces(self.scene, self._path)
-        self._room = light_by_room(self.scene, self.device, self._path)
+        load_scene_file(self.scene, scene_path)
+        split_surfaces(self.scene, scene_path)
+        self._room = light_by_room(self.scene, self.device, scene_path)
 
     @property
     def has_room_light(self) -> bool:
@@ -124,17 +119,6 @@ class LoadedScene:
         """Returns the measured ambient light of a scene with has_room_light, [camera][height][width][1]."""
         assert self._room is not None
         return self._room.images(self._renderer, cameras, samples_per_pixel, **options)
-
-    @contextmanager
-    def alone(self) -> Iterator[kuafu.Scene]:
-        """Gives the scene to one thread at a time. After an error the next call loads a new scene, since changes may be
-        left in the old one."""
-        with self._one_at_a_time:
-            if self._is_changed:
-                self._load()
-            self._is_changed = True
-            yield self.scene
-            self._is_changed = False
 
     @contextmanager
     def lit(self, lights: Iterable[tuple[kuafu.Light, NDArray | None]]) -> Iterator[None]:
