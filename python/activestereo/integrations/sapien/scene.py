@@ -8,6 +8,7 @@ SAPIEN's classes."""
 
 from __future__ import annotations
 
+import inspect
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -39,6 +40,28 @@ class VisualRecords(sapien.Component):
         """Does nothing; SAPIEN requires the method."""
 
 
+# Fields of SAPIEN's records whose arguments have another name.
+_FIELDS = {"half_size": "scale", "half_length": "length"}
+
+
+def _recording(kind: str, method: str = "add_{}_visual") -> Any:
+    """Returns a method that adds a record of this kind of shape, with the arguments of SAPIEN's own method."""
+    signature = inspect.signature(getattr(SapienActorBuilder, method.format(kind)))
+
+    def add(self: ActorBuilder, *args: Any, **named: Any) -> ActorBuilder:
+        bound = signature.bind(self, *args, **named)
+        bound.apply_defaults()
+        given = {_FIELDS.get(name, name): value for name, value in bound.arguments.items() if name != "self"}
+        given["pose"] = sapien.Pose() if given["pose"] is None else given["pose"]
+        material = given["material"]
+        if material is not None and not isinstance(material, kuafu.Material):
+            given["material"] = kuafu.Material(base_color=(*(float(v) for v in material), 1.0)[:4])
+        self.visual_records.append(VisualShapeRecord(kind, **given))
+        return self
+
+    return add
+
+
 class ActorBuilder(SapienActorBuilder):
     """Builds entities without SAPIEN's renderer; use ActorBuilder(scene) in place of scene.create_actor_builder()."""
 
@@ -46,35 +69,9 @@ class ActorBuilder(SapienActorBuilder):
         super().__init__()
         self.set_scene(scene)
 
-    def add_box_visual(
-        self, pose: Any = None, half_size: Any = (1, 1, 1), material: Any = None, name: str = ""
-    ) -> ActorBuilder:
-        return self._record("box", pose, material, name, scale=half_size)
-
-    def add_sphere_visual(
-        self, pose: Any = None, radius: float = 1, material: Any = None, name: str = ""
-    ) -> ActorBuilder:
-        return self._record("sphere", pose, material, name, radius=radius)
-
-    def add_capsule_visual(
-        self, pose: Any = None, radius: float = 1, half_length: float = 1, material: Any = None, name: str = ""
-    ) -> ActorBuilder:
-        return self._record("capsule", pose, material, name, radius=radius, length=half_length)
-
-    def add_cylinder_visual(
-        self, pose: Any = None, radius: float = 1, half_length: float = 1, material: Any = None, name: str = ""
-    ) -> ActorBuilder:
-        return self._record("cylinder", pose, material, name, radius=radius, length=half_length)
-
-    def add_plane_visual(
-        self, pose: Any = None, scale: Any = (1, 1, 1), material: Any = None, name: str = ""
-    ) -> ActorBuilder:
-        return self._record("plane", pose, material, name, scale=scale)
-
-    def add_visual_from_file(
-        self, filename: str, pose: Any = None, scale: Any = (1, 1, 1), material: Any = None, name: str = ""
-    ) -> ActorBuilder:
-        return self._record("file", pose, material, name, filename=str(filename), scale=scale)
+    add_box_visual, add_sphere_visual = _recording("box"), _recording("sphere")
+    add_capsule_visual, add_cylinder_visual = _recording("capsule"), _recording("cylinder")
+    add_plane_visual, add_visual_from_file = _recording("plane"), _recording("file", "add_visual_from_file")
 
     def build_entity(self) -> sapien.Entity:
         entity = sapien.Entity()
@@ -82,14 +79,6 @@ class ActorBuilder(SapienActorBuilder):
         entity.add_component(self.build_physx_component())
         entity.name = self.name
         return entity
-
-    def _record(self, kind: str, pose: Any, material: Any, name: str, **shape: Any) -> ActorBuilder:
-        pose = sapien.Pose() if pose is None else pose
-        if material is not None and not isinstance(material, kuafu.Material):
-            colour = (*(float(v) for v in material), 1.0)[:4]
-            material = kuafu.Material(base_color=colour)
-        self.visual_records.append(VisualShapeRecord(kind, pose=pose, material=material, name=name, **shape))
-        return self
 
 
 # SAPIEN's specular s gives a reflectance of 0.08 s at normal incidence; glTF's scales the 0.04 of an index of 1.5.
