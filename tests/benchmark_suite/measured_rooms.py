@@ -163,7 +163,7 @@ def measured(args, numbered):
             calibrate_world(source, place)
         if name is not None:
             capture = read_capture(place)
-            tells = detectable_sizes(score_room(cells.Room(capture), tuple(builtin().values())))
+            tells = detectable_sizes(score_room(cells.Room(capture), builtin()))
             row["told"], row["least"] = is_told(tells, name, row["truth"], capture)
     except ValueError as error:
         return number, row | {"verdict": "refused", "why": str(error)}

@@ -79,7 +79,7 @@ def promised(folder, rng):
     recorded(folder / "clean", row["seed"], TURNS, EXPOSURES)
     calibrate_world(folder / "clean", folder / "planned")
     capture = read_capture(folder / "planned")
-    recordings = plan_of(score_room(cells.Room(capture), tuple(builtin().values())))
+    recordings = plan_of(score_room(cells.Room(capture), builtin()))
     while True:
         kind = DRAWN[rng.integers(len(DRAWN))]
         _, medium, strong = KINDS[kind].values

@@ -297,7 +297,7 @@ def _print_plan(args: argparse.Namespace) -> None:
     capture = read_capture(args.recording)
     if not is_measured_room(capture):
         raise cli.CommandError(f"{args.recording}: is no measured room: make one with calibrate world")
-    plan = plan_of(score_room(Room(capture), tuple(builtin().values())))
+    plan = plan_of(score_room(Room(capture), builtin()))
     if args.json:
         cli.print_json([asdict(r) for r in plan])
     else:

@@ -176,7 +176,7 @@ def diagnose(
 
         known = _effects_of(model, whole.scene_path)
         sessions = [read_capture(path) for path in reference]
-        room, found, complete, unseen = diagnosed_room(whole, known, candidates, sessions)
+        room, found, complete, unseen = diagnosed_room(whole, known, effects, sessions)
         return Diagnosis(room, found, sensor_model=complete, unseen=unseen)
     if reference:
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")

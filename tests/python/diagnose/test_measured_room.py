@@ -20,11 +20,11 @@ from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.room import columns, names
+from activestereo.diagnose.room.beside import row_variance
 from activestereo.diagnose.room.columns import acting
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.imagined import ImaginedRoom
 from activestereo.diagnose.room.names import names_of, reinterpret_as_glare, score_room, with_planned_pair
-from activestereo.diagnose.room.rows import row_variance
 from activestereo.diagnose.words import errors_of
 from activestereo.effects import Model, builtin
 from chromium import Page, is_installed
@@ -61,6 +61,10 @@ def ghost(dn, side, rng):
 
 def nothing(dn, side, rng):
     return dn
+
+
+def _built_in(*names):
+    return {name: builtin()[name] for name in names}
 
 
 def soft(dn, side, rng):
@@ -236,7 +240,7 @@ def test_a_good_session_of_other_views_tells_the_unit_s_own(capture_with, diagno
 def test_black_levels_that_follow_the_views_light_are_glare(capture_with, lifted, is_glare):
     """Exposures are 1, 0.85 and 1.3 of one room: a quarter of the light, scattered, lifts its views so; twice it is no
     glare."""
-    seen = score_room(Measured(read_capture(capture_with(nothing))), tuple(builtin().values()))
+    seen = score_room(Measured(read_capture(capture_with(nothing))), builtin())
     light = np.mean([image.mean() for image in seen.light.seen[:2]])
     told = {f"black_level.{v}": (0.25 * x * light, 0.1) for v, x in enumerate(lifted, 1)}
     found = reinterpret_as_glare(Found(builtin()["black_level"], 7.0, told), seen)
@@ -250,12 +254,12 @@ def test_black_levels_that_follow_the_views_light_are_glare(capture_with, lifted
 def test_lifted_views_may_be_glare_or_a_bent_response(capture_with, monkeypatch):
     """One room cannot tell them apart: two exposures of one place would."""
     room = Measured(read_capture(capture_with(nothing)))
-    light = np.mean([image.mean() for image in score_room(room, tuple(builtin().values())).light.seen[:2]])
+    light = np.mean([image.mean() for image in score_room(room, builtin()).light.seen[:2]])
     told = {"black_level.1": (-0.04 * light, 0.1), "black_level.2": (0.08 * light, 0.1)}
     monkeypatch.setattr(names, "judged", lambda *a: [Found(builtin()["black_level"], 7.0, told, {"offset_dn": 1.0})])
-    found = names.names_of(room, Model(), tuple(builtin().values())).named[0]
+    found = names.names_of(room, Model(), builtin()).named[0]
     assert set(found.members) == {"veiling_glare", "black_level", "response_gamma"}
-    assert found.found.effect.id == "veiling_glare" and sum(found.members.values()) == pytest.approx(1.0)
+    assert found.effect.id == "veiling_glare" and sum(found.members.values()) == pytest.approx(1.0)
 
 
 def test_what_is_no_reference_is_refused_in_a_line(capture_with):
@@ -317,16 +321,16 @@ def test_a_weak_flicker_is_sought_at_its_own_period(capture_with, cycles):
     for k, image in enumerate(room.images):
         lit = 1.0 + 0.06 * np.cos(angle + 0.9 + 2.2 * image.view).astype(np.float32)
         room.images[k] = replace(image, dn=BLACK_DN + (image.dn - BLACK_DN) * lit)
-    found = names_of(room, Model(()), (builtin()["flicker_banding"], builtin()["black_level"]))
+    found = names_of(room, Model(()), _built_in("flicker_banding", "black_level"))
     (period,) = found.seen.chosen["flicker_banding"]
     assert 2 * room.shape[0] / period == pytest.approx(cycles, abs=0.25)
-    assert {n.found.effect.id for n in found.named} <= {"flicker_banding"}
+    assert {f.effect.id for f in found.named} <= {"flicker_banding"}
 
 
 def test_a_view_that_was_imagined_lies_where_a_recorded_one_does(capture_with):
     """A take of the first view's own pose sees what that view sees; one that turns sees it turned, and back."""
     room = Measured(read_capture(capture_with(nothing)))
-    seen = score_room(room, (builtin()["tangential_distortion"], builtin()["gain_mismatch"]))
+    seen = score_room(room, _built_in("tangential_distortion", "gain_mismatch"))
     same = ImaginedRoom(room, seen.light, (0.0, 0.0, 0.0))
     assert (same.views, same.judged, len(same.images)) == (4, 3, 8)
     usable = same.images[6].usable
@@ -354,8 +358,8 @@ def test_a_lens_s_distortion_is_found_at_its_own_size(capture_with):
     for k, image in enumerate(room.images):
         moved = acting(effect, {"p1": 0.003}, image.dn, columns.view_of(room, k), 0.0)
         room.images[k] = replace(image, dn=moved.astype(np.float32))
-    scores = score_room(room, (effect,)).scores
-    (found,) = names.judged(scores, names.session_spread(scores, names.OF_A_UNIT), names.LOOKED, names.NEEDED)
+    scores = score_room(room, {effect.id: effect}).scores
+    (found,) = names.judged(scores, names.session_spread(scores, names.OF_A_UNIT))
     assert found.parameters["tangential_distortion.p1"][0] == pytest.approx(0.003, rel=0.4)
 
 

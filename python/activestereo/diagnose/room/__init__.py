@@ -6,8 +6,7 @@ light      estimates the light expected in every image from all images
 columns    computes how images change by each effect, and by errors of the calibration
 cells_out  projects the cells' radiances out, and sums information and scores by tiles
 evidence   computes how much likelier an effect is than none
-rows       estimates noise that the rows of one image share
-drops      finds places of one camera that are blurred in every view
+beside     finds what no column shows: row noise, drops on a window, pitch, a bent response, falloff
 names      names the effects that a room shows
 unseen     predicts held-out views from the others
 same_place joins a room with a session of the same views when the camera was good

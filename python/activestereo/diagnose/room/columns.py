@@ -8,7 +8,7 @@ so that an effect on them is already in them, and shows only between the two cam
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -189,12 +189,12 @@ def gradient_change(image: Image, dx: Image, dy: Image) -> Image:
     return np.asarray(-(dx * across + dy * down), np.float32)
 
 
-def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[Column]:
+def effects_of(room: Room, light: RoomLight, effects: Mapping[str, Effect]) -> list[Column]:
     """Returns columns of effects in the camera, one for each parameter that changes an image. Effects that are
     nuisances of every room, such as its falloff, and those that are searched for are left out."""
     views = [view_of(room, k) for k in range(len(room.images))]
     out: list[Column] = []
-    for effect in effects:
+    for effect in effects.values():
         if effect.id in ("vignetting", _GHOST) or not is_alike_in_views(effect):
             continue
         lead = effect.parameters[0]
@@ -342,10 +342,10 @@ def view_of(room: Room, k: int) -> View:
     )  # fmt: skip
 
 
-def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
+def pedestals(room: Room, effects: Mapping[str, Effect]) -> list[Column]:
     """Returns one column per view for a black level that differs between views; [] if `effects` lack the black
     level."""
-    effect = next((e for e in effects if e.id == "black_level"), None)
+    effect = effects.get("black_level")
     if effect is None:
         return []
     p = effect.parameters[0]
@@ -356,13 +356,12 @@ def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
 
 
 def alternatives(
-    room: Room, light: RoomLight, effects: Iterable[Effect]
+    room: Room, light: RoomLight, effects: Mapping[str, Effect]
 ) -> dict[str, dict[tuple[float, ...], list[Column]]]:
     """Returns {effect: {alternative: its columns}} of the effects that are searched for: lamp flicker by its period in
     rows of the whole image, and a ghost by its pane's angle to the sensor, degrees about y and x."""
-    asked = {effect.id: effect for effect in effects}
     each = {_PERIODIC: lambda effect: _waves(room, effect), _GHOST: lambda effect: _ghosts(room, light, effect)}
-    return {name: found(asked[name]) for name, found in each.items() if name in asked}
+    return {name: found(effects[name]) for name, found in each.items() if name in effects}
 
 
 def _ghosts(room: Room, light: RoomLight, effect: Effect) -> dict[tuple[float, ...], list[Column]]:

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import takewhile
 from typing import Any
 
 import cv2
@@ -15,9 +17,10 @@ from activestereo.calibrate.world.views import Image, SceneView, blurred, points
 from activestereo.capture.capture import Capture
 from activestereo.compare.model_file import model_json
 from activestereo.diagnose.goodness import Z90
+from activestereo.diagnose.room.beside import falloff, falloff_of
 from activestereo.diagnose.room.columns import is_alike_in_views, size_of
-from activestereo.diagnose.room.evidence import Found
-from activestereo.diagnose.room.names import NEEDED, Named, Names, Seen, names_of
+from activestereo.diagnose.room.evidence import NEEDED, Found
+from activestereo.diagnose.room.names import Names, Seen, names_of
 from activestereo.diagnose.room.plan import plan_of, sizes
 from activestereo.diagnose.room.unseen import Unseen, predict_unseen
 from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED
@@ -37,46 +40,41 @@ _PATCH_PX, _REACH_PX, _LEAST_LIT = 128, 16, 2.0
 # Blur of the light whose ratios tell the falloff, at half size; the least light of dots there, 1/m^2.
 _WHOLE_PX, _LEAST_GEOMETRY = 4.0, 0.02
 
-Parameters = dict[str, tuple[float, float]]
-
 
 def diagnosed_room(
-    capture: Capture, given: Model, effects: Sequence[Effect], reference: Sequence[Capture] = ()
+    capture: Capture, given: Model, effects: Mapping[str, Effect], reference: Sequence[Capture] = ()
 ) -> tuple[dict[str, Any], Model, SensorModel, tuple[Unseen, Unseen] | None]:
     """Returns (diagnose.json's contents, the model with the effects found, model.json's contents, Diagnosis.unseen) of
     a measured room. reference: sessions of the same unit from when it was good. ValueError: one of them is no measured
     room, of another image size, or of another unit."""
     room = Room(capture)
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
-    told = [_told(n, names) for n in names.named]
-    reasons = [_beyond(*each) for each in told]
-    beyond = next(filter(None, reasons), "")
-    possible = told[: reasons.index(beyond)] if beyond else told
-    falloff = _falloff(names.seen, [n.found for n in names.named[: len(possible)]], given, effects)
-    found = ([falloff] if falloff is not None else []) + possible
+    told = [in_own_units(f, names.seen) for f in names.named]
+    possible = list(takewhile(lambda f: not _beyond(f), told))
+    found = [*_falloff(names.seen, names.named[: len(possible)]), *possible]
     accepted, intervals = given, {}
-    for effect, parameters in found:
-        values = {p.name: float(np.clip(parameters[p.name][0], p.low, p.high)) for p in effect.parameters
-                  if p.name in parameters}  # fmt: skip
-        accepted = accepted.with_effect(effect, **values)
-        for name, (value, deviation) in parameters.items():
-            intervals[effect.id, name] = (value - Z90 * deviation, value + Z90 * deviation)
-    added = [effect.id for effect, _ in found]
-    ranked = {*(f.effect.id for f in names.ranking), *(e.id for e, _ in given.effects), _FALLOFF}
+    for f in found:
+        values = {p.name: float(np.clip(f.parameters[p.name][0], p.low, p.high)) for p in f.effect.parameters
+                  if p.name in f.parameters}  # fmt: skip
+        accepted = accepted.with_effect(f.effect, **values)
+        for name, (value, deviation) in f.parameters.items():
+            intervals[f.effect.id, name] = (value - Z90 * deviation, value + Z90 * deviation)
+    added = [f.effect.id for f in found]
+    ranking = [*found, *told[len(possible) :], *_others(names)]
+    ranked = {*(f.effect.id for f in ranking), *(e.id for e, _ in given.effects), _FALLOFF}
     by_view = _unseen(room, capture, given, accepted)
     shown = max(by_view, key=lambda pair: pair[0].rmse_dn ** 2 - pair[1].rmse_dn ** 2, default=None)
     result: dict[str, Any] = {
-        "verdict": UNDETERMINED if beyond else EFFECT if added else NONE,
+        "verdict": UNDETERMINED if len(possible) < len(told) else EFFECT if added else NONE,
         "capture": capture.name,
         "binning": 1,
         "probabilities": _probabilities(names, added),
-        "ranking": [*([_entry(*falloff, _falloff_nats(falloff[1]), 1.0, [])] if falloff is not None else []),
-                    *_ranking(names)],
-        "sets": [{"effects": list(n.members), "probabilities": list(n.members.values())}
-                 for n in names.named[: len(possible)]],
-        "own": {e.id: _NOT_RANKED for e in effects if builtin().get(e.id) is not e},
+        "ranking": [_entry(f) for f in ranking],
+        "sets": [{"effects": list(f.members), "probabilities": list(f.members.values())} for f in possible],
+        "own": {name: _NOT_RANKED for name, e in effects.items() if builtin().get(name) is not e},
         "not_ranked": [
-            {"effect": e.id, "family": e.family, "reason": _NOT_RANKED} for e in effects if e.id not in ranked
+            {"effect": name, "family": e.family, "reason": _NOT_RANKED}
+            for name, e in effects.items() if name not in ranked
         ],
         "added": added,
         "depth": {"verdict": "undetermined", "reason": "a measured room is judged by its images", "ranking": [],
@@ -86,7 +84,7 @@ def diagnosed_room(
         "heldout_ir_rmse_after": _rms(after for _, after in by_view),
         "heldout_noise_floor": None,
         "predicted_by_views": not capture.split("test"),
-        "not_predicted": [effect.id for effect, _ in found if not is_alike_in_views(effect)],
+        "not_predicted": [f.effect.id for f in found if not is_alike_in_views(f.effect)],
         "curve": [],
         "depth_split": None,
         "next_measurement": _next(names),
@@ -95,8 +93,8 @@ def diagnosed_room(
         "residual_model": None,
         "model": model_json(accepted),
     }  # fmt: skip
-    if beyond:
-        result["reason"] = f"{_DISAGREE} ({beyond})"
+    if len(possible) < len(told):
+        result["reason"] = f"{_DISAGREE} ({_beyond(told[len(possible)])})"
     return result, accepted, diagnosed_model(capture, accepted, intervals=intervals), shown
 
 
@@ -146,17 +144,14 @@ def _shared_dots(first: Image, second: Image) -> float:
     return float(np.median(found)) if found else 1.0
 
 
-def _falloff(
-    seen: Seen, found: Sequence[Found], given: Model, effects: Sequence[Effect]
-) -> tuple[Effect, Parameters] | None:
-    """Returns the lens's falloff with its parameters as overlapping views show it beside the effects found; None if the
-    given model has one or it is no clear finding."""
-    effect = next((e for e in effects if e.id == _FALLOFF), None)
-    told = seen.room.capture.measured.get("exposure", {}).get("vignetting_exponent")
-    if effect is None or told is None or _FALLOFF in {e.id for e, _ in given.effects}:
-        return None
-    parameters = {"exponent": _beside(found, seen, (float(told[0]), float(told[1])))}
-    return (effect, parameters) if _falloff_nats(parameters) > NEEDED else None
+def _falloff(seen: Seen, found: Sequence[Found]) -> list[Found]:
+    """Returns the lens's falloff as overlapping views show it beside the effects found; nothing if the given model has
+    one or it is no clear finding."""
+    told = falloff(seen.room, seen.asked)
+    if told is None:
+        return []
+    beside = falloff_of(told.effect, *_beside(found, seen, told.parameters["exponent"]))
+    return [replace(beside, members={_FALLOFF: 1.0})] if beside.nats > NEEDED else []
 
 
 def _beside(found: Sequence[Found], seen: Seen, told: tuple[float, float]) -> tuple[float, float]:
@@ -197,69 +192,58 @@ def _exponent(seen: Seen, less: Sequence[Image]) -> tuple[float, float]:
     return fitted or (0.0, np.inf)
 
 
-def _falloff_nats(parameters: Parameters) -> float:
-    value, deviation = parameters["exponent"]
-    return 0.5 * max(value / deviation, 0.0) ** 2
-
-
-def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
-    return named.found.effect, parameters_of(named.found, names.seen)
-
-
-def parameters_of(found: Found, seen: Seen) -> Parameters:
-    """Returns {parameter: (value, deviation)} of a found effect, in the parameters' own units. Flicker bands get their
-    depth, and the line time if the light flickers at 100 Hz."""
-    if found.effect.id == "flicker_banding":
-        (period_rows,) = seen.chosen[found.effect.id]
-        values = np.array([value for value, _ in found.parameters.values()])
-        deviation = float(np.mean([sd for _, sd in found.parameters.values()]))
-        depth = float(np.mean(np.hypot(values[::2], values[1::2])))
-        return {"depth": (depth, deviation), "line_time_s": (1.0 / (_MAINS_HZ * period_rows), 0.0)}
-    if found.effect.id == "black_level":
-        return {"offset_dn": max(found.parameters.values(), key=lambda told: abs(told[0]))}
+def in_own_units(found: Found, seen: Seen) -> Found:
+    """Returns a found effect with the values and deviations of its parameters, by their names and in their own units.
+    Flicker bands get their depth, and the line time if the light flickers at 100 Hz."""
     columns = {c.name: c for c in seen.scores.columns if c.effect is found.effect}
     out = {}
-    for name, (value, deviation) in found.parameters.items():
-        if name.endswith(".bend"):
-            continue  # the effect has no parameter for it
-        slope = 1.0
-        if name in columns and not found.finding:
-            value, slope = size_of(seen.room, seen.light, columns[name], np.sign(value))(value)
-        out[name.split(".")[1]] = (value, slope * deviation)
-    return out
+    if found.effect.id == "flicker_banding":
+        (period_rows,) = seen.chosen[found.effect.id]
+        values, deviations = np.array(list(found.parameters.values())).T
+        depth = float(np.mean(np.hypot(values[::2], values[1::2])))
+        out = {"depth": (depth, float(np.mean(deviations))), "line_time_s": (1.0 / (_MAINS_HZ * period_rows), 0.0)}
+    elif found.effect.id == "black_level":
+        out = {"offset_dn": max(found.parameters.values(), key=lambda told: abs(told[0]))}
+    else:
+        for name, (value, deviation) in found.parameters.items():
+            if name.endswith(".bend"):
+                continue  # the effect has no parameter for it
+            slope = 1.0
+            if name in columns and not found.finding:
+                value, slope = size_of(seen.room, seen.light, columns[name], np.sign(value))(value)
+            out[name.split(".")[1]] = (value, slope * deviation)
+    return replace(found, parameters=out)
 
 
-def _beyond(effect: Effect, parameters: Parameters) -> str:
+def _beyond(found: Found) -> str:
     """Returns a clause on a parameter that lies outside its range by more than its error; empty if none does."""
-    for p in effect.parameters:
-        value, deviation = parameters.get(p.name, (p.neutral, 0.0))
+    for p in found.effect.parameters:
+        value, deviation = found.parameters.get(p.name, (p.neutral, 0.0))
         if not p.low - Z90 * deviation <= value <= p.high + Z90 * deviation:
-            return f"{effect.id} would need {p.name} {value:.3g}, where {p.low:g} to {p.high:g} is possible"
+            return f"{found.effect.id} would need {p.name} {value:.3g}, where {p.low:g} to {p.high:g} is possible"
     return ""
 
 
-def _ranking(names: Names) -> list[dict[str, Any]]:
-    sure = {n.found.effect.id: n for n in names.named}
-    told = lambda found: parameters_of(found, names.seen)  # noqa: E731
-    out = [_entry(n.found.effect, told(n.found), n.found.nats, n.members[n.found.effect.id],
-                  [m for m in n.members if m != n.found.effect.id], n.found.finding) for n in names.named]  # fmt: skip
-    rest = [f for f in names.ranking if f.effect.id not in sure]
-    return out + [_entry(f.effect, told(f), max(f.nats, 0.0), 0.0, []) for f in rest]
+def _others(names: Names) -> list[Found]:
+    """Returns the effects that were not named, likeliest first."""
+    named = {f.effect.id for f in names.named}
+    rest = [in_own_units(f, names.seen) for f in names.ranking if f.effect.id not in named]
+    return [replace(f, nats=max(f.nats, 0.0), finding="") for f in rest]
 
 
-def _entry(
-    effect: Effect, parameters: Parameters, nats: float, sure: float, same: list[str], finding: str = ""
-) -> dict[str, Any]:
+def _entry(found: Found) -> dict[str, Any]:
+    """Returns an effect's row of diagnose.json's ranking."""
+    effect = found.effect
     shown = {
         p.name: {"value": value, "low": value - Z90 * sd, "high": value + Z90 * sd, "unit": p.unit}
         for p in effect.parameters
-        for value, sd in [parameters.get(p.name, (p.neutral, 0.0))]
+        for value, sd in [found.parameters.get(p.name, (p.neutral, 0.0))]
     }
     return {
-        "effect": effect.id, "family": effect.family, "finding": finding or effect.finding,
-        "channel": "noise" if effect.id == "row_noise" else "infrared", "score_nats": nats, "confidence": sure,
-        "explained_share": None, "gain_reduced_chi2": None,
-        "parameters": shown, "equivalent": same,
+        "effect": effect.id, "family": effect.family, "finding": found.finding or effect.finding,
+        "channel": "noise" if effect.id == "row_noise" else "infrared", "score_nats": found.nats,
+        "confidence": found.members.get(effect.id, 0.0), "explained_share": None, "gain_reduced_chi2": None,
+        "parameters": shown, "equivalent": [name for name in found.members if name != effect.id],
     }  # fmt: skip
 
 

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.diagnose.room.cells_out import Normal
-from activestereo.diagnose.room.columns import Column
+from activestereo.diagnose.room.columns import LOOKED, Column
 from activestereo.diagnose.room.sessions import ALIKE, FEW, FREEDOM
 from activestereo.effects import Effect
 
+# Nats that an effect needs to be named.
+NEEDED = 4.5
 # Share of V that comes from the tiles' scatter: only a few dozen of them tell it.
 _BY_TILES, _INFLATED = 0.7, 1.5
 _RIDGE = 1e-9
@@ -44,13 +46,15 @@ class Found:
     """Holds how well one effect explains a room's images. nats: log-likelihood gain over no effect (Student's
     likelihood). parameters: {name: (value, deviation)}, fitted together with all other columns. least: {parameter: the
     smallest size that five of six such recordings would detect}. finding: a sentence that replaces the effect's own; ""
-    = none."""
+    = none. members: {effect: probability} of all effects that this recording cannot tell apart, itself included; empty
+    where it is not named."""
 
     effect: Effect
     nats: float
     parameters: Mapping[str, tuple[float, float]]
     least: Mapping[str, float] = field(default_factory=dict)
     finding: str = ""
+    members: Mapping[str, float] = field(default_factory=dict)
 
 
 def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> Reduced:
@@ -83,13 +87,12 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     return Reduced(chosen, score, information, covariance, before)
 
 
-def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], needed: float) -> list[Found]:
+def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
     """Compares every effect with no effect by the columns' scores; returns a Found for each, likeliest first. An effect
     is tried by each of its parameters alone and by all together.
 
     spread: {column: standard deviation of its coefficient between sessions of good cameras}; a column that is missing
-    may have any value within its prior. looked: {effect: log of the number of alternatives tried, such as flicker
-    periods}. needed: the nats that name an effect.
+    may have any value within its prior.
     """
     names = [c.name for c in room.columns]
     D = _between_sessions(room, spread)
@@ -100,7 +103,7 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
         own = np.array([j for j, c in enumerate(room.columns) if c.effect is effect])
         if not any(names[j] in spread for j in own):
             continue
-        cost, few = looked.get(effect.id, 0.0), FREEDOM.get(effect.id, FEW)
+        cost, few = LOOKED.get(effect.id, 0.0), FREEDOM.get(effect.id, FEW)
         S = np.diag(_prior(room.columns, own)) + D
         M = S @ H @ np.linalg.inv(H @ S @ H + V)
         value, deviation = M @ s, np.sqrt(np.maximum(np.diag(S - M @ H @ S), 0.0))
@@ -116,7 +119,7 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
                 continue  # this way is all parameters together
             unit = H[:, way] @ [np.sqrt(0.5) if names[j].endswith("sine") else 1.0 for j in way]
             occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
-            missing = gaussian(needed, few) + occam + cost + np.log(len(ways))
+            missing = gaussian(NEEDED, few) + occam + cost + np.log(len(ways))
             units = (np.sqrt(2.0 * missing) + ONE_SIDED) / np.sqrt(max(unit @ np.linalg.solve(null, unit), 1e-12))
             least[lead.parameter.name] = float(lead.step * units)
         parameters = {

@@ -11,47 +11,27 @@ from functools import cache
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
-from activestereo.calibrate.world.light import LINEAR
 from activestereo.common.computed_once import computed_once
+from activestereo.diagnose.room.beside import beside_columns
 from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
-from activestereo.diagnose.room.columns import LOOKED, Column, alternatives, effects_of, nuisances, pedestals, size_of
-from activestereo.diagnose.room.drops import BLURRED_LOG, blurred_places
-from activestereo.diagnose.room.evidence import ONE_SIDED, Found, Reduced, gaussian, judged, reduced, student
+from activestereo.diagnose.room.columns import Column, alternatives, effects_of, nuisances, pedestals, size_of
+from activestereo.diagnose.room.evidence import NEEDED, Found, Reduced, gaussian, judged, reduced
 from activestereo.diagnose.room.imagined import ImaginedRoom
 from activestereo.diagnose.room.light import RoomLight, room_light
-from activestereo.diagnose.room.rows import row_variance
 from activestereo.diagnose.room.same_place import room_beside
 from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SAME_PLACE, SHARED
 from activestereo.diagnose.selection import credible
 from activestereo.effects import Effect, Model
 
-# Nats that an effect needs to be named.
-NEEDED = 4.5
 _MOST_NAMES, _MASS, _PROMISED = 3, 0.95, 5.0 / 6.0
-_ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
 # Columns judged along with the effects: properties of the camera that `calibrate world` measured.
 _CAMERA = ("black", "falloff", "right row")
-# Effects of single views or scenes, not of a unit; deviation of a pair's row offset between sessions.
-_OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level", "veiling_glare"), 0.035
-# Share of an image that is blurred in good sessions; a dot's own blur.
-_BLURRED_SHARE, _DOT_PX = 0.003, 1.4
+# Effects of single views or scenes, not of a unit.
+_OF_ONE_VIEW = ("flicker_banding", "black_level", "veiling_glare")
 # Black levels are no glare if the views' light leaves more than this share of their squares.
 _UNLIKE_GLARE = 0.2
 # A response whose form the columns do not have leaves a rest in the dark.
 _LEFT_BY = {"response_gamma": ("black_level",)}
-# The response that two exposures of one place tell.
-LEAST_RESPONSE: dict[str, Mapping[str, float]] = {
-    "response_gamma": {"log_exponent": LINEAR * (float(np.sqrt(2.0 * gaussian(NEEDED, FEW))) + ONE_SIDED)}
-}
-
-
-@dataclass(frozen=True)
-class Named:
-    """An effect that the room is found to have. members: {effect: probability} of all effects that this recording
-    cannot tell apart, itself included."""
-
-    found: Found
-    members: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -59,21 +39,21 @@ class Names:
     """The result of names_of(). named: the effects found, in the order of finding. ranking: all effects, likeliest
     first, as judged before the first was found. seen: the analysis of the room without reference sessions."""
 
-    named: tuple[Named, ...]
+    named: tuple[Found, ...]
     ranking: tuple[Found, ...]
     seen: Seen
 
 
 @dataclass(frozen=True)
 class Seen:
-    """Holds one analysis of a room. asked: the effects to judge. scores: of the effects' columns and of the camera's
-    own (black level, falloff, row offset). chosen: {effect: the likeliest of its alternatives}, of those that are
-    searched for. promised: {effect: (an alternative that shows less than five of six likely ones, the factor on its
+    """Holds one analysis of a room. asked: {id: effect} of those to judge. scores: of the effects' columns and of the
+    camera's own (black level, falloff, row offset). chosen: {effect: the likeliest of its alternatives}, of those that
+    are searched for. promised: {effect: (an alternative that shows less than five of six likely ones, the factor on its
     least size)}. trust: {band: factor on cell weights}, as in cells_out.Normal."""
 
     room: Room
     light: RoomLight
-    asked: tuple[Effect, ...]
+    asked: Mapping[str, Effect]
     scores: Reduced
     chosen: Mapping[str, tuple[float, ...]]
     promised: Mapping[str, tuple[tuple[float, ...], float]]
@@ -86,51 +66,46 @@ class Seen:
         return cache(lambda name: size_of(self.room, self.light, columns[name]))
 
 
-def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
+def names_of(room: Room, given: Model, effects: Mapping[str, Effect], reference: Sequence[Room] = ()) -> Names:
     """Finds the effects that a room shows beyond a given model. reference: rooms recorded with the same camera when it
     was good. A reference of the same views is fitted together with the room. References of other views give the
     camera's lasting errors, which are subtracted."""
-    asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
+    known_effects = {effect.id for effect, _ in given.effects}
+    asked = {name: effect for name, effect in effects.items() if name not in known_effects}
     seen = score_room(room, asked)
-    scores, spread, rows = seen.scores, OF_A_UNIT, _rows(room, asked)
-    rows += _drops(room, seen.light.lens, asked)
+    scores, spread = seen.scores, OF_A_UNIT
     both = next(filter(None, (room_beside(room, other) for other in reference)), None)
     if both is not None:
         scores, spread = score_room(both, asked).scores, SAME_PLACE
     elif reference:
-        others = [score_room(other, asked, seen.chosen).scores for other in reference]
-        scores, spread = _beside(scores, others), BETWEEN
-    response = _response(room, asked)
-    rows += response
-    if reference:
-        rows += _pitch(room, reference, asked)
-    named: list[Named] = []
+        others = [score_room(other, asked, seen.chosen, _lasting).scores for other in reference]
+        scores, spread = _less_lasting(scores, others), BETWEEN
+    beside = beside_columns(room, seen.light.lens, asked, reference)
+    # A bent response lifts views alike; only another session or two exposures tell it.
+    is_response_told = both is not None or any(f.effect.id == "response_gamma" for f in beside)
+    named: list[Found] = []
     ranking: tuple[Found, ...] = ()
     known = session_spread(scores, spread)
     while len(named) < _MOST_NAMES:
-        before = {member for n in named for member in (*n.members, *_LEFT_BY.get(n.found.effect.id, ()))}
-        before |= {f.effect.id for f in rows}
-        found = [*(f for f in judged(scores, known, LOOKED, NEEDED) if f.effect.id not in before), *rows]
+        before = {member for f in named for member in (*f.members, *_LEFT_BY.get(f.effect.id, ()))}
+        before |= {f.effect.id for f in beside}
+        found = [*(f for f in judged(scores, known) if f.effect.id not in before), *beside]
         found.sort(key=lambda f: -f.nats)
         ranking = ranking or tuple(found)
         if not found or found[0].nats < NEEDED:
             break
-        best = found[0]
+        best, own = found[0], {found[0].effect.id}
         members = credible({f.effect.id: f.nats for f in found if f.nats > 0.0}, _MASS)
-        members = members if best not in rows else {best.effect.id: 1.0}
-        rows = [f for f in rows if f is not best]
-        own = {c.name for c in scores.columns if c.effect is best.effect}
-        glare = reinterpret_as_glare(best, seen)
-        if glare is not None:
+        members = members if best not in beside else {best.effect.id: 1.0}
+        beside = [f for f in beside if f is not best]
+        if (glare := reinterpret_as_glare(best, seen)) is not None:
             alike = [glare.effect.id, best.effect.id]
-            if both is None and not response:  # a bent response lifts views alike; it is not told
-                alike += [e.id for e in asked if e.id == "response_gamma"]
+            alike += [name for name in asked if name == "response_gamma" and not is_response_told]
             each = members.pop(best.effect.id) / len(alike)
             members = dict.fromkeys(alike, each) | {m: p + each * (m in alike) for m, p in members.items()}
-            best = glare
-            own |= {c.name for c in scores.columns if c.effect is best.effect}
-        named.append(Named(best, members))
-        known = {name: deviation for name, deviation in known.items() if name not in own}
+            best, own = glare, set(alike[:2])
+        named.append(replace(best, members=members))
+        known = {name: deviation for name, deviation in known.items() if name.split(".")[0] not in own}
     return Names(tuple(named), ranking, seen)
 
 
@@ -140,9 +115,13 @@ def session_spread(scores: Reduced, spread: Mapping[str, float]) -> dict[str, fl
     return {c.name: c.alike * spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
-def score_room(room: Room, asked: Sequence[Effect], chosen: Mapping[str, tuple[float, ...]] | None = None) -> Seen:
+def score_room(
+    room: Room, asked: Mapping[str, Effect], chosen: Mapping[str, tuple[float, ...]] | None = None,
+    of: Callable[[Sequence[Column]], list[int]] | None = None,
+) -> Seen:  # fmt: skip
     """Computes the expected light of a room and the scores of the effects' columns. asked: the effects to judge.
-    chosen: as in Seen; None = they are searched for."""
+    chosen: as in Seen; None = they are searched for. of: the numbers of the columns that are scored, None = those of
+    Seen."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
@@ -150,7 +129,7 @@ def score_room(room: Room, asked: Sequence[Effect], chosen: Mapping[str, tuple[f
     chosen, promised = _chosen(room, light, still, asked) if chosen is None else (chosen, {})
     columns = [*still, *_of_effects(room, light, asked, chosen)]
     sums = normal(room, columns, blocks_of(room, light, columns), range(len(columns)))
-    return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), chosen, promised, sums.trust)
+    return Seen(room, light, asked, reduced(sums, columns, (of or _looked_at)(columns)), chosen, promised, sums.trust)
 
 
 def with_planned_pair(seen: Seen, turn_deg: tuple[float, float, float]) -> Reduced:
@@ -169,7 +148,7 @@ def with_planned_pair(seen: Seen, turn_deg: tuple[float, float, float]) -> Reduc
 
 
 def _of_effects(
-    room: Room, light: RoomLight, asked: Sequence[Effect], chosen: Mapping[str, tuple[float, ...]]
+    room: Room, light: RoomLight, asked: Mapping[str, Effect], chosen: Mapping[str, tuple[float, ...]]
 ) -> list[Column]:
     """Returns columns of effects with a known spread. Beside a good session, a second set of nuisances is added for the
     unit's own lasting errors in both sessions."""
@@ -186,64 +165,25 @@ def _looked_at(columns: Sequence[Column]) -> list[int]:
     return [j for j, c in enumerate(columns) if c.effect is not None or c.name.startswith(_CAMERA)]
 
 
-def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
+def _lasting(columns: Sequence[Column]) -> list[int]:
+    return [j for j, c in enumerate(columns) if c.effect is not None and c.effect.id not in _OF_ONE_VIEW]
+
+
+def _less_lasting(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
     """Subtracts the camera's lasting errors from the scores of a room. These errors are fitted to the scores of good
     sessions (`others`), then shrunk by the share that sessions have in common."""
-    lasting = [c.name for c in seen.columns if c.effect is not None and c.effect.id not in _OF_ONE_VIEW]
-    H, s = np.zeros((len(lasting),) * 2), np.zeros(len(lasting))
-    for other in others:
-        names = [c.name for c in other.columns]
-        at = np.array([names.index(name) for name in lasting])
-        rest = np.setdiff1d(np.arange(len(names)), at)
-        inner = other.information[np.ix_(rest, rest)] + np.linalg.inv(other.prior[np.ix_(rest, rest)])
-        A = np.linalg.solve(inner, other.information[np.ix_(rest, at)]).T
-        H += other.information[np.ix_(at, at)] - A @ other.information[np.ix_(rest, at)]
-        s += other.score[at] - A @ other.score[rest]
-    prior = np.diag([next(c.sd for c in seen.columns if c.name == name) ** -2.0 for name in lasting])
+    lasting, value = _lasting(seen.columns), np.zeros(len(seen.columns))
+    information = np.diag([seen.columns[j].sd ** -2.0 for j in lasting]) + sum(other.information for other in others)
     share = len(others) * SHARED / (1.0 + (len(others) - 1) * SHARED)
-    value = dict(zip(lasting, share * np.linalg.solve(H + prior, s), strict=True))
-    return replace(seen, score=seen.score - seen.information @ np.array([value.get(c.name, 0.0) for c in seen.columns]))
-
-
-def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> list[Found]:
-    """Compares the row offset between the two cameras with that of the good sessions, in the rigs that `calibrate
-    world` measured. Returns its evidence as [Found], [] if the effect is not asked for."""
-    effect = next((e for e in effects if e.id == "stereo_pitch"), None)
-    if effect is None:
-        return []
-    off = [_row_offset(other) for other in reference]
-    f = room.capture.rig.left.K[0, 0]
-    return [_measured(effect, (_row_offset(room) - float(np.mean(off))) / f, _ROWS_PX / f)]
-
-
-def _response(room: Room, effects: Sequence[Effect]) -> list[Found]:
-    """Returns [Found] of a response that two exposures of one place tell, [] without them or if it is not asked for."""
-    effect = next((e for e in effects if e.id == "response_gamma"), None)
-    value = room.capture.measured.get("exposure", {}).get("response_log_exponent")
-    if effect is None or value is None:
-        return []
-    said = "Two exposures of one place differ by another factor than their times: the response is no line"
-    return [_measured(effect, value, LINEAR, said)]
-
-
-def _measured(effect: Effect, value: float, deviation: float, said: str = "") -> Found:
-    """Returns the evidence that the first parameter of an effect is not 0. value: measured by `calibrate world`.
-    deviation: of good units. said: the finding."""
-    p = effect.parameters[0]
-    whole = deviation**2 + (2.0 * p.typical) ** 2
-    nats = 0.5 * value**2 * (deviation**-2 - 1.0 / whole) - 0.5 * np.log(whole / deviation**2)
-    return Found(effect, student(float(nats), FEW), {f"{effect.id}.{p.name}": (value, deviation)}, finding=said)
-
-
-def _row_offset(room: Room) -> float:
-    return float(room.capture.rig.right.K[1, 2] - room.capture.rig.left.K[1, 2])
+    value[lasting] = share * np.linalg.solve(information, sum(other.score for other in others))
+    return replace(seen, score=seen.score - seen.information @ value)
 
 
 def reinterpret_as_glare(found: Found, seen: Seen) -> Found | None:
     """Reinterprets black levels that differ between views as veiling glare: a share of each view's mean light. Returns
     the finding, None if glare does not fit. With a good session, glare must fit better than a common level. Without
     one, only differences to the first view count: its level is in the measured black level."""
-    effect = next((e for e in seen.asked if e.id == "veiling_glare"), None)
+    effect = seen.asked.get("veiling_glare")
     if effect is None or found.effect.id != "black_level":
         return None
     light = np.array([image[seen.room.images[k].usable].mean() for k, image in enumerate(seen.light.seen)])
@@ -269,12 +209,12 @@ def _key(column: Column) -> str:
 
 
 def _chosen(
-    room: Room, light: RoomLight, still: Sequence[Column], effects: Sequence[Effect]
+    room: Room, light: RoomLight, still: Sequence[Column], asked: Mapping[str, Effect]
 ) -> tuple[Mapping[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
     """Returns ({effect: its likeliest alternative by the low-pass band}, Seen.promised). still: nuisance columns fitted
     along. Good units flicker, too: likely is what explains the images better than no flicker does, for a weak one at
     the wrong period would pass for a black level."""
-    searched = alternatives(room, light, effects)
+    searched = alternatives(room, light, asked)
     if not searched:
         return {}, {}
     columns = [*still, *(c for sets in searched.values() for each in sets.values() for c in each)]
@@ -290,7 +230,7 @@ def _chosen(
                 tuple(each), seen.score[own], *(m[own, own] for m in (seen.information, seen.covariance, seen.prior))
             )
             (shown,), (found,) = (
-                judged(of, spread, LOOKED, NEEDED)
+                judged(of, spread)
                 for spread in (dict.fromkeys((c.name for c in each), 0.0), session_spread(of, OF_A_UNIT))
             )
             nats[alternative], (least[alternative],) = gaussian(shown.nats, FEW), found.least.values()
@@ -299,50 +239,3 @@ def _chosen(
         sure = by_least[int(np.searchsorted(likely, _PROMISED * likely[-1]))]
         chosen[effect], promised[effect] = best, (sure, least[sure] / least[best])
     return chosen, promised
-
-
-def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found]:
-    """Returns [Found] for drops or dirt on a camera's window, [] if the evidence is too small. The parameter is the
-    blur averaged over the image, px."""
-    effect = next((e for e in effects if e.id == "focus_mismatch"), None)
-    worst = max(blurred_places(room, exponent), key=lambda b: b.share, default=None)
-    if effect is None or worst is None:
-        return []
-    nats = student(min(0.5 * (worst.share / _BLURRED_SHARE) ** 2, _MOST_NATS), FEW)
-    if nats < NEEDED:
-        return []
-    here = _DOT_PX * float(np.sqrt(np.expm1(worst.log_ratio)))
-    mean = (1.0 if worst.side == "right" else -1.0) * worst.share * here
-    place = f"The {worst.side} camera is blurred in places, {100 * worst.share:.0f} % of its image, by {here:.1f} px"
-    said = f"{place}: drops or dirt on its window"
-    return [Found(effect, nats, {"focus_mismatch.sigma_px": (mean, 0.3 * abs(mean))}, finding=said)]
-
-
-def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
-    """Returns [Found] for row noise (an offset that all pixels of a row share), [] if it is not asked for."""
-    effect = next((e for e in effects if e.id == "row_noise"), None)
-    if effect is None:
-        return []
-    value, deviation = row_variance(room)
-    sure = max(deviation, _ROW_FLOOR_DN2)
-    nats = min(0.5 * (value / sure) ** 2, _MOST_NATS) if value > _LEAST_ROWS_DN2 else -1.0
-    sigma = float(np.sqrt(max(value, 0.0)))
-    found = {"row_noise.sigma_dn": (sigma, 0.5 * deviation / max(sigma, 1e-2))}
-    least = np.sqrt(max(_LEAST_ROWS_DN2, (np.sqrt(2.0 * NEEDED) + ONE_SIDED) * sure))
-    return [Found(effect, nats, found, {"sigma_dn": float(least)})]
-
-
-def beside_columns(room: Room, effects: Sequence[Effect]) -> dict[str, Mapping[str, float]]:
-    """Returns {finding: {parameter: smallest size detected}} for the findings beside the columns: row noise, lens
-    falloff, a response by two exposures, and drops on a window (share of the image, and blur)."""
-    out = {found.effect.id: found.least for found in _rows(room, effects)}
-    ids = {e.id for e in effects}
-    if _response(room, effects):
-        out |= LEAST_RESPONSE
-    falloff = room.capture.measured.get("exposure", {}).get("vignetting_exponent")
-    if falloff is not None and "vignetting" in ids:
-        out["vignetting"] = {"exponent": float((np.sqrt(2.0 * NEEDED) + ONE_SIDED) * falloff[1])}
-    if "focus_mismatch" in ids:
-        share = _BLURRED_SHARE * float(np.sqrt(2.0 * gaussian(NEEDED, FEW)))
-        out["drops on a window"] = {"share": share, "sigma_px": _DOT_PX * float(np.sqrt(np.expm1(BLURRED_LOG)))}
-    return out

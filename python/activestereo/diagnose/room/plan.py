@@ -10,16 +10,9 @@ from math import erfc, sqrt
 
 import numpy as np
 
+from activestereo.diagnose.room.beside import LEAST_DROPS, LEAST_RESPONSE, beside_columns, falloff
 from activestereo.diagnose.room.evidence import Reduced, judged
-from activestereo.diagnose.room.names import (
-    LEAST_RESPONSE,
-    LOOKED,
-    NEEDED,
-    Seen,
-    beside_columns,
-    session_spread,
-    with_planned_pair,
-)
+from activestereo.diagnose.room.names import Seen, session_spread, with_planned_pair
 from activestereo.diagnose.room.sessions import OF_A_UNIT, SAME_PLACE
 
 Sizes = Mapping[str, float]
@@ -75,8 +68,8 @@ def plan_of(seen: Seen) -> list[Recording]:
               for r in [with_planned_pair(seen, turn_deg)]]  # fmt: skip
     good = with_planned_pair(seen, (0.0, 0.0, 0.0))
     offers.append((_REFERENCE, 2.0, _tells(seen, good, session_spread(good, SAME_PLACE))))
-    if "response_gamma" in {e.id for e in seen.asked}:
-        offers.append((_EXPOSED, 1.0, LEAST_RESPONSE))
+    if "response_gamma" in seen.asked:
+        offers.append((_EXPOSED, 1.0, {"response_gamma": LEAST_RESPONSE}))
     left, enough = [], set(now)
     for text, minutes, tells in offers:
         usual = {e for e, told in tells.items() if _is_usual(seen, e, told)}
@@ -84,7 +77,7 @@ def plan_of(seen: Seen) -> list[Recording]:
                 if size < _MUCH_LESS * this[e].get(name, np.inf)}  # fmt: skip
         left.append(Recording(text, minutes, {e: tells[e] for e in tells if e in more | (usual - now)}))
         enough |= usual
-    untold = {e.id for e in seen.asked} - enough
+    untold = {*seen.asked} - enough
     for text, minutes, measured in _COMMANDS:
         own = sorted(untold.intersection(measured) if measured else untold)
         left.append(Recording(text, minutes, dict.fromkeys(own)))
@@ -104,7 +97,7 @@ def plan_of(seen: Seen) -> list[Recording]:
 def _chances(seen: Seen, tells: Mapping[str, Sizes | None]) -> dict[str, float]:
     """Returns {effect: probability that it is told, if it is there}. Sizes are normal, with the typical one as
     deviation; a command tells every size."""
-    typical = {(e.id, p.name): p.typical for e in seen.asked for p in e.parameters}
+    typical = {(e.id, p.name): p.typical for e in seen.asked.values() for p in e.parameters}
     return {
         effect: max(erfc(size / (sqrt(2.0) * typical.get((effect, name), size))) for name, size in sizes.items())
         if sizes
@@ -121,9 +114,13 @@ def _gain(chances: Mapping[str, float], known: Mapping[str, float]) -> float:
 def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
     """Returns {effect: {parameter: least size that this recording detects}}, effects without a column included."""
     unsure = {effect: factor for effect, (_, factor) in seen.promised.items()}
-    return _tells(seen, seen.scores, session_spread(seen.scores, OF_A_UNIT), unsure) | dict(
-        beside_columns(seen.room, seen.asked)
-    )
+    beside = beside_columns(seen.room, seen.light.lens, seen.asked)
+    if (lens := falloff(seen.room, seen.asked)) is not None:
+        beside.append(lens)
+    least = {found.effect.id: found.least for found in beside if found.least}
+    if "focus_mismatch" in seen.asked:
+        least["drops on a window"] = LEAST_DROPS
+    return _tells(seen, seen.scores, session_spread(seen.scores, OF_A_UNIT), unsure) | least
 
 
 def _tells(
@@ -133,7 +130,7 @@ def _tells(
     {effect: factor on its least sizes}."""
     out: dict[str, Sizes] = {}
     names = {c.name for c in scores.columns}
-    for found in judged(scores, known, LOOKED, NEEDED):
+    for found in judged(scores, known):
         least_of: dict[str, float] = {}
         for p in (p for p in found.effect.parameters if p.name in found.least):
             name, least = f"{found.effect.id}.{p.name}", found.least[p.name]
@@ -148,7 +145,7 @@ def _tells(
 
 def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
     """Returns whether all sizes are at most typical, or the effect needs no other recording."""
-    typical = {p.name: p.typical for e in seen.asked if e.id == effect for p in e.parameters}
+    typical = {p.name: p.typical for p in seen.asked[effect].parameters} if effect in seen.asked else {}
     return effect in _NEEDS_NO_MORE or all(size <= typical.get(name, np.inf) for name, size in told.items())
 
 
