@@ -23,7 +23,7 @@ from activestereo.diagnose.room import columns, names
 from activestereo.diagnose.room.beside import row_variance
 from activestereo.diagnose.room.columns import acting
 from activestereo.diagnose.room.evidence import Found
-from activestereo.diagnose.room.imagined import ImaginedRoom
+from activestereo.diagnose.room.further import with_turned_view
 from activestereo.diagnose.room.names import names_of, reinterpret_as_glare, score_room, with_planned_pair
 from activestereo.diagnose.words import errors_of
 from activestereo.effects import Model, builtin
@@ -331,12 +331,12 @@ def test_a_view_that_was_imagined_lies_where_a_recorded_one_does(capture_with):
     """A take of the first view's own pose sees what that view sees; one that turns sees it turned, and back."""
     room = Measured(read_capture(capture_with(nothing)))
     seen = score_room(room, _built_in("tangential_distortion", "gain_mismatch"))
-    same = ImaginedRoom(room, seen.light, (0.0, 0.0, 0.0))
+    same = with_turned_view(room, seen.light, (0.0, 0.0, 0.0))
     assert (same.views, same.judged, len(same.images)) == (4, 3, 8)
     usable = same.images[6].usable
     ratio = (same.images[6].dn - seen.light.black_dn)[usable] / (room.images[0].dn - seen.light.black_dn)[usable]
     assert np.median(ratio) == pytest.approx(1.0, rel=0.05)
-    rolled = ImaginedRoom(room, seen.light, (0.0, 0.0, 90.0))
+    rolled = with_turned_view(room, seen.light, (0.0, 0.0, 90.0))
     forth, back = rolled.places(2, 6), rolled.places(6, 2)
     column, row = np.meshgrid(np.arange(room.shape[1]), np.arange(room.shape[0]))
     inside = back.seen & (back.read(forth.seen.astype(np.float32)) > 0.99)

@@ -16,9 +16,8 @@ from activestereo.diagnose.room.beside import beside_columns
 from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
 from activestereo.diagnose.room.columns import Column, alternatives, effects_of, nuisances, pedestals, size_of
 from activestereo.diagnose.room.evidence import NEEDED, Found, Reduced, gaussian, judged, reduced
-from activestereo.diagnose.room.imagined import ImaginedRoom
+from activestereo.diagnose.room.further import room_beside, with_turned_view
 from activestereo.diagnose.room.light import RoomLight, room_light
-from activestereo.diagnose.room.same_place import room_beside
 from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SAME_PLACE, SHARED
 from activestereo.diagnose.selection import credible
 from activestereo.effects import Effect, Model
@@ -133,9 +132,9 @@ def score_room(
 
 
 def with_planned_pair(seen: Seen, turn_deg: tuple[float, float, float]) -> Reduced:
-    """Returns the scores that a room would have with an ImaginedRoom's further view. Their covariance is inflated
+    """Returns the scores that a room would have with with_turned_view(). Their covariance is inflated
     over independent cells by the same factor as in the recorded room."""
-    room = ImaginedRoom(seen.room, seen.light, turn_deg)
+    room = with_turned_view(seen.room, seen.light, turn_deg)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     promised = {effect: alternative for effect, (alternative, _) in seen.promised.items()}
     columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, promised)]
