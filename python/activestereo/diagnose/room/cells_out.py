@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image
 from activestereo.diagnose.room.bands import BANDS
-from activestereo.diagnose.room.columns import Column, gradient_change, prior_precision
+from activestereo.diagnose.room.columns import Column, gradient_change, of_view, prior_precision
 from activestereo.diagnose.room.light import RoomLight
 
 # Every n-th pixel is a cell: neighbours in a band share errors.
@@ -35,16 +35,30 @@ _STUDENT, _ROUNDS, _RIDGE = 3.0, 3, 1e-9
 
 @dataclass
 class Block:
-    """Holds one view's surface cells (pixels with a surface behind them) in one band. residual [image][cell]: recorded
-    values, from which the cells' radiances are not yet removed. columns [column][image][cell]: image changes by each
-    effect or calibration error. gain and error variance [image][cell]; the variance is infinite if an image does not
-    see a cell. tile [cell]: each cell's image tile."""
+    """Holds one view's surface cells (pixels with a surface behind them) in one band. at: {image number: (column, row)
+    of each cell in it, px} of the images that count. residual [image][cell]: recorded values, from which the cells'
+    radiances are not yet removed. columns [column][image][cell]: image changes by each effect or calibration error.
+    gain and error variance [image][cell]; the variance is infinite if an image does not see a cell. tile [cell]: each
+    cell's image tile."""
 
+    band: str
+    at: dict[int, tuple[Image, Image]]
     residual: NDArray[np.float32]
     columns: NDArray[np.float32]
     gain: NDArray[np.float32]
     variance: NDArray[np.float32]
     tile: NDArray[np.int64]
+
+    def read(self, k: int, image: Image, order: int = cv2.INTER_CUBIC) -> NDArray[np.float32]:
+        """Samples image number k at the cells."""
+        column, row = self.at[k]
+        out = np.empty(column.shape[1], np.float32)
+        for first in range(0, len(out), 30000):  # OpenCV's remap takes at most 32767 columns
+            part = np.s_[:, first : first + 30000]
+            out[first : first + 30000] = cv2.remap(
+                image, column[part], row[part], order, borderMode=cv2.BORDER_REPLICATE
+            )
+        return out
 
 
 @dataclass(frozen=True)
@@ -61,18 +75,16 @@ class Normal:
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
     """Returns a Block for each view and band that has cells. It holds the recorded values, and each column's change of
-    each image: 0 for images that the column does not change. Effects change only views of the camera under test."""
-    frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
-    frames = {key: frame for key, frame in frames.items() if frame.cells}
-    blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
+    each image: 0 for images that the column does not change."""
+    blocks = [_block(room, light, band, view, len(columns)) for view in range(room.views) for band in bands]
+    blocks = [block for block in blocks if len(block.tile)]
     for number, column in enumerate(columns):
-        for k in range(len(room.images) if column.effect is None else 2 * room.judged):
+        for k in column.images:
             changed = _changed(room, light, column, k, bands)
-            for (band, m), frame in frames.items():
-                if band in changed and k in frame.images:
-                    on = k - k % 2 if band == "pair" and column.flow is not None else k
-                    blocks[band, m].columns[number, frame.images.index(k)] = frame.read(on, changed[band])
-    return list(blocks.values())
+            for block in (b for b in blocks if b.band in changed and k in b.at):
+                on = k - k % 2 if block.band == "pair" and column.flow is not None else k
+                block.columns[number, list(block.at).index(k)] = block.read(on, changed[block.band])
+    return blocks
 
 
 def _changed(room: Room, light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
@@ -80,95 +92,59 @@ def _changed(room: Room, light: RoomLight, column: Column, k: int, bands: Sequen
     In the band "pair", a displacement is computed on the left camera's pixels for both images. Gradients of two images
     would differ more by their errors than the two cameras' displacements do."""
     looks, asked = light.looks[k], [band for band in bands if band in column.bands]
-    out: dict[str, Image] = {}
     unlit = column.change(k, light.room[k])
-    if unlit is not None:
-        out |= {band: image for band, image in looks.of_room(unlit).items() if band in asked}
-    if unlit is not None and "dots" in asked:
-        lit = column.change(k, light.room[k] + light.dots[k])
-        out["dots"] = looks.even(looks.amplitude(unlit if lit is None else lit - unlit))
+    out = {band: image for band, image in looks.of_room(unlit).items() if band in asked}
+    if "dots" in asked:
+        out["dots"] = looks.even(looks.amplitude(column.change(k, light.room[k] + light.dots[k]) - unlit))
     if "pair" in asked and column.flow is not None:
-        flow, left = column.flow(k), k - k % 2
+        flow, left = column.moves(k), k - k % 2
         if k != left:
-            there, own = room.places(left, k), column.flow(left)
+            there, own = room.places(left, k), column.moves(left)
             along, across = (np.where(there.seen, there.read(d), o) for d, o in zip(flow, own, strict=True))
             flow = along, across
         out["pair"] = light.looks[left].pair(np.float32(_SHOWN) * gradient_change(light.both[left], *flow))
-    elif "pair" in asked and (both := column.change(k, light.both[k])) is not None:
-        out["pair"] = looks.pair(both)
+    elif "pair" in asked:
+        out["pair"] = looks.pair(column.change(k, light.both[k]))
     return out
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """Lists the cells of one view in one band and where images see them. images: numbers of the images that count. at:
-    {image number: (column, row) of each cell in it, px}. seen: whether an image sees a cell, [image][cell]. tile:
-    [cell]."""
-
-    room: Room
-    view: int
-    band: str
-    images: tuple[int, ...]
-    at: dict[int, tuple[Image, Image]]
-    seen: NDArray[np.bool_]
-    tile: NDArray[np.int64]
-
-    @property
-    def cells(self) -> int:
-        return self.seen.shape[1]
-
-    @classmethod
-    def of(cls, room: Room, light: RoomLight, band: str, view: int) -> _Frame:
-        step, own = np.s_[1 :: _STEP[band], 1 :: _STEP[band]], 2 * view
-        asked = {"dots": lambda i: i.side == "left" and i.view < room.judged,  # sessions differ in the pattern's scale
-                 "pair": lambda i: i.view == view}.get(band, lambda i: True)  # fmt: skip
-        chosen = [k for k, image in enumerate(room.images) if asked(image)]
-        places = {k: room.places(own, k) for k in chosen}
-        new = room.images[own].usable.copy()
-        for earlier in range(view if band != "pair" else 0):
-            new &= ~room.places(own, 2 * earlier).seen
-        seen = np.stack([places[k].seen[step] & new[step] for k in chosen])
-        if band == "dots":
-            bright = [(room.images[k].geometry > _LEAST_GEOMETRY).astype(np.float32) for k in chosen]
-            lit = [places[k].read(image)[step] > 0.99 for k, image in zip(chosen, bright, strict=True)]
-            seen &= np.stack(lit)
-        live = seen.sum(axis=0) > 1
-        row, column = np.indices(live.shape)
-        tile = (view * _TILES[0] + row * _TILES[0] // live.shape[0]) * _TILES[1] + column * _TILES[1] // live.shape[1]
-        # Cells lie between pixels, so that every image is interpolated alike: interpolation blurs.
-        across, down = np.random.default_rng(0).uniform(-0.5, 0.5, (2, *live.shape)).astype(np.float32)
-        between = [np.float32(1) + _STEP[band] * n.astype(np.float32) for n in (column, row)]
-        between = [between[0] + across, between[1] + down]
-        read = lambda of_pixels: cv2.remap(of_pixels, *between, cv2.INTER_LINEAR)[live][None]  # noqa: E731
-        at = {k: (read(places[k].column), read(places[k].row)) for k in chosen}
-        return cls(room, view, band, tuple(chosen), at, seen[:, live], tile[live])
-
-    def read(self, k: int, image: Image, order: int = cv2.INTER_CUBIC) -> NDArray[np.float32]:
-        column, row = self.at[k]
-        out = np.empty(column.shape[1], np.float32)
-        for first in range(0, len(out), 30000):  # OpenCV's remap takes at most 32767 columns
-            part = np.s_[:, first : first + 30000]
-            out[first : first + 30000] = cv2.remap(
-                image, column[part], row[part], order, borderMode=cv2.BORDER_REPLICATE
-            )
-        return out
-
-    def block(self, light: RoomLight, columns: int) -> Block:
-        """Returns the Block of these cells with residual, gain and variance read from `light`. `columns` is the number
-        of columns; they stay 0 until blocks_of() fills them."""
-        floor, share = _ERROR[self.band]
-        residual, gain, level = (np.empty(self.seen.shape, np.float32) for _ in range(3))
-        for n, k in enumerate(self.images):
-            looks, image = light.looks[k], light.seen[k]
-            each = looks.all(image)
-            residual[n] = self.read(k, each[self.band])
-            lit = light.gain[k] * self.room.images[k].geometry if self.band == "dots" else light.gain[k]
-            gain[n] = self.read(k, lit, cv2.INTER_LINEAR)
-            level[n] = np.abs(self.read(k, each["dots" if self.band == "dots" else "slow"], cv2.INTER_LINEAR))
-        variance = np.where(self.seen, floor**2 + (share * level) ** 2, np.inf).astype(np.float32)
-        shape = (columns, *self.seen.shape)
-        tile = self.tile + BANDS.index(self.band) * _tiles(self.room)  # each band has its own tiles
-        return Block(residual, np.zeros(shape, np.float32), gain, variance, tile)
+def _block(room: Room, light: RoomLight, band: str, view: int, columns: int) -> Block:
+    """Returns the Block of a view's cells with residual, gain and variance read from `light`. `columns` is the number
+    of columns; they stay 0 until blocks_of() fills them."""
+    step, own = np.s_[1 :: _STEP[band], 1 :: _STEP[band]], 2 * view
+    asked = {"dots": range(0, 2 * room.judged, 2),  # sessions differ in the pattern's scale
+             "pair": of_view(view)}.get(band, range(len(room.images)))  # fmt: skip
+    places = {k: room.places(own, k) for k in asked}
+    new = room.images[own].usable.copy()
+    for earlier in range(view if band != "pair" else 0):
+        new &= ~room.places(own, 2 * earlier).seen
+    seen = np.stack([places[k].seen[step] & new[step] for k in asked])
+    if band == "dots":
+        bright = {k: (room.images[k].geometry > _LEAST_GEOMETRY).astype(np.float32) for k in asked}
+        seen &= np.stack([places[k].read(bright[k])[step] > 0.99 for k in asked])
+    live = seen.sum(axis=0) > 1
+    row, column = np.indices(live.shape)
+    tile = (view * _TILES[0] + row * _TILES[0] // live.shape[0]) * _TILES[1] + column * _TILES[1] // live.shape[1]
+    tile += BANDS.index(band) * _tiles(room)  # each band has its own tiles
+    # Cells lie between pixels, so that every image is interpolated alike: interpolation blurs.
+    shift = np.random.default_rng(0).uniform(-0.5, 0.5, (2, *live.shape)).astype(np.float32)
+    between = [
+        np.float32(1) + _STEP[band] * n.astype(np.float32) + s for n, s in zip((column, row), shift, strict=True)
+    ]
+    read = lambda of_pixels: cv2.remap(of_pixels, *between, cv2.INTER_LINEAR)[live][None]  # noqa: E731
+    at = {k: (read(places[k].column), read(places[k].row)) for k in asked}
+    seen = seen[:, live]
+    residual, gain, level = (np.empty(seen.shape, np.float32) for _ in range(3))
+    block = Block(band, at, residual, np.zeros((columns, *seen.shape), np.float32), gain, level, tile[live])
+    floor, share = _ERROR[band]
+    for n, k in enumerate(asked):
+        each = light.looks[k].all(light.seen[k])
+        residual[n] = block.read(k, each[band])
+        lit = light.gain[k] * room.images[k].geometry if band == "dots" else light.gain[k]
+        gain[n] = block.read(k, lit, cv2.INTER_LINEAR)
+        level[n] = np.abs(block.read(k, each["dots" if band == "dots" else "slow"], cv2.INTER_LINEAR))
+    block.variance = np.where(seen, floor**2 + (share * level) ** 2, np.inf).astype(np.float32)
+    return block
 
 
 def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: Sequence[int]) -> Normal:
@@ -213,10 +189,9 @@ def _tiles(room: Room) -> int:
 
 def _blocks_by_band(room: Room, blocks: Sequence[Block]) -> Iterator[tuple[str, slice, list[Block]]]:
     """Yields (band, slice of the tile axis that belongs to it, its blocks) for every band with blocks."""
-    tiles = _tiles(room)
     for number, band in enumerate(BANDS):
-        if own := [b for b in blocks if len(b.tile) and b.tile[0] // tiles == number]:
-            yield band, slice(number * tiles, (number + 1) * tiles), own
+        if own := [b for b in blocks if b.band == band]:
+            yield band, slice(number * _tiles(room), (number + 1) * _tiles(room)), own
 
 
 def _sum_tiles(

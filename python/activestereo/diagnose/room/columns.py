@@ -10,14 +10,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image, normals_of, pixel_grid, points_of
-from activestereo.diagnose.room.bands import BANDS, Looks
+from activestereo.capture.capture import SIDES
+from activestereo.diagnose.room.bands import BANDS
 from activestereo.diagnose.room.light import RoomLight
 from activestereo.effects import Effect, Light, Stage, View
 from activestereo.effects.core.descriptor import Channel, Parameter, Randomness
@@ -45,21 +46,22 @@ _SATURATION = 2.0  # a quadratic law would miss half of what a soft response doe
 # Shares of a parameter's range at which an effect's size is looked up.
 _LADDER = np.geomspace(0.02, 1.0, 9)
 
-Change = Callable[[int, Image], Image | None]
+Change = Callable[[int, Image], Image]
 Flow = Callable[[int], tuple[Image, Image]]
 
 
 @dataclass(frozen=True)
 class Column:
-    """Describes how one effect, or one calibration error, changes all images of a room at coefficient 1. change(image
-    number, light above black in DN): returns the change in DN, None for none. sd: prior standard deviation of the
-    coefficient. effect, parameter: None for a nuisance; step: the parameter's change at coefficient 1. bands: those in
-    which the column counts. flow(image number): displacement (x, y) of the light in px, each [height][width]; None if
-    nothing moves."""
+    """Describes how one effect, or one calibration error, changes images of a room at coefficient 1. sd: prior standard
+    deviation of the coefficient. images: the numbers of those that it changes. law(image number, light above black in
+    DN): returns the change in DN. flow(image number): in place of a law, the displacement (x, y) of the light in px,
+    each [height][width]. effect, parameter: None for a nuisance; step: the parameter's change at coefficient 1. bands:
+    those in which the column counts. alike: factor on the deviations of good units."""
 
     name: str
-    change: Change
     sd: float
+    images: range
+    law: Change | None = None
     effect: Effect | None = None
     parameter: Parameter | None = None
     step: float = 1.0
@@ -67,21 +69,88 @@ class Column:
     flow: Flow | None = None
     alike: float = 1.0
 
+    def change(self, k: int, image: Image) -> Image:
+        """Returns the change in DN of image number k, which holds this light."""
+        return self.law(k, image) if self.law is not None else gradient_change(image, *self.moves(k))
+
+    def moves(self, k: int) -> tuple[Image, Image]:
+        """Returns the displacement (x, y) of the light in image number k, px; 0 in images that do not change."""
+        assert self.flow is not None
+        dx, dy = self.flow(k)
+        return (dx, dy) if k in self.images else (0 * dx, 0 * dy)
+
+
+def gradient_change(image: Image, dx: Image, dy: Image) -> Image:
+    """Returns the change in DN of an image whose light moves by (dx, dy) pixels [height][width], from its gradient
+    (first order)."""
+    down, across = np.gradient(image)
+    return np.asarray(-(dx * across + dy * down), np.float32)
+
+
+# Shares of the light at the ray (x, y, 1) by which a view's smooth light may be off: bounces,
+# gloss, changes of the room.
+_SLOW_LAWS: dict[str, Callable[[Image, Image], Image]] = {
+    "x": lambda x, y: x, "y": lambda x, y: y, "xx": lambda x, y: x * x, "xy": lambda x, y: x * y,
+    "yy": lambda x, y: y * y,
+}  # fmt: skip
+# Displacements at the ray (x, y, 1), as shares of the focal length, of a camera that turns or moves about each axis.
+# near: 1 / depth.
+_RIGID: dict[str, Callable[[Image, Image, Image], tuple[Image, Image]]] = {
+    "turn x": lambda x, y, near: (x * y, 1 + y * y),
+    "move x": lambda x, y, near: (-near, 0 * near),
+    "turn y": lambda x, y, near: (-1 - x * x, -x * y),
+    "move y": lambda x, y, near: (0 * near, -near),
+    "turn z": lambda x, y, near: (y, -x),
+    "move z": lambda x, y, near: (x * near, y * near),
+}
+
 
 def nuisances(room: Room, light: RoomLight) -> list[Column]:
     """Returns the nuisance columns: errors of exposure, falloff, geometry and black level left by `calibrate world`,
     and smooth light that no model explains. Names and units are those of its joint covariance."""
-    out = [*_of_exposure(room), *_of_falloff(room), *_of_geometry(room)]
-    even = [np.ones(room.shape, np.float32)] * len(room.images)
-    out.append(Column("black", lambda k, image: even[k], _BLACK_DN))
+    out: list[Column] = []
+    images, f, ones = range(len(room.images)), np.float32(room.images[0].K[0, 0]), np.ones(room.shape, np.float32)
+    judged, right = range(2 * room.judged), range(1, 2 * room.judged, 2)  # a good session has its own common errors
 
-    def between_dots(k: int, image: Image) -> Image | None:
-        """Returns the smooth light, DN, that a wrong dark level of the pattern between dots adds to the room's light;
-        None for other images."""
-        return light.looks[k].even(light.looks[k].amplitude(light.seen[k])) if image is light.room[k] else None
+    def scaled(name: str, sd: float, on: range, share: Callable[[Image, Image], Image]) -> None:
+        out.append(Column(name, sd, on, lambda k, image: share(*room.images[k].rays()) * image))
 
-    out.append(Column("light between dots", between_dots, _DOTS_LIGHT))
-    return out
+    def moved(
+        name: str, sd: float, on: range, law: Callable[[Image, Image, Image], tuple[Image, Image]], px: np.float32 = f
+    ) -> None:
+        def flow(k: int) -> tuple[Image, Image]:
+            dx, dy = law(*room.images[k].rays(), 1.0 / np.maximum(room.images[k].depth_m, _NEAREST_M))
+            return px * dx, px * dy
+
+        out.append(Column(name, sd, on, flow=flow, bands=_MOVED))
+
+    for view in range(1, room.views):
+        scaled(f"exposure {room.name(view)}", 0.1, of_view(view), lambda x, y: ones)
+    for view in range(room.views):
+        for name, law in _SLOW_LAWS.items():
+            scaled(f"slow {name} {view}", _SLOW_LAW, of_view(view), law)
+    scaled("falloff", _EXPONENT, images, lambda x, y: -0.5 * np.log1p(x * x + y * y))
+    scaled("falloff r^4", 0.1, images, lambda x, y: np.square(x * x + y * y))
+    for first, side in enumerate(SIDES):
+        for axis in "xy":
+            scaled(f"falloff tilt {axis} {side}", 0.05, images[first::2], _SLOW_LAWS[axis])
+    for view in range(1, room.views):
+        for name, rigid in _RIGID.items():
+            sd = _TURN_RAD if name.startswith("turn") else _MOVE_M
+            moved(f"{name} {room.name(view)}", sd, of_view(view), rigid)
+    moved("right column", 1.0, right, lambda x, y, near: (ones, 0 * ones), np.float32(0.5))
+    moved("right row", 1.0, right, lambda x, y, near: (0 * ones, ones), np.float32(0.5))
+    moved("baseline", _BASELINE_M, right, lambda x, y, near: (-near, 0 * near))
+    moved("focal length", _FOCAL, judged, lambda x, y, near: (x, y))
+    out.append(Column("black", _BLACK_DN, images, lambda k, image: ones))
+    # A wrong dark level of the pattern between dots adds smooth light to the room's.
+    dots = lambda k, image: light.looks[k].even(light.looks[k].amplitude(light.seen[k]))  # noqa: E731
+    return [*out, Column("light between dots", _DOTS_LIGHT, images, dots, bands=("slow", "fine"))]
+
+
+def of_view(view: int) -> range:
+    """Returns the numbers of a view's images."""
+    return range(2 * view, 2 * view + 2)
 
 
 def prior_precision(room: Room, columns: Sequence[Column]) -> NDArray[np.float64]:
@@ -95,122 +164,31 @@ def prior_precision(room: Room, columns: Sequence[Column]) -> NDArray[np.float64
     return np.asarray(np.linalg.inv(covariance))
 
 
-def _of_exposure(room: Room) -> Iterator[Column]:
-    for view in range(1, room.views):
-        yield Column(f"exposure {room.name(view)}", _factor(room, lambda k: np.float32(1.0), view), 0.1)
-    laws: dict[str, Callable[[Image, Image], Image]] = {
-        "x": lambda x, y: x, "y": lambda x, y: y, "xx": lambda x, y: x * x, "xy": lambda x, y: x * y,
-        "yy": lambda x, y: y * y,
-    }  # fmt: skip
-    for view in range(room.views):
-        for name, law in laws.items():  # stand for bounces, gloss and changes of the room
-            law_of = lambda k, law=law: law(*room.images[k].rays())  # noqa: E731
-            yield Column(f"slow {name} {view}", _factor(room, law_of, view), _SLOW_LAW)
-
-
-def _of_falloff(room: Room) -> Iterator[Column]:
-    yield Column("falloff", _factor(room, lambda k: -0.5 * np.log1p(room.images[k].r2())), _EXPONENT)
-    yield Column("falloff r^4", _factor(room, lambda k: room.images[k].r2() ** 2), 0.1)
-    for side in ("left", "right"):
-        for axis in (0, 1):
-            tilt = lambda k, axis=axis: room.images[k].rays()[axis]  # noqa: E731
-            yield Column(f"falloff tilt {'xy'[axis]} {side}", _factor(room, tilt, side=side), 0.05)
-
-
-def _of_geometry(room: Room) -> Iterator[Column]:
-    f = float(room.images[0].K[0, 0])
-    for view in range(1, room.views):
-        for axis in range(3):
-
-            def turned(k: int, axis: int = axis) -> tuple[Image, Image]:
-                x, y = room.images[k].rays()
-                return ((x * y, 1 + y * y), (-1 - x * x, -x * y), (y, -x))[axis]
-
-            def moved(k: int, axis: int = axis) -> tuple[Image, Image]:
-                x, y = room.images[k].rays()
-                near = 1.0 / np.maximum(room.images[k].depth_m, _NEAREST_M)
-                return ((-near, 0 * near), (0 * near, -near), (x * near, y * near))[axis]
-
-            yield _flow(room, f"turn {'xyz'[axis]} {room.name(view)}", turned, f, _TURN_RAD, view)
-            yield _flow(room, f"move {'xyz'[axis]} {room.name(view)}", moved, f, _MOVE_M, view)
-    ones, zeros = np.ones(room.shape, np.float32), np.zeros(room.shape, np.float32)
-    yield _flow(room, "right column", lambda k: (ones, zeros), 0.5, 1.0, side="right")
-    yield _flow(room, "right row", lambda k: (zeros, ones), 0.5, 1.0, side="right")
-    near = lambda k: (1.0 / np.maximum(room.images[k].depth_m, _NEAREST_M), zeros)  # noqa: E731
-    yield _flow(room, "baseline", near, -f, _BASELINE_M, side="right")
-    yield _flow(room, "focal length", lambda k: room.images[k].rays(), f, _FOCAL)
-
-
-def _factor(
-    room: Room, of: Callable[[int], Image | np.float32], view: int | None = None, side: str | None = None
-) -> Change:
-    def change(k: int, image: Image) -> Image | None:
-        seen = room.images[k]
-        return None if view not in (None, seen.view) or side not in (None, seen.side) else of(k) * image
-
-    return change
-
-
-def _same(image: Image) -> Callable[[int], Image]:
-    return lambda k: image
-
-
-def _flow(
-    room: Room, name: str, of: Callable[[int], tuple[Image, Image]], scale: float, sd: float, view: int | None = None,
-    side: str | None = None,
-) -> Column:  # fmt: skip
-    """Makes a nuisance column that displaces the light by scale * of(k) pixels (x, y) in image number k. sd: prior
-    deviation of its coefficient. view, side: the images it moves; None = all views, both cameras."""
-    nowhere = np.zeros(room.shape, np.float32)
-
-    def flow(k: int) -> tuple[Image, Image]:
-        seen = room.images[k]
-        of_all = range(room.judged) if view is None else (view,)  # a good session has its own common errors
-        if seen.view not in of_all or side not in (None, seen.side):
-            return nowhere, nowhere
-        dx, dy = of(k)
-        return np.asarray(np.float32(scale) * dx), np.asarray(np.float32(scale) * dy)
-
-    return Column(name, _moving(flow), sd, bands=_MOVED, flow=flow)
-
-
-def _moving(flow: Flow) -> Change:
-    def change(k: int, image: Image) -> Image | None:
-        dx, dy = flow(k)
-        return gradient_change(image, dx, dy) if dx.any() or dy.any() else None
-
-    return change
-
-
-def gradient_change(image: Image, dx: Image, dy: Image) -> Image:
-    """Returns the change in DN of an image whose light moves by (dx, dy) pixels [height][width], from its gradient
-    (first order)."""
-    down, across = np.gradient(image)
-    return np.asarray(-(dx * across + dy * down), np.float32)
-
-
 def effects_of(room: Room, light: RoomLight, effects: Mapping[str, Effect]) -> list[Column]:
     """Returns columns of effects in the camera, one for each parameter that changes an image. Effects that are
     nuisances of every room, such as its falloff, and those that are searched for are left out."""
-    views = [view_of(room, k) for k in range(len(room.images))]
+    views, judged = [view_of(room, k) for k in range(len(room.images))], range(2 * room.judged)
     out: list[Column] = []
     for effect in effects.values():
         if effect.id in ("vignetting", _GHOST) or not is_alike_in_views(effect):
             continue
         lead = effect.parameters[0]
         for p in (p for p in effect.parameters if lead.neutral == p.neutral == 0.0):
-            moves, share = effect.stage is Stage.CAMERA, _share(effect)
+            share = _share(effect)
             value = min(p.typical_value * share, p.high)
             image = light.room[0]
             if p is not lead and not np.any(acting(effect, {p.name: p.typical_value}, image, views[0], 0.0) != image):
                 continue  # it needs another value of the effect's first parameter
             flow = _flow_of(effect, p, value, share, views) if share < 1.0 else None
-            change = _moving(flow) if flow is not None else _difference(effect, p, value, views, light.black_dn)
-            bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
-            out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands, flow))
+            law = None if flow is not None else _difference(effect, p, value, views, light.black_dn)
+            column = Column(f"{effect.id}.{p.name}", _REACH, judged, law, effect, p, value / share, _MOVED, flow)
+            if effect.stage is not Stage.CAMERA:
+                differs = _differs(column.change, light.room[0])
+                column = replace(column, bands=_OF_ONE_CAMERA if differs else _SCALED)
+            out.append(column)
             if effect.id == _TONE:
-                bend = _bend(change, light, room.rig.max_dn)
-                out.append(Column(f"{effect.id}.bend", bend, _REACH, effect, p, value / share, bands))
+                bend = _bend(column.change, light, room.rig.max_dn)
+                out.append(replace(column, name=f"{effect.id}.bend", law=bend))
     return out
 
 
@@ -228,9 +206,9 @@ def _bend(power: Change, light: RoomLight, full_dn: float) -> Change:
     share = np.linalg.lstsq(np.stack(others, axis=1), saturated, rcond=None)[0]
     scale = np.float32(np.linalg.norm(others[0]) / max(float(np.linalg.norm(saturated)), 1e-9))
 
-    def change(k: int, image: Image) -> Image | None:
+    def change(k: int, image: Image) -> Image:
         soft, exponent, exposure = (law(k, image) for law in laws)
-        return None if exponent is None else scale * (soft - share[0] * exponent - share[1] * exposure)
+        return scale * (soft - share[0] * exponent - share[1] * exposure)
 
     return change
 
@@ -248,8 +226,6 @@ def _share(effect: Effect) -> float:
 def _differs(change: Change, image: Image) -> bool:
     """Returns whether a change differs between the cameras of a view by more than their different centres explain."""
     left, right = (change(k, image) for k in (0, 1))
-    if left is None or right is None:
-        return left is not right
     return bool(np.square(left - right).sum() > _APART * np.square(left).sum())
 
 
@@ -262,26 +238,21 @@ def is_alike_in_views(effect: Effect) -> bool:
 
 
 def _difference(effect: Effect, p: Parameter, value: float, views: list[View], black_dn: float) -> Change:
-    def change(k: int, image: Image) -> Image | None:
-        acted_on = acting(effect, {p.name: value}, image, views[k], black_dn)
-        return np.asarray(acted_on - image, np.float32) if np.any(acted_on != image) else None
-
-    return change
+    acts = lambda k, image: acting(effect, {p.name: value}, image, views[k], black_dn)  # noqa: E731
+    return lambda k, image: np.asarray(acts(k, image) - image, np.float32)
 
 
 def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: list[View]) -> Flow:
     """Returns the displacement field of a warp effect: a function of the image number. It applies the effect to images
     that hold each pixel's own column and row. value: of parameter p; share: value over its typical value."""
-    known: dict[int, tuple[Image, Image]] = {}
 
+    @cache
     def flow(k: int) -> tuple[Image, Image]:
-        if k not in known:
-            dx, dy = (
-                np.asarray((ramp - acting(effect, {p.name: value}, ramp, views[k], 0.0)) / share, np.float32)
-                for ramp in pixel_grid(views[k].depth_m.shape)
-            )
-            known[k] = dx, dy
-        return known[k]
+        dx, dy = (
+            np.asarray((ramp - acting(effect, {p.name: value}, ramp, views[k], 0.0)) / share, np.float32)
+            for ramp in pixel_grid(views[k].depth_m.shape)
+        )
+        return dx, dy
 
     return flow
 
@@ -304,21 +275,19 @@ def size_of(room: Room, light: RoomLight, column: Column, sign: float = 1.0) -> 
     as the square of its width."""
     effect, p = column.effect, column.parameter
     assert effect is not None and p is not None
-    acts, name = partial(acting, effect), p.name
     sign = sign if p.low < p.neutral else 1.0
     limit = p.high if sign > 0.0 else -p.low
     step, values = min(p.typical_value * _share(effect), limit), np.r_[0.0, limit * _LADDER]
     along = np.zeros(len(values))
     for k in (0, 1):
-        view, image, looks = view_of(room, k), light.both[k], light.looks[k]
-
-        def moved(size: float, view: View = view, image: Image = image, looks: Looks = looks) -> Image:
-            change = (acts({name: sign * size}, image, view, light.black_dn) - image).astype(np.float32)
-            return looks.pair(change) if "fine" in column.bands else change
-
-        unit = moved(step)
+        view, image = view_of(room, k), light.both[k]
+        acted_on = (acting(effect, {p.name: sign * x}, image, view, light.black_dn) for x in (step, *values))
+        changes: Iterator[Image] = ((seen - image).astype(np.float32) for seen in acted_on)
+        if "fine" in column.bands:
+            changes = map(light.looks[k].pair, changes)
+        unit = next(changes)
         if square := float((unit * unit).sum()):
-            along = np.maximum.accumulate([step * float((moved(v) * unit).sum()) / square for v in values])
+            along = np.maximum.accumulate([step * float((change * unit).sum()) / square for change in changes])
             break
 
     def size(linear: float) -> tuple[float, float]:
@@ -350,9 +319,9 @@ def pedestals(room: Room, effects: Mapping[str, Effect]) -> list[Column]:
         return []
     p = effect.parameters[0]
     one = np.full(room.shape, p.typical, np.float32)
-    of = lambda view: lambda k, image: one if room.images[k].view == view else None  # noqa: E731
     first = 1 if room.judged == room.views else 0  # without a good session the first one is in the measured black level
-    return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical, _SCALED) for v in range(first, room.judged)]
+    return [Column(f"black_level.{v}", 1.0, of_view(v), lambda k, image: one, effect, p, p.typical, _SCALED)
+            for v in range(first, room.judged)]  # fmt: skip
 
 
 def alternatives(
@@ -374,7 +343,9 @@ def _ghosts(room: Room, light: RoomLight, effect: Effect) -> dict[tuple[float, .
         moved[:2, 2] = room.images[0].K[0, 0] * np.tan(np.radians(pane))
         acts = _difference(effect, p, p.typical, [replace(v, K=v.K + moved) for v in views], light.black_dn)
         change = lambda k, image, acts=acts: acts(k, lit[k])  # noqa: E731
-        out[pane] = [Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, p.typical, _SCALED)]
+        out[pane] = [
+            Column(f"{effect.id}.{p.name}", _REACH, range(2 * room.judged), change, effect, p, p.typical, _SCALED)
+        ]
     return out
 
 
@@ -386,9 +357,13 @@ def _waves(room: Room, effect: Effect) -> dict[tuple[float, ...], list[Column]]:
         period = round(2 * room.shape[0] / cycles)
         angle = 2.0 * np.pi * rows / period
         out[period,] = [
-            Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical, _SCALED,
+            Column(f"{_PERIODIC}.{view} {name}", 0.5, of_view(view), _times(wave), effect, p, p.typical, _SCALED,
                    alike=1.0 / (1.0 + cycles**2))
             for view in range(room.judged)
             for name, wave in (("sine", p.typical * np.sin(angle)), ("cosine", p.typical * np.cos(angle)))
         ]  # fmt: skip
     return out
+
+
+def _times(factor: Image) -> Change:
+    return lambda k, image: factor * image

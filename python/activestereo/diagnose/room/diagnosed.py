@@ -163,8 +163,8 @@ def _beside(found: Sequence[Found], seen: Seen, told: tuple[float, float]) -> tu
     less = [np.zeros(seen.room.shape, np.float32) for _ in lefts]
     for column in (c for c in seen.scores.columns if c.name in shares):
         for view, k in enumerate(lefts):
-            change = column.change(k, seen.light.both[k])
-            if change is not None:
+            if k in column.images:
+                change = column.change(k, seen.light.both[k])
                 less[view] += np.float32(shares[column.name] / column.step) * change
     if not any(image.any() for image in less):
         return told

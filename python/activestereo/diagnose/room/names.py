@@ -156,7 +156,8 @@ def _of_effects(
     if room.judged == room.views:
         return own
     lasting = [c for c in own if c.effect is not None and c.effect.id not in ("black_level", "flicker_banding")]
-    return own + [Column(f"unit's {c.name}", c.change, OF_A_UNIT[_key(c)] / c.step, bands=c.bands, flow=c.flow)
+    every = range(len(room.images))
+    return own + [replace(c, name=f"unit's {c.name}", sd=OF_A_UNIT[_key(c)] / c.step, images=every, effect=None)
                   for c in lasting]  # fmt: skip
 
 
