@@ -21,6 +21,8 @@ BANDS = ("slow", "fine", "dots", "pair")
 _FAST_PX, _AMPLITUDE_PX, _SLOW_PX = 2.0, 4.5, 3.0
 _FINE_PX, _PAIR_PX = 0.8, 1.2
 _LEAST_DOTS, _LEAST_USABLE = 2e-4, 0.05
+# The least light of the projector that tells dots, and the most that is believed, 1/m^2.
+LEAST_GEOMETRY, MOST_GEOMETRY = 0.02, 5.0
 
 
 def blur(image: Image, sigma_px: float) -> Image:

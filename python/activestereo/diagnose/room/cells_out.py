@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image
-from activestereo.diagnose.room.bands import BANDS
+from activestereo.diagnose.room.bands import BANDS, LEAST_GEOMETRY
 from activestereo.diagnose.room.columns import Column, gradient_change, of_view, prior_precision
 from activestereo.diagnose.room.light import RoomLight
 
@@ -26,7 +26,6 @@ _STEP = {"slow": 4, "fine": 3, "dots": 4, "pair": 3}
 # Deviation of one image's value in a band: a floor in DN, and a share of the light.
 _ERROR = {"slow": (0.25, 0.02), "fine": (0.5, 0.015), "dots": (0.3, 0.05), "pair": (0.5, 0.025)}
 _TILES = (5, 8)  # of a view's image, down and across
-_LEAST_GEOMETRY = 0.02
 # Share of a motion that a pair of images shows, for its cameras' gradients differ: known distortions of a lens were
 # found at 0.60 of their size in a D415's recordings, at 0.66 in drawn rooms.
 _SHOWN = 0.6
@@ -120,7 +119,7 @@ def _block(room: Room, light: RoomLight, band: str, view: int, columns: int) -> 
         new &= ~room.places(own, 2 * earlier).seen
     seen = np.stack([places[k].seen[step] & new[step] for k in asked])
     if band == "dots":
-        bright = {k: (room.images[k].geometry > _LEAST_GEOMETRY).astype(np.float32) for k in asked}
+        bright = {k: (room.images[k].geometry > LEAST_GEOMETRY).astype(np.float32) for k in asked}
         seen &= np.stack([places[k].read(bright[k])[step] > 0.99 for k in asked])
     live = seen.sum(axis=0) > 1
     row, column = np.indices(live.shape)

@@ -17,6 +17,7 @@ from activestereo.calibrate.world.views import Image, SceneView, blurred, points
 from activestereo.capture.capture import Capture
 from activestereo.compare.model_file import model_json
 from activestereo.diagnose.goodness import Z90
+from activestereo.diagnose.room.bands import LEAST_GEOMETRY
 from activestereo.diagnose.room.beside import falloff, falloff_of
 from activestereo.diagnose.room.columns import is_alike_in_views, size_of
 from activestereo.diagnose.room.evidence import NEEDED, Found
@@ -37,8 +38,7 @@ _NOT_RANKED = "a room measured by the same camera has it in its dots or surfaces
 # patterns, at the best of all shifts, 0.28 to 0.38.
 _APART_SD, _BEYOND_CHANCE = 8.0, 0.1
 _PATCH_PX, _REACH_PX, _LEAST_LIT = 128, 16, 2.0
-# Blur of the light whose ratios tell the falloff, at half size; the least light of dots there, 1/m^2.
-_WHOLE_PX, _LEAST_GEOMETRY = 4.0, 0.02
+_WHOLE_PX = 4.0  # blur of the light whose ratios tell the falloff, at half size
 
 
 def diagnosed_room(
@@ -62,7 +62,7 @@ def diagnosed_room(
     added = [f.effect.id for f in found]
     ranking = [*found, *told[len(possible) :], *_others(names)]
     ranked = {*(f.effect.id for f in ranking), *(e.id for e, _ in given.effects), _FALLOFF}
-    by_view = _unseen(room, capture, given, accepted)
+    by_view = _unseen(names.seen, given, accepted)
     shown = max(by_view, key=lambda pair: pair[0].rmse_dn ** 2 - pair[1].rmse_dn ** 2, default=None)
     result: dict[str, Any] = {
         "verdict": UNDETERMINED if len(possible) < len(told) else EFFECT if added else NONE,
@@ -145,39 +145,31 @@ def _shared_dots(first: Image, second: Image) -> float:
 
 
 def _falloff(seen: Seen, found: Sequence[Found]) -> list[Found]:
-    """Returns the lens's falloff as overlapping views show it beside the effects found; nothing if the given model has
-    one or it is no clear finding."""
+    """Returns the lens's falloff as overlapping views show it with the effects found taken out of the images: a ghost,
+    which lights places of two views differently, passes for falloff. Nothing if the given model has one or it is no
+    clear finding. The effects are known to first order: the exponent is doubted by as much as they move it."""
     told = falloff(seen.room, seen.asked)
     if told is None:
         return []
-    beside = falloff_of(told.effect, *_beside(found, seen, told.parameters["exponent"]))
+    shares = {name: value for f in found for name, (value, _) in f.parameters.items()}
+    less = {k: np.zeros(seen.room.shape, np.float32) for k in range(0, 2 * seen.room.judged, 2)}
+    for column in (c for c in seen.scores.columns if c.name in shares):
+        for k in less.keys() & set(column.images):
+            less[k] += np.float32(shares[column.name] / column.step) * column.change(k, seen.light.both[k])
+    exponent, deviation = told.parameters["exponent"]
+    if any(image.any() for image in less.values()):
+        before, after = (_exponent(seen, {k: share * image for k, image in less.items()}) for share in (0, 1))
+        moved = after[0] - before[0]
+        exponent, deviation = exponent + moved, float(np.hypot(max(deviation, after[1]), moved))
+    beside = falloff_of(told.effect, exponent, deviation)
     return [replace(beside, members={_FALLOFF: 1.0})] if beside.nats > NEEDED else []
 
 
-def _beside(found: Sequence[Found], seen: Seen, told: tuple[float, float]) -> tuple[float, float]:
-    """Returns the falloff's exponent and its deviation with the effects found taken out of the images: a ghost, which
-    lights places of two views differently, passes for falloff. told: both as `calibrate world` measured them. The
-    effects are known to first order: the exponent is doubted by as much as they move it."""
-    lefts = range(0, 2 * seen.room.judged, 2)
-    shares = {name: value for f in found for name, (value, _) in f.parameters.items()}
-    less = [np.zeros(seen.room.shape, np.float32) for _ in lefts]
-    for column in (c for c in seen.scores.columns if c.name in shares):
-        for view, k in enumerate(lefts):
-            if k in column.images:
-                change = column.change(k, seen.light.both[k])
-                less[view] += np.float32(shares[column.name] / column.step) * change
-    if not any(image.any() for image in less):
-        return told
-    before, after = (_exponent(seen, images) for images in ([np.zeros_like(image) for image in less], less))
-    moved = after[0] - before[0]
-    return told[0] + moved, float(np.hypot(max(told[1], after[1]), moved))
-
-
-def _exponent(seen: Seen, less: Sequence[Image]) -> tuple[float, float]:
-    """Fits the falloff's exponent to a room's left images, less some DN [view][height][width], as `calibrate world`
-    does."""
+def _exponent(seen: Seen, less: Mapping[int, Image]) -> tuple[float, float]:
+    """Fits the falloff's exponent to images of a room, less some DN {image number: [height][width]}, as `calibrate
+    world` does."""
     room, views = seen.room, []
-    for k, taken in zip(range(0, 2 * room.judged, 2), less, strict=True):
+    for k, taken in less.items():
         image, right = room.images[k : k + 2]
         surface = image.usable.astype(np.float32)
         whole, dots = (
@@ -186,8 +178,8 @@ def _exponent(seen: Seen, less: Sequence[Image]) -> tuple[float, float]:
         )
         view = SceneView(image.frame, image.whole, right.whole, image.depth_m, image.usable, 1.0)
         own = view, points_of(image.depth_m, image.K), whole, dots, whole, dots, image.geometry, image.r2()
-        views.append(LightView(*own, image.usable & (image.geometry > _LEAST_GEOMETRY)))
-    poses = [room.pose(image) for image in room.images[: 2 * room.judged : 2]]
+        views.append(LightView(*own, image.usable & (image.geometry > LEAST_GEOMETRY)))
+    poses = [room.pose(room.images[k]) for k in less]
     fitted = solve_light(views, poses, room.images[0].K, black_level([v.view for v in views])).exponent
     return fitted or (0.0, np.inf)
 
@@ -249,10 +241,9 @@ def _entry(found: Found) -> dict[str, Any]:
 
 def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
     """Returns the probabilities of diagnose.json: from the evidence beyond the threshold for naming an effect."""
-    odds = np.exp([min(f.nats, 500.0) - NEEDED for f in names.ranking])
+    odds = np.exp(max((min(f.nats, 500.0) - NEEDED for f in names.ranking), default=-np.inf))
     first = names.named[0].members if names.named else {}
-    one = float(odds.max() / (1.0 + odds.max())) if len(odds) else 0.0
-    named = {name: one * p for name, p in first.items()} if first else {}
+    named = {name: float(odds / (1.0 + odds)) * p for name, p in first.items()}
     if not named and added:
         named = {added[0]: 1.0}
     return {"named": named, "none": max(1.0 - sum(named.values()), 0.0), "something_else": 0.0}
@@ -267,18 +258,18 @@ def _next(names: Names) -> list[dict[str, Any]]:
     return [*out, {"text": told, "separates": [], "change": None}]
 
 
-def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[tuple[Unseen, Unseen]]:
+def _unseen(seen: Seen, given: Model, accepted: Model) -> list[tuple[Unseen, Unseen]]:
     """Returns each held-out view that others see (each view, if none is held out), predicted from the others under the
     effects of both models that are alike in all views."""
-    test = [f.id for f in capture.split("test") if f.depth_path is not None]
-    whole = room if not test else Room(capture, [*(f.id for f in room.frames), *test])
-    black = capture.rig.black_dn[0] if capture.rig.black_dn else 0.0
+    room = seen.room
+    test = [f.id for f in room.capture.split("test") if f.depth_path is not None]
+    whole = room if not test else Room(room.capture, [*(f.id for f in room.frames), *test])
     models = [[(e, values) for e, values in m.effects if is_alike_in_views(e)] for m in (given, accepted)]
     views, told = [n for n, f in enumerate(whole.frames) if not test or f.id in test], []
     for effects in models if models[0] != models[1] else models[:1]:
         exponent = next((values["exponent"] for e, values in effects if e.id == _FALLOFF), 0.0)
         others = [(e, values) for e, values in effects if e.id != _FALLOFF]
-        told.append(predict_unseen(whole, views, black, exponent, others))
+        told.append(predict_unseen(whole, views, seen.light.black_dn, exponent, others))
     return [pair for pair in zip(told[0], told[-1], strict=True) if np.isfinite(pair[0].rmse_dn)]
 
 

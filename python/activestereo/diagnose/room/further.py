@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from activestereo.calibrate.world.cells import Room, RoomImage
 from activestereo.calibrate.world.overlaps import Surface, find_overlap, surface_of
 from activestereo.calibrate.world.views import SceneView, near_edges
+from activestereo.diagnose.room.bands import LEAST_GEOMETRY, MOST_GEOMETRY
 from activestereo.diagnose.room.light import RoomLight
 
 # A tripod returns to its place within these bounds.
 _SAME_TURN_RAD, _SAME_PLACE_M, _LEAST_SHARED = 0.05, 0.05, 0.05
-_LEAST_GEOMETRY, _MOST_GEOMETRY = 0.02, 5.0
 
 
 def with_turned_view(room: Room, light: RoomLight, turn_deg: tuple[float, float, float]) -> Room:
@@ -48,8 +48,8 @@ def _turned(room: Room, light: RoomLight, k: int, turn: NDArray[np.float64]) -> 
     read = lambda image: cv2.remap(np.asarray(image, np.float32), column, row, cv2.INTER_LINEAR)  # noqa: E731
     usable, geometry = read(old.usable) > 0.99, read(old.geometry)
     albedo = light.looks[k].even(light.looks[k].amplitude(light.dots[k]))
-    albedo /= light.gain[k] * np.clip(old.geometry, _LEAST_GEOMETRY, _MOST_GEOMETRY)
-    dots = read(albedo) * np.minimum(geometry, _MOST_GEOMETRY) * old.dots
+    albedo /= light.gain[k] * np.clip(old.geometry, LEAST_GEOMETRY, MOST_GEOMETRY)
+    dots = read(albedo) * np.minimum(geometry, MOST_GEOMETRY) * old.dots
     dn = light.gain[k] * (read(light.room[k] / light.gain[k]) + dots) + np.float32(light.black_dn)
     depth_m = np.where(usable, read(old.depth_m) / ahead, 0.0).astype(np.float32)
     return replace(old, dn=np.asarray(dn, np.float32), usable=usable, geometry=geometry, depth_m=depth_m)

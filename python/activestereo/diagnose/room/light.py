@@ -10,10 +10,10 @@ import numpy as np
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image
-from activestereo.diagnose.room.bands import Looks, blur
+from activestereo.diagnose.room.bands import MOST_GEOMETRY, Looks, blur
 
 _SLOW_PX, _AGREE_PX, _NO_CONTRAST_DN2 = 3.0, 4.0, 0.01
-_MOST_GEOMETRY, _LEAST_WEIGHT = 5.0, 1e-6
+_LEAST_WEIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
     count = len(room.images)
     looks = [Looks.of(image) for image in room.images]
     gain = [(i.exposure * (1.0 + i.r2()) ** (-0.5 * exponent)).astype(np.float32) for i in room.images]
-    lit = [g * np.minimum(i.geometry, _MOST_GEOMETRY) for g, i in zip(gain, room.images, strict=True)]
+    lit = [g * np.minimum(i.geometry, MOST_GEOMETRY) for g, i in zip(gain, room.images, strict=True)]
     seen = [image.dn - np.float32(black_dn) for image in room.images]
     split = [look.split(image) for look, image in zip(looks, seen, strict=True)]
     own, amplitude = [s[0] for s in split], [look.even(s[1]) for look, s in zip(looks, split, strict=True)]

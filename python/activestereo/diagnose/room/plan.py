@@ -64,10 +64,10 @@ def plan_of(seen: Seen) -> list[Recording]:
     are for effects that no view detects at typical size. Every effect asked about appears once or more."""
     this = detectable_sizes(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
-    offers = [(text, 1.0, _tells(seen, r, session_spread(r, OF_A_UNIT))) for text, turn_deg in _VIEWS
+    offers = [(text, 1.0, _tells(seen, r, OF_A_UNIT)) for text, turn_deg in _VIEWS
               for r in [with_planned_pair(seen, turn_deg)]]  # fmt: skip
     good = with_planned_pair(seen, (0.0, 0.0, 0.0))
-    offers.append((_REFERENCE, 2.0, _tells(seen, good, session_spread(good, SAME_PLACE))))
+    offers.append((_REFERENCE, 2.0, _tells(seen, good, SAME_PLACE)))
     if "response_gamma" in seen.asked:
         offers.append((_EXPOSED, 1.0, {"response_gamma": LEAST_RESPONSE}))
     left, enough = [], set(now)
@@ -120,17 +120,18 @@ def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
     least = {found.effect.id: found.least for found in beside if found.least}
     if "focus_mismatch" in seen.asked:
         least["drops on a window"] = LEAST_DROPS
-    return _tells(seen, seen.scores, session_spread(seen.scores, OF_A_UNIT), unsure) | least
+    return _tells(seen, seen.scores, OF_A_UNIT, unsure) | least
 
 
 def _tells(
-    seen: Seen, scores: Reduced, known: Mapping[str, float], unsure: Mapping[str, float] | None = None
+    seen: Seen, scores: Reduced, spread: Mapping[str, float], unsure: Mapping[str, float] | None = None
 ) -> dict[str, Sizes]:
-    """Returns {effect: {parameter: least size at which it is named}} for sizes within the parameters' ranges. unsure:
+    """Returns {effect: {parameter: least size at which it is named}} for sizes within the parameters' ranges.
+    spread: deviations of good units, as in session_spread(). unsure:
     {effect: factor on its least sizes}."""
     out: dict[str, Sizes] = {}
     names = {c.name for c in scores.columns}
-    for found in judged(scores, known):
+    for found in judged(scores, session_spread(scores, spread)):
         least_of: dict[str, float] = {}
         for p in (p for p in found.effect.parameters if p.name in found.least):
             name, least = f"{found.effect.id}.{p.name}", found.least[p.name]

@@ -17,12 +17,12 @@ import numpy as np
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image, pixel_grid
-from activestereo.diagnose.room.bands import Looks, blur
+from activestereo.diagnose.room.bands import LEAST_GEOMETRY, MOST_GEOMETRY, Looks, blur
 from activestereo.diagnose.room.columns import acting, is_warp, view_of
 from activestereo.effects import Effect
 
 _SMOOTH_PX, _SLOW_PX, _CLEAR_PX = 0.6, 3.0, 9
-_MOST_GEOMETRY, _LEAST_GEOMETRY, _MOST_NEARER = 5.0, 0.02, 4.0
+_MOST_NEARER = 4.0
 _INVERTED = 3  # rounds; more of them sharpen noise
 
 
@@ -109,9 +109,9 @@ def _slow_from_others(room: Room, view: int, black_dn: float, exponent: float) -
         there, looks, dn = room.places(number, k), Looks.of(image), image.dn - np.float32(black_dn)
         lens = (1.0 + image.r2()) ** np.float32(-0.5 * exponent) * np.float32(image.exposure / own.exposure)
         dots = 1.0 - looks.split(dn)[0][image.usable].mean() / dn[image.usable].mean()
-        nearer = np.minimum(own.geometry, _MOST_GEOMETRY) / np.maximum(there.read(image.geometry), _LEAST_GEOMETRY)
+        nearer = np.minimum(own.geometry, MOST_GEOMETRY) / np.maximum(there.read(image.geometry), LEAST_GEOMETRY)
         lit = 1.0 + np.clip(dots, 0.0, 1.0) * (np.minimum(nearer, _MOST_NEARER) - 1.0)
         total += there.read(lens * looks.even(dn)) * lit * there.seen
         weight += there.read(lens * lens) * there.seen
     gain = (1.0 + own.r2()) ** np.float32(-0.5 * exponent)
-    return gain * total / np.maximum(weight, 1e-6), (weight > 0) & own.usable & (own.geometry > _LEAST_GEOMETRY)
+    return gain * total / np.maximum(weight, 1e-6), (weight > 0) & own.usable & (own.geometry > LEAST_GEOMETRY)
