@@ -196,7 +196,9 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     fitted_places, all_places = ({int(p) for o in group for p in o.geometry_places} for group in (at_rest, others))
     own = np.array(sorted(all_places - fitted_places), dtype=np.intp)  # of poses that only moving frames have
     if own.size:
-        at = solution.space, solution.theta, phi
+        # Frames at rest tell nothing of effects that only motion shows; their weak priors then pull these to neutral.
+        known = ParameterSpace.of(model).start
+        at = solution.space, np.concatenate([known, solution.theta[len(known) :]]), phi
         moved, variance[own] = _own_step(evidence, others, fitter.nuisance_prior, own, *at, not blur_px)
         phi[SCALES + own] += moved
     focal, twists = np.split(_drop_albedos(phi[SCALES:], evidence), [len(SIDES)])

@@ -23,6 +23,7 @@ from activestereo.diagnose.geometry import TWIST, Geometry, focal_slopes, geomet
 from activestereo.diagnose.geometry_search import (
     _moving_beyond_others,
     _searched,
+    _step,
     coarse,
     gather_where_it_stands,
     with_test_frames,
@@ -212,12 +213,10 @@ def render_never(capture):
     raise AssertionError("nothing has to be rendered again")
 
 
-def test_a_lens_that_distorts_moves_nothing(lab_world, lab_cache):
-    """Beside it, focal lengths and poses would take what they can of it."""
-    capture = read_capture(lab_world.capture_path)
+def hiding(capture, hidden, lab_world, lab_cache):
+    """The Evidence of a capture whose images a model changes."""
     layers = render_frames(capture, RememberingRenderer(WorldRenderer(lab_world, grid=3)), cache=lab_cache)
     evidence = gather(capture, layers)
-    hidden = Model().with_effect(builtin()["radial_distortion"], k1=-0.04)
 
     def seen(o, model):
         return model.signal(model.light(o.layers, o.view), o.view, evidence.nuisances)
@@ -225,8 +224,28 @@ def test_a_lens_that_distorts_moves_nothing(lab_world, lab_cache):
     def bent(observations):
         return tuple(replace(o, measured=o.measured + seen(o, hidden) - seen(o, Model())) for o in observations)
 
-    evidence = replace(evidence, train=bent(evidence.train), test=bent(evidence.test))
+    return replace(evidence, train=bent(evidence.train), test=bent(evidence.test))
+
+
+def test_a_lens_that_distorts_moves_nothing(lab_world, lab_cache):
+    """Beside it, focal lengths and poses would take what they can of it."""
+    hidden = Model().with_effect(builtin()["radial_distortion"], k1=-0.04)
+    evidence = hiding(read_capture(lab_world.capture_path), hidden, lab_world, lab_cache)
     assert _searched(evidence, render_never, Model(), (3.0,)).geometry.is_as_stated()
+
+
+def test_what_only_motion_shows_is_no_move_of_its_view(lab_world, lab_cache):
+    """A shutter that the model has stays as it is where a view is searched, though no frame at rest shows it."""
+    capture = read_capture(lab_world.capture_path)
+    last = capture.frames[-1].camera_to_world
+    velocity = np.array([0.4, 0.0, 0.0, 0.0, 0.8, 0.0])
+    moving = [replace(f, camera_velocity=velocity) if (f.camera_to_world == last).all() else f for f in capture.frames]
+    capture = replace(capture, frames=tuple(replace(f, split="train") for f in moving))
+    hidden = Model().with_effect(builtin()["exposure_desync"], delay_s=0.004)
+    evidence = hiding(capture, hidden, lab_world, lab_cache)
+    twists = [_step(evidence, model).twists.reshape(-1, TWIST)[1:] for model in (Model(), hidden)]
+    without, beside = (displacement_px(own[evidence.geometry.moving()][0]) for own in twists)
+    assert beside < 0.5 * without
 
 
 def test_a_coarse_observation_is_what_a_blurred_camera_sees(lab_world, lab_cache):

@@ -111,13 +111,13 @@ class _ViewInputs(EngineInputs):
     blur_px: float = 0.0
 
     @classmethod
-    def of(cls, view: View) -> _ViewInputs:
+    def of(cls, view: View, signal: dict[str, float]) -> _ViewInputs:
         whole = view.whole if isinstance(view, PickedView) else view
         height, width = whole.shape
 
         def side(is_right: bool) -> EngineCamera:
             camera = kuafu.Camera(width, height, view.K, np.eye(4), **lens_fields(view.distortion))
-            return EngineCamera(camera, kuafu.Optics(), frame_signal(view.frame), is_right)
+            return EngineCamera(camera, kuafu.Optics(), dict(signal), is_right)
 
         place = np.linalg.inv(view.camera_to_projector)
         projector = kuafu.Light(kind="projector", k=view.projector_K, ir_intensity=1.0, light_to_world=place)
@@ -333,7 +333,8 @@ def engine_effect(
     def make(move: Callable[..., None]) -> Effect:
         @wraps(move, assigned=("__name__", "__doc__"))
         def image(value: Any, view: View, **values: float) -> Any:
-            inputs = _ViewInputs.of(view)
+            # Only the imager's effects may ask for a frame's exposure: frames that differ in it share the other images.
+            inputs = _ViewInputs.of(view, frame_signal(view.frame) if acts is _counted else {})
             move(inputs, **values)
             return acts(value, view, inputs)
 
