@@ -7,6 +7,7 @@ from heapq import nlargest
 import numpy as np
 
 from activestereo.capture.capture import Frame
+from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.descriptor import Parameter, Stage, StartImage, effect
 from activestereo.effects.core.engine import EngineInputs, rotation
 from activestereo.effects.core.lamp import axes, lamp_pose, lamp_starts
@@ -225,9 +226,7 @@ def second_projector(
     own = inputs.projector
     if own is None:
         return
-    place = np.eye(4)
-    place[:2, 3] = offset_x_m, offset_y_m
-    place[:3, :3] = rotation((0.0, 1.0, 0.0), yaw_rad)
+    place = rigid_motion((offset_x_m, offset_y_m, 0.0), rotation((0.0, 1.0, 0.0), yaw_rad))
     inputs.add_unit(
         on_rig=True, name="second projector", light_to_world=own.light_to_world @ place, intensity_m2=intensity_m2,
         linear_velocity=own.linear_velocity, angular_velocity=own.angular_velocity,
@@ -263,6 +262,5 @@ def room_projector(
 ) -> None:
     """A unit that stands in the room projects the same pattern. It shines also while the rig's projector is off, and it
     stays when the rig moves."""
-    place = np.eye(4)
-    place[:3, :3], place[:3, 3] = axes(azimuth_rad, elevation_rad, roll_rad), (x_m, y_m, z_m)
+    place = rigid_motion((x_m, y_m, z_m), axes(azimuth_rad, elevation_rad, roll_rad))
     inputs.add_unit(on_rig=False, name="room projector", light_to_world=place, intensity_m2=intensity_m2)

@@ -6,20 +6,16 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+import kuafu
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import to_pixels
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler, smooth_pattern
 from activestereo.effects.core.view import PickedView, View, transform
-
-if TYPE_CHECKING:
-    import kuafu
-
 
 _SMALLEST_BOX = 1e-3
 _LARGEST_BOX = 64.0

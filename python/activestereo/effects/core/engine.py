@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.capture.capture import Frame
 from activestereo.common.lens import to_tangents
-from activestereo.common.pose import motion_of_twist
+from activestereo.common.pose import motion_of_twist, rigid_motion
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, random_stream
@@ -41,15 +41,12 @@ class EngineCamera:
 
     def move(self, x_m: float) -> None:
         """Moves the camera by x_m along its own x axis."""
-        step = np.eye(4)
-        step[0, 3] = x_m
-        self.camera.camera_to_world = self.camera.camera_to_world @ step
+        self.camera.camera_to_world = self.camera.camera_to_world @ rigid_motion((x_m, 0.0, 0.0))
 
     def turn(self, axis: tuple[float, float, float], angle_rad: float) -> None:
         """Turns the camera about a unit axis of its own frame, right-handed."""
-        turned = np.eye(4)
-        turned[:3, :3] = rotation(axis, angle_rad)
-        self.camera.camera_to_world = self.camera.camera_to_world @ turned
+        turn = rigid_motion((0.0, 0.0, 0.0), rotation(axis, angle_rad))
+        self.camera.camera_to_world = self.camera.camera_to_world @ turn
 
     def shift_image(self, u_px: float, v_px: float) -> None:
         """Shifts the image by u_px to the right and v_px down, by the principal point."""

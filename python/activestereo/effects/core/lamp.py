@@ -5,20 +5,18 @@ starting values for a lamp's fit."""
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
+import kuafu
 from activestereo.common.lens import to_pixels
+from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.shading import Facing, reflectance_of
 from activestereo.effects.core.view import View, transform
-
-if TYPE_CHECKING:
-    import kuafu
 
 # Shadow rays start at every second pixel and end after _REACH_M. A surface more than _THICK_M before a ray casts
 # no shadow: the ray may pass behind it.
@@ -61,11 +59,8 @@ def angles(along: np.ndarray) -> tuple[float, float]:
 def lamp_pose(azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -> np.ndarray:
     """Returns the pose [4][4] of a light in a direction from the world's origin; its +z axis points back to the origin.
     nearness_per_m: 1 / distance; 0 = infinitely far, and the pose stands at the origin."""
-    pose = np.eye(4)
-    pose[:3, :3] = axes(azimuth_rad, elevation_rad, 0.0) * (-1.0, 1.0, -1.0)
-    if nearness_per_m > 0:
-        pose[:3, 3] = towards(azimuth_rad, elevation_rad) / nearness_per_m
-    return pose
+    place = towards(azimuth_rad, elevation_rad) / nearness_per_m if nearness_per_m > 0 else np.zeros(3)
+    return rigid_motion(place, axes(azimuth_rad, elevation_rad, 0.0) * (-1.0, 1.0, -1.0))
 
 
 def radiance_under(added: kuafu.Light, to_camera: np.ndarray, light: Light, view: View) -> np.ndarray:

@@ -18,23 +18,6 @@ _GAIN_SIGMA_PX = 2.0
 _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
 
 
-class _Part:
-    """A field of Light that is computed on first use, where the Light results from an operation on another Light."""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name, self._key = name, f"_{name}"
-
-    def __get__(self, light: Light | None, owner: type) -> np.ndarray:
-        if light is None:
-            raise AttributeError(self._name)  # dataclasses read this as: the field has no default
-        if self._key not in light.__dict__:
-            light.__dict__[self._key] = light.__dict__["_later"].image((self._name,))
-        return light.__dict__[self._key]
-
-    def __set__(self, light: Light, value: np.ndarray) -> None:
-        light.__dict__[self._key] = value
-
-
 @dataclass(frozen=True)
 class Light:
     """Radiance [height][width] under projector power 1 and ambient radiance 1, averaged over each pixel's square.
@@ -45,11 +28,17 @@ class Light:
     images and never `supersampled`.
     """
 
-    direct: np.ndarray = _Part()  # type: ignore[assignment]
-    indirect: np.ndarray = _Part()  # type: ignore[assignment]
-    ambient: np.ndarray = _Part()  # type: ignore[assignment]
-    flat: np.ndarray = _Part()  # type: ignore[assignment]
+    direct: np.ndarray
+    indirect: np.ndarray
+    ambient: np.ndarray
+    flat: np.ndarray
     supersampled: SupersampledImages | None = None
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        """Returns an image that results from an operation on another Light, computed on first use."""
+        if name not in _NAMES:
+            raise AttributeError(name)
+        return self.__dict__.setdefault(name, self.__dict__["_later"].image((name,)))
 
     @classmethod
     def of(cls, layers: Light | Layers) -> Light:
@@ -80,7 +69,7 @@ class Light:
         if len(names) == 1:
             return getattr(self, names[0])
         later: _Later | None = self.__dict__.get("_later")
-        if later is None or any(f"_{name}" in self.__dict__ for name in names):
+        if later is None or any(name in self.__dict__ for name in names):
             return self._once(("sum", names), lambda: sum(getattr(self, name) for name in names))
         image = later.image
         return self._once(("sum", names), lambda: image(names))
@@ -88,7 +77,7 @@ class Light:
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         """Returns (projector light, ambient light) of some pixels, float64 [n] each. pick: flat indices of the
         pixels."""
-        later, has_images = self.__dict__.get("_later"), {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
+        later, has_images = self.__dict__.get("_later"), {"direct", "indirect", "ambient"} & self.__dict__.keys()
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
         at = later.at

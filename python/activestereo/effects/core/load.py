@@ -10,17 +10,14 @@ import keyword
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from activestereo.effects.core import plugin_records as records
 from activestereo.effects.core.descriptor import Effect, Lever, Parameter, Randomness, RandomTerm, SharedBy, Stage
 from activestereo.effects.core.light import Light
-
-if TYPE_CHECKING:
-    from activestereo.effects.core.view import View
-
+from activestereo.effects.core.view import View
 
 _ENTRY = "ks_effect_plugin"
 _RANDOMNESS = tuple(Randomness[name.upper()] for name in records.RANDOMNESS)

@@ -5,17 +5,13 @@ sensor gives."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from activestereo.capture.capture import Frame
 from activestereo.effects.core.descriptor import Effect, Randomness, Stage
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.view import View
-
-if TYPE_CHECKING:
-    from activestereo.capture.capture import Frame
-    from activestereo.effects.core.view import Layers
+from activestereo.effects.core.view import Layers, View
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
 from activestereo.effects.core.shading import reflected
 from activestereo.effects.core.surfaces import on_surfaces
-from activestereo.effects.core.view import PickedView, View, transform
+from activestereo.effects.core.view import PickedView, View, drawn_by, transform
 
 _ITERATIONS = 3
 
@@ -232,7 +232,8 @@ def _redrawn(light: Light, view: View, inputs: _ViewInputs) -> Light:
     lens = tuple(camera.distortion)[: len(view.distortion)]
     if lens == tuple(view.distortion) and (camera.k == view.K).all():
         return light
-    return light.warped(*view.drawn_by(camera.k, lens))
+    own, other = (tuple(k.ravel().tolist()) for k in (view.K, camera.k))
+    return light.warped(*drawn_by(view.shape, own, view.distortion, other, lens))
 
 
 def _average_exposure(light: Light, view: View, inputs: _ViewInputs) -> Light:

@@ -10,19 +10,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
 
+import kuafu
 from activestereo.common.computed_once import computed_once
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import BlurAlong
 from activestereo.effects.core.view import View
-
-if TYPE_CHECKING:
-    import kuafu
-
 
 IOR = 1.5
 _COSINES = 33
@@ -226,26 +223,17 @@ def _scattered_below(light: Light, view: View, material: kuafu.Material, core: f
     fraction = material.subsurface
     assert material.ir_subsurface_radius_m is not None and material.ir_subsurface_color is not None
     length_m = material.ir_subsurface_radius_m / paths_per_length(material.ir_subsurface_color)
-    spread, share = (
-        core * peaked + (1.0 - core) * smooth
-        for peaked, smooth in zip(
-            _wandered(light, view, length_m, _WITH_CORE, core > 0.0),
-            _wandered(light, view, length_m, _WITHOUT_CORE, core < 1.0),
-            strict=True,
-        )
-    )
+    profiles = ((core, _WITH_CORE), (1.0 - core, _WITHOUT_CORE))
+    wandered = (part * _wandered(light, view, length_m, profile) for part, profile in profiles if part > 0.0)
+    spread, share = sum(wandered, np.zeros((2, *view.shape)))
     dots = np.where(share > 0, spread / np.where(share > 0, share, 1.0), 0.0)
     return replace(light, direct=(1.0 - fraction) * light.direct + fraction * light.flat * dots)
 
 
-def _wandered(
-    light: Light, view: View, length_m: float, profile: tuple[tuple[float, float], ...], is_wanted: bool
-) -> np.ndarray:
+def _wandered(light: Light, view: View, length_m: float, profile: tuple[tuple[float, float], ...]) -> np.ndarray:
     """Returns two images [2][height][width], blurred as light spreads below the surface: the pattern's value in lit
     pixels, and the mask of lit pixels. Their ratio is the spread pattern. profile: pairs (weight, width in length_m) of
-    Gaussians. is_wanted: if false, both are 0."""
-    if not is_wanted:
-        return np.zeros((2, *view.shape), light.direct.dtype)
+    Gaussians."""
 
     def spread() -> np.ndarray:
         across, down = view.once("blurs below", lambda: tuple(map(BlurAlong, _pixels_per_m(view), (-1, -2))))

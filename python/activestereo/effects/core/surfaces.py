@@ -11,18 +11,15 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+import kuafu
 from activestereo.effects.core.descriptor import Parameter
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 from activestereo.scene_io.scene_files import read_document
-
-if TYPE_CHECKING:
-    import kuafu
-
 
 _OF = " of "
 _TRIANGLES, _FAN = 4, 6

@@ -9,16 +9,14 @@ import hashlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from activestereo.capture.capture import Capture, Frame
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import to_pixels, to_tangents
 from activestereo.effects.core.resample import SupersampledImages
-
-if TYPE_CHECKING:
-    from activestereo.capture.capture import Capture, Frame
 
 
 def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generator:
@@ -180,31 +178,20 @@ class View:
                 return value
         kept = [entry for entry in known if entry[0] is light]
         value = make()
-        self._memory()[name] = (
-            (*kept[len(kept) - most + 1 :], (light, choice, value)) if most > 1 else ((light, choice, value),)
-        )
+        self._memory()[name] = (*kept[max(len(kept) - most + 1, 0) :], (light, choice, value))
         return value
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
         """Returns (u, v) of every pixel's centre, float64 [height][width] each."""
         return _pixels(self.shape)
 
-    def rays(self, u: np.ndarray | None = None, v: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (x, y) of directions (x, y, 1) through pixels (u, v), by default all, of the nominal camera and its
-        lens."""
-        if u is None or v is None:
-            return self.once("rays", lambda: _read_only(*self.rays(*self.pixels())))
-        return to_tangents(u, v, self.K, self.distortion)
+    def rays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns (x, y) of the pixels' directions (x, y, 1), through the nominal camera and its lens."""
+        return self.once("rays", lambda: _read_only(*to_tangents(*self.pixels(), self.K, self.distortion)))
 
     def to_pixels(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns (u, v) at which the nominal camera draws the direction (x, y, 1)."""
         return to_pixels(x, y, self.K, self.distortion)
-
-    def drawn_by(self, K: np.ndarray, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (u, v), [height][width] each: the nominal camera's pixel position for each pixel ray of another
-        camera. K, distortion: the other camera's. It is computed once for all views of the same cameras."""
-        own, other = (tuple(k.ravel().tolist()) for k in (self.K, K))
-        return _drawn_by(self.shape, own, self.distortion, other, distortion)
 
     def field(self) -> tuple[np.ndarray, np.ndarray]:
         """Returns (fx, fy): each pixel's position in the image, -1..1 from border to border, 0 at its middle."""
@@ -212,16 +199,12 @@ class View:
         u, v = self.pixels()
         return 2 * u / (width - 1) - 1, 2 * v / (height - 1) - 1
 
-    def points(
-        self, depth_m: np.ndarray | None = None, u: np.ndarray | None = None, v: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Returns camera coordinates [..., 3] of the surface points that pixels see. depth_m, or pixels (u, v), replace
-        the view's own."""
-        if depth_m is None and u is None:
+    def points(self, depth_m: np.ndarray | None = None) -> np.ndarray:
+        """Returns camera coordinates [..., 3] of the points that the pixels see. depth_m replaces the view's own."""
+        if depth_m is None:
             return self.once("points", lambda: _read_only(self.points(self.depth_m))[0])
-        x, y = self.rays(u, v)
-        z = self.depth_m if depth_m is None else depth_m
-        return np.stack([x * z, y * z, z], axis=-1)
+        x, y = self.rays()
+        return np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
 
     def projector_points(self) -> np.ndarray:
         """Returns projector coordinates [height][width][3] of the surface points that the pixels see."""
@@ -276,13 +259,12 @@ def _pixels(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=8)
-def _drawn_by(
-    shape: tuple[int, int],
-    k: tuple[float, ...],
-    nominal: tuple[float, ...],
-    other_k: tuple[float, ...],
+def drawn_by(
+    shape: tuple[int, int], k: tuple[float, ...], nominal: tuple[float, ...], other_k: tuple[float, ...],
     other: tuple[float, ...],
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Returns (u, v), [height][width] each: a nominal camera's pixel position for each pixel ray of another camera. k,
+    other_k: their intrinsics, row by row; nominal, other: their lenses."""
     # Cameras with the same lens differ by their intrinsics alone.
     own, lens = ((), ()) if nominal == other else (nominal, other)
     u, v = to_pixels(*to_tangents(*_pixels(shape), np.reshape(other_k, (3, 3)), lens), np.reshape(k, (3, 3)), own)

@@ -153,13 +153,11 @@ def world_key(inputs: EngineInputs) -> tuple:
 def keeps_surfaces(inputs: EngineInputs) -> bool:
     """Returns whether the inputs change nothing in the world but diffuse albedos: no new gloss, glass, fog or lamp."""
 
-    def as_in_scene(number: int, material: kuafu.Material) -> kuafu.Material:
-        own = inputs.scene_materials(number)
-        own.base_color, own.ir_albedo = material.base_color, material.ir_albedo
-        return own
-
-    changed = inputs.materials.items()
-    same = all(record_key(m) == record_key(as_in_scene(number, m)) for number, m in changed)
+    same = all(
+        record_key(m)
+        == record_key(copy_record(inputs.scene_materials(number), base_color=m.base_color, ir_albedo=m.ir_albedo))
+        for number, m in inputs.materials.items()
+    )
     return same and inputs.medium is None and not inputs.added_lights
 
 
