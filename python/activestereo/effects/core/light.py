@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cache, partial
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -33,12 +34,13 @@ class Light:
     ambient: np.ndarray
     flat: np.ndarray
     supersampled: SupersampledImages | None = None
+    _later: ClassVar[_Later | None] = None
 
     def __getattr__(self, name: str) -> np.ndarray:
         """Returns an image that results from an operation on another Light, computed on first use."""
-        if name not in _NAMES:
+        if name not in _NAMES or self._later is None:
             raise AttributeError(name)
-        return self.__dict__.setdefault(name, self.__dict__["_later"].image((name,)))
+        return self.__dict__.setdefault(name, self._later.image((name,)))
 
     @classmethod
     def of(cls, layers: Light | Layers) -> Light:
@@ -68,16 +70,14 @@ class Light:
         applied to the sum alone, not to each image."""
         if len(names) == 1:
             return getattr(self, names[0])
-        later: _Later | None = self.__dict__.get("_later")
-        if later is None or any(name in self.__dict__ for name in names):
+        if self._later is None or any(name in self.__dict__ for name in names):
             return self._once(("sum", names), lambda: sum(getattr(self, name) for name in names))
-        image = later.image
-        return self._once(("sum", names), lambda: image(names))
+        return self._once(("sum", names), partial(self._later.image, names))
 
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         """Returns (projector light, ambient light) of some pixels, float64 [n] each. pick: flat indices of the
         pixels."""
-        later, has_images = self.__dict__.get("_later"), {"direct", "indirect", "ambient"} & self.__dict__.keys()
+        later, has_images = self._later, {"direct", "indirect", "ambient"} & self.__dict__.keys()
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
         at = later.at
@@ -89,9 +89,8 @@ class Light:
 
     def at(self, pick: np.ndarray) -> Light:
         """Returns the light of some pixels alone, as images [1][n]. pick: flat indices of the pixels."""
-        later: _Later | None = self.__dict__.get("_later")
-        of_name = later.at if later is not None and later.at is not None else None
-        image = lambda name: getattr(self, name).ravel()[pick] if of_name is None else of_name((name,), pick)  # noqa: E731
+        at = self._later and self._later.at
+        image = lambda name: at((name,), pick) if at else getattr(self, name).ravel()[pick]  # noqa: E731
         some: Light = once_of_picked(
             self._once("at", list), pick, lambda: Light.of_images([image(name)[None] for name in _NAMES])
         )
@@ -100,13 +99,16 @@ class Light:
     def pointwise(self, act: Callable[[Light, View], Light], view: View) -> Light:
         """Returns act(self, view), computed later and only for the pixels that are then asked for. Each pixel of act's
         result must depend on that pixel alone."""
-        later, some = _Later(self, lambda images: images), []  # type: ignore[var-annotated]
-        light = later.light()
-        later.whole = lambda names: light._once("acted", lambda: act(self, view)).sum_of(names)
-        at = lambda pick: once_of_picked(some, pick, lambda: act(self.at(pick), view.at(pick)))  # noqa: E731
-        later.size, later.at = view.depth_m.size, lambda names, pick: at(pick).sum_of(names)[0]
-        light.__dict__["supersampled"] = self.supersampled
-        return light
+        some: list[tuple[np.ndarray, Light]] = []
+        acted = cache(lambda: act(self, view))
+        acted_at = lambda pick: once_of_picked(some, pick, lambda: act(self.at(pick), view.at(pick)))  # noqa: E731
+        return _Later(
+            self,
+            of_supersampled=lambda images: images,
+            whole=lambda names: acted().sum_of(names),
+            at=lambda names, pick: acted_at(pick).sum_of(names)[0],
+            size=view.depth_m.size,
+        ).light()
 
     def map(self, operation: Callable[[np.ndarray], np.ndarray]) -> Light:
         """Returns the light after a linear operation on its images. The operation takes and returns a stack
@@ -120,26 +122,26 @@ class Light:
         Values are interpolated in the supersampled images if there are any. Changes by effects since rendering are
         known per pixel only: they are carried over as a smooth local gain and a remainder.
         """
-        if self.supersampled is not None:
-            operation = lambda images: sample(images, u, v)  # noqa: E731
-            of_gain = lambda gain: sample(gain, u, v, order=1)  # noqa: E731
-            later = _Later(self, operation, lambda images: images.warped(u, v), of_gain)
-            later.size, later.at = u.size, lambda names, pick: self._sample_warped(later, names, u, v, pick)
-            return later.light()
-        look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
-        later = _Later(self, lambda images: sample(images, u, v))
-        later.whole = lambda names: look(names)(u, v)
-        later.size, later.at = u.size, lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
-        return later.light()
+        fine = self.supersampled
+        spline = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
 
-    def _sample_warped(
-        self, later: _Later, names: tuple[str, ...], u: np.ndarray, v: np.ndarray, pick: np.ndarray | slice
-    ) -> np.ndarray:
-        """Returns the sum of the named images after the pending warp `later` to positions (u, v), [n]. pick: flat
-        indices of n pixels."""
-        if self.supersampled is None or self.is_changed(names):
-            return later.image(names).ravel()[pick]
-        return self.supersampled.sum_of(_places(names)).means_at(u.ravel()[pick], v.ravel()[pick])[0]
+        def at(names: tuple[str, ...], pick: np.ndarray | slice) -> np.ndarray:
+            if fine is None:
+                return spline(names)(u.ravel()[pick], v.ravel()[pick])
+            if self.is_changed(names):
+                return later.image(names).ravel()[pick]
+            return fine.sum_of(_places(names)).means_at(u.ravel()[pick], v.ravel()[pick])[0]
+
+        later = _Later(
+            self,
+            lambda images: sample(images, u, v),
+            of_supersampled=lambda images: images.warped(u, v),
+            of_gain=lambda gain: sample(gain, u, v, order=1),
+            whole=(lambda names: spline(names)(u, v)) if fine is None else None,
+            at=at,
+            size=u.size,
+        )
+        return later.light()
 
     def is_changed(self, names: tuple[str, ...]) -> bool:
         """Returns whether effects have changed the sum of the named images since the supersampled images were
@@ -164,8 +166,8 @@ class Light:
     def filtered(self, act: Callable[[SupersampledImages], np.ndarray]) -> Light:
         """Returns the light after a linear filter, of the supersampled images where there are any. act: returns
         SupersampledImages' filtered samples, such as blurred() and shifted_sum(); without any, their scale is 1."""
-        of_supersampled = None if self.supersampled is None else lambda images: images.filtered(act)
-        return _Later(self, lambda images: act(SupersampledImages(images, 1, 0)), of_supersampled).light()
+        of_images = lambda images: act(SupersampledImages(images, 1, 0))  # noqa: E731
+        return _Later(self, of_images, lambda images: images.filtered(act)).light()
 
     def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         memory = self.__dict__.setdefault("_memory", {})
@@ -189,6 +191,7 @@ def _places(names: tuple[str, ...]) -> tuple[int, ...]:
     return tuple(map(_NAMES.index, names))
 
 
+@dataclass
 class _Later:
     """A linear operation on a Light that waits until an image is asked for.
 
@@ -197,40 +200,38 @@ class _Later:
     images; None: of_images does. at(names, pick): that sum at flat pixel indices, fewer than `size`.
     """
 
+    source: Light
+    of_images: Callable[[np.ndarray], np.ndarray] = lambda images: images
+    of_supersampled: Callable[[SupersampledImages], SupersampledImages] | None = None
+    of_gain: Callable[[np.ndarray], np.ndarray] = lambda gain: gain
     whole: Callable[[tuple[str, ...]], np.ndarray] | None = None
     at: Callable[[tuple[str, ...], np.ndarray | slice], np.ndarray] | None = None
-    size = 0
+    size: int = 0
 
-    def __init__(
-        self,
-        source: Any,
-        of_images: Callable[..., Any],
-        of_supersampled: Callable[..., Any] | None = None,
-        of_gain: Callable[[Any], Any] = lambda gain: gain,
-    ) -> None:
-        self._source, self._of_images, self._of_gain = source, of_images, of_gain
-        self._supersampled = of_supersampled(source.supersampled) if of_supersampled else None
+    def __post_init__(self) -> None:
+        fine = self.source.supersampled
+        self.supersampled = None if fine is None or self.of_supersampled is None else self.of_supersampled(fine)
 
     def light(self) -> Light:
         light = object.__new__(Light)
-        light.__dict__.update(_later=self, supersampled=self._supersampled)
+        light.__dict__.update(_later=self, supersampled=self.supersampled)
         return light
 
     def image(self, names: tuple[str, ...]) -> np.ndarray:
         """Returns the sum of the named images after the operation, [height][width]."""
         if self.whole is not None:
             return self.whole(names)
-        now = self._source.sum_of(names)
-        if self._supersampled is None:
-            return self._of_images(now[None])[0]
-        changed = self._source.is_changed(names)
+        now = self.source.sum_of(names)
+        if self.supersampled is None:
+            return self.of_images(now[None])[0]
+        changed = self.source.is_changed(names)
         if changed and len(names) > 1:
             return np.sum([self.image((name,)) for name in names], axis=0)
-        after = self._supersampled.sum_of(_places(names)).pixels()[0]
+        after = self.supersampled.sum_of(_places(names)).pixels()[0]
         if not changed:
             return after
-        before = self._source.rendered(names)
+        before = self.source.rendered(names)
         # The smooth local gain that explains most of the change.
         both, own = (blur(image, _GAIN_SIGMA_PX) for image in (before * now, before * before))
         gain = both / np.maximum(own, 1e-12 * own.max() + 1e-300)
-        return np.maximum(after * self._of_gain(gain) + self._of_images((now - gain * before)[None])[0], 0.0)
+        return np.maximum(after * self.of_gain(gain) + self.of_images((now - gain * before)[None])[0], 0.0)
