@@ -188,10 +188,8 @@ def _speckled(light: Light, view: View, inputs: _ViewInputs) -> Light:
     """Returns the light with its projector part multiplied by simsense's speckle."""
     if not inputs.speckle_of_laser:
         return light
-    changed = inputs.sides[view.is_right].signal.items()
-    signal = simsense.signal_preset("neutral") | {name: x for name, x in changed if name.startswith("speckle")}
     pose = hashlib.sha256(np.ascontiguousarray(view.frame.camera_to_world).tobytes()).digest()
-    signal["scene_index"] = int.from_bytes(pose[:4], "little")
+    signal = inputs.sides[view.is_right].signal | {"scene_index": int.from_bytes(pose[:4], "little")}
     return light.scale_projector(_analogue(signal, np.ones(view.shape), view, 1.0).astype(np.float64))
 
 
@@ -237,9 +235,7 @@ def _redrawn(light: Light, view: View, inputs: _ViewInputs) -> Light:
 
 
 def _average_exposure(light: Light, view: View, inputs: _ViewInputs) -> Light:
-    """Returns the mean light over the exposure, where each row is exposed at its own time."""
-    if not view.frame.is_moving:
-        return light
+    """Returns the mean light over the exposure of a moving frame, where each row is exposed at its own time."""
     side, height = inputs.sides[view.is_right], view.shape[0]
     camera, rows_s = side.camera, np.zeros(height)
     if camera.shutter == "rolling":
@@ -335,7 +331,10 @@ def engine_effect(
         @wraps(move, assigned=("__name__", "__doc__"))
         def image(value: Any, view: View, **values: float) -> Any:
             # Only the imager's effects may ask for a frame's exposure: frames that differ in it share the other images.
-            inputs = _ViewInputs.of(view, frame_signal(view.frame) if acts is _counted else {})
+            if only_times and not view.frame.is_moving:
+                return value
+            signal = frame_signal(view.frame) if acts is _counted else simsense.signal_preset("neutral")
+            inputs = _ViewInputs.of(view, signal)
             move(inputs, **values)
             return acts(value, view, inputs)
 
