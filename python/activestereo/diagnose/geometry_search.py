@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture
+from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, NuisancePrior, Observation, one_of_each_situation
@@ -196,10 +197,12 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     fitted_places, all_places = ({int(p) for o in group for p in o.geometry_places} for group in (at_rest, others))
     own = np.array(sorted(all_places - fitted_places), dtype=np.intp)  # of poses that only moving frames have
     if own.size:
-        # Frames at rest tell nothing of effects that only motion shows; their weak priors then pull these to neutral.
-        known = ParameterSpace.of(model).start
+        # Frames at rest tell nothing of effects that only motion shows: weak priors pull these to neutral there, and
+        # the moving frames tell them beside their poses.
+        known, n = ParameterSpace.of(model).start, len(solution.theta)
         at = solution.space, np.concatenate([known, solution.theta[len(known) :]]), phi
-        moved, variance[own] = _own_step(evidence, others, fitter.nuisance_prior, own, *at, not blur_px)
+        held = fitter.prior(n, solution.space)[:n] + np.diag(solution.sums.gram)[:n]
+        moved, variance[own] = _own_step(evidence, others, fitter.nuisance_prior, own, *at, held, not blur_px)
         phi[SCALES + own] += moved
     focal, twists = np.split(_drop_albedos(phi[SCALES:], evidence), [len(SIDES)])
     deviations = np.sqrt(_misfit(fitter, solution) * _drop_albedos(variance, evidence))
@@ -214,17 +217,23 @@ def _own_step(
     space: ParameterSpace,
     theta: np.ndarray,
     phi: np.ndarray,
+    held: np.ndarray | None,
     supersampled: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns (step, variance) of the numbers at indices `own` of the prior, which only the observations `others`
-    depend on."""
+    depend on. held: the precision with which other observations tell each of theta, which is fitted along; None: theta
+    stays."""
     in_one_tile = [replace(o, tile=np.zeros_like(o.tile)) for o in others]
-    fitter, at = Fitter(in_one_tile, prior, evidence.tiles, supersampled), len(theta) + SCALES + own
+    fitter = Fitter(in_one_tile, prior, evidence.tiles, supersampled)
     sums = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
-    precision = 1.0 / prior.sigma[own] ** 2
+    known = np.zeros(0) if held is None else held
+    at = np.append(np.arange(len(known)), len(theta) + SCALES + own)
+    precision = np.append(known, 1.0 / prior.sigma[own] ** 2)
     stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
-    inverse = np.linalg.inv(sums.gram[np.ix_(at, at)] + np.diag(precision))
-    return inverse @ (sums.moment[at] - precision * (phi[SCALES + own] - stated)), np.diag(inverse)
+    pull = precision * np.append(np.zeros(len(known)), phi[SCALES + own] - stated)
+    inverse = inverse_normal_matrix(sums.gram[np.ix_(at, at)] + np.diag(precision))
+    step = inverse @ (sums.moment[at] - pull)
+    return step[len(known) :], np.diag(inverse)[len(known) :]
 
 
 def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model, render: Render) -> Evidence:
@@ -243,7 +252,7 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
         twists = np.zeros(len(held))
         others = [_thinned(o, blur_px, evidence.seed) for o in there.test if np.isin(o.geometry_places, own).any()]
         prior = there.nuisance_prior()
-        twists[held], variance = _own_step(there, others, prior, own, space, space.start, phi, not blur_px)
+        twists[held], variance = _own_step(there, others, prior, own, space, space.start, phi, None, not blur_px)
         return twists, variance
 
     there = again(evidence.geometry)
