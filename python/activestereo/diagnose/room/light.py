@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +37,7 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
     """Estimates the light of a room's images under a black level (DN) and a falloff cos^exponent."""
     count = len(room.images)
     looks = [Looks.of(image) for image in room.images]
-    gain = [(i.exposure * (1.0 + i.r2()) ** (-0.5 * exponent)).astype(np.float32) for i in room.images]
+    gain = gains(room, exponent)
     lit = [g * np.minimum(i.geometry, MOST_GEOMETRY) for g, i in zip(gain, room.images, strict=True)]
     seen = [image.dn - np.float32(black_dn) for image in room.images]
     split = [look.split(image) for look, image in zip(looks, seen, strict=True)]
@@ -45,11 +45,16 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
     rooms, dots, both = [], [], []
     for k in range(count):
         rooms.append(_expected(room, k, own, gain))
-        dots.append(np.maximum(_mean(room, k, amplitude, lit)[0], 0.0) * room.images[k].dots)
+        dots.append(np.maximum(mean_seen(room, k, amplitude, lit)[0], 0.0) * room.images[k].dots)
         partner = room.places(k, k ^ 1)
         beside = partner.read(seen[k ^ 1])
         both.append(np.where(partner.seen, 0.5 * (seen[k] + beside), seen[k]).astype(np.float32))
     return RoomLight(gain, seen, rooms, dots, both, looks, black_dn, exponent)
+
+
+def gains(room: Room, exponent: float) -> list[Image]:
+    """Returns each image's exposure times its falloff cos^exponent."""
+    return [(i.exposure * (1.0 + i.r2()) ** (-0.5 * exponent)).astype(np.float32) for i in room.images]
 
 
 def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
@@ -58,27 +63,29 @@ def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
     level, DN. gain: each image's exposure times lens falloff. Unconfirmed fine light is noise or rests of dots, and
     would weaken every column computed from it."""
     fine = [image - blur(image, _SLOW_PX) for image in own]
-    mean, _ = _mean(room, k, own, gain)
-    fine_mean, _ = _mean(room, k, fine, gain)
+    mean, _ = mean_seen(room, k, own, gain)
+    fine_mean, _ = mean_seen(room, k, fine, gain)
     view = room.images[k].view
-    other, have = _mean(room, k, fine, gain, [j for j in range(len(own)) if room.images[j].view != view])
+    other, have = mean_seen(room, k, fine, gain, [j for j in range(len(own)) if room.images[j].view != view])
     product, square = blur(fine[k] * other * have, _AGREE_PX), blur((fine[k] ** 2 + other**2) * have, _AGREE_PX)
     agreed = np.clip(product / (0.5 * square + _NO_CONTRAST_DN2), 0.0, 1.0)
     return np.asarray(blur(mean, _SLOW_PX) + have * 2.0 * agreed / (1.0 + agreed) * fine_mean, np.float32)
 
 
-def _mean(
-    room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None
-) -> tuple[Image, Image]:
+def mean_seen(
+    room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None,
+    lit: Callable[[int], Image] = lambda j: np.ones(1, np.float32),
+) -> tuple[Image, Image]:  # fmt: skip
     """Averages the images `of` at the pixels of image number k, and scales the mean to the gain of image k. Returns
     (mean; mask, 1 where it is known). All images have equal weights for every k: otherwise each column would contain
-    its own image's errors. images: the numbers to average, None = all."""
+    its own image's errors. images: the numbers to average, None = all. lit: a factor on each image's light at the
+    pixels of image k."""
     total, weight = np.zeros_like(of[k]), np.zeros_like(of[k])
     for j in range(len(of)) if images is None else images:
         if j == k:
             total, weight = total + gain[k] * of[k], weight + gain[k] ** 2
         else:
             there = room.places(k, j)
-            total = total + there.read(gain[j] * of[j]) * there.seen
+            total = total + there.read(gain[j] * of[j]) * lit(j) * there.seen
             weight = weight + there.read(gain[j] ** 2) * there.seen
     return np.asarray(gain[k] * total / np.maximum(weight, _LEAST_WEIGHT)), (weight > _LEAST_WEIGHT).astype(np.float32)

@@ -16,9 +16,10 @@ import cv2
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
-from activestereo.calibrate.world.views import Image, pixel_grid
+from activestereo.calibrate.world.views import Image, Mask, pixel_grid
 from activestereo.diagnose.room.bands import LEAST_GEOMETRY, MOST_GEOMETRY, Looks, blur
 from activestereo.diagnose.room.columns import acting, is_warp, view_of
+from activestereo.diagnose.room.light import gains, mean_seen
 from activestereo.effects import Effect
 
 _SMOOTH_PX, _SLOW_PX, _CLEAR_PX = 0.6, 3.0, 9
@@ -41,49 +42,36 @@ class Unseen:
     rmse_dn: float
 
 
+Effects = Sequence[tuple[Effect, Mapping[str, float]]]
+
+
 def predict_unseen(
-    room: Room,
-    views: Iterable[int],
-    black_dn: float,
-    exponent: float,
-    effects: Sequence[tuple[Effect, Mapping[str, float]]] = (),
+    room: Room, views: Iterable[int], black_dn: float, exponent: float, effects: Effects = ()
 ) -> list[Unseen]:
     """Predicts each of the views from the others, with one free scale, under a falloff cos^exponent and further effects
     in the camera, each with its parameters' values."""
     free = copy(room)
     free.images = [replace(i, dn=_without(room, k, black_dn, effects)) for k, i in enumerate(room.images)]
-    return [_predicted(room, free, view, black_dn, exponent, effects) for view in views]
+    gain, out = gains(room, exponent), []
+    for view in views:
+        left, beside = free.images[2 * view], room.places(2 * view, 2 * view + 1)
+        expected, known = _slow_from_others(free, view, gain)
+        clear = cv2.erode((known & beside.seen).astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)) > 0
+        own, other = blur(left.dn, _SMOOTH_PX), blur(beside.read(free.images[2 * view + 1].dn), _SMOOTH_PX)
+        square = max(np.vdot(expected[clear], expected[clear]), 1e-6)
+        scale = np.vdot(blur(own, _SLOW_PX)[clear], expected[clear]) / square
+        light = np.where(clear, scale * expected + other - blur(other, _SLOW_PX), own)
+        for effect, values in effects:
+            light = acting(effect, values, light, view_of(room, 2 * view), black_dn)
+        shown = np.where(clear, light, np.nan).astype(np.float32) + np.float32(black_dn)
+        measured = blur(room.images[2 * view].dn, _SMOOTH_PX)
+        error = float(np.sqrt(np.mean((measured - shown)[clear] ** 2))) if clear.any() else float("nan")
+        out.append(Unseen(room.frames[view].id, measured, shown, np.sqrt(left.r2()), error))
+    return out
 
 
-def _predicted(
-    room: Room,
-    free: Room,
-    view: int,
-    black_dn: float,
-    exponent: float,
-    effects: Sequence[tuple[Effect, Mapping[str, float]]],
-) -> Unseen:
-    """Predicts one view. free: the room as the camera would record it without the effects."""
-    left, beside = free.images[2 * view], room.places(2 * view, 2 * view + 1)
-    expected, known = _slow_from_others(free, view, black_dn, exponent)
-    known &= beside.seen
-    clear = cv2.erode(known.astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)) > 0
-    own = blur(left.dn - np.float32(black_dn), _SMOOTH_PX)
-    other = blur(beside.read(free.images[2 * view + 1].dn), _SMOOTH_PX)
-    square = max(np.vdot(expected[clear], expected[clear]), 1e-6)
-    scale = np.vdot(blur(own, _SLOW_PX)[clear], expected[clear]) / square
-    light = np.where(clear, scale * expected + other - blur(other, _SLOW_PX), own)
-    for effect, values in effects:
-        light = acting(effect, values, light, view_of(room, 2 * view), black_dn)
-    expected = np.where(clear, light, np.nan).astype(np.float32)
-    measured = blur(room.images[2 * view].dn - np.float32(black_dn), _SMOOTH_PX)
-    error = float(np.sqrt(np.mean((measured - expected)[clear] ** 2))) if clear.any() else float("nan")
-    shown, off_axis = measured + np.float32(black_dn), np.sqrt(left.r2())
-    return Unseen(room.frames[view].id, shown, expected + np.float32(black_dn), off_axis, error)
-
-
-def _without(room: Room, k: int, black_dn: float, effects: Sequence[tuple[Effect, Mapping[str, float]]]) -> Image:
-    """Returns image number k, DN, as the camera would record it without the effects: moved back by a warp's
+def _without(room: Room, k: int, black_dn: float, effects: Effects) -> Image:
+    """Returns image number k, DN above black, as the camera would record it without the effects: moved back by a warp's
     displacement, else by van Cittert's iteration."""
     view, light = view_of(room, k), room.images[k].dn - np.float32(black_dn)
     for effect, values in reversed(effects):
@@ -95,23 +83,22 @@ def _without(room: Room, k: int, black_dn: float, effects: Sequence[tuple[Effect
         seen = light
         for _ in range(_INVERTED):
             light = np.asarray(light + seen - acting(effect, values, light, view, black_dn), np.float32)
-    return light + np.float32(black_dn)
+    return light
 
 
-def _slow_from_others(room: Room, view: int, black_dn: float, exponent: float) -> tuple[Image, np.ndarray]:
+def _slow_from_others(free: Room, view: int, gain: list[Image]) -> tuple[Image, Mask]:
     """Returns (the left image's slow light as other views' left images predict it, a mask of the places that they see).
-    The dots' share of a view's light changes with the distance from the projector."""
-    own, number = room.images[2 * view], 2 * view
-    total, weight = (np.zeros(room.shape, np.float32) for _ in range(2))
-    for k, image in enumerate(room.images):
-        if image.view == view or image.side == "right":
-            continue
-        there, looks, dn = room.places(number, k), Looks.of(image), image.dn - np.float32(black_dn)
-        lens = (1.0 + image.r2()) ** np.float32(-0.5 * exponent) * np.float32(image.exposure / own.exposure)
-        dots = 1.0 - looks.split(dn)[0][image.usable].mean() / dn[image.usable].mean()
+    free: the room with light above black. The dots' share of a view's light changes with the distance from the
+    projector."""
+    own, looks = free.images[2 * view], [Looks.of(image) for image in free.images]
+
+    def lit(k: int) -> Image:
+        image, there = free.images[k], free.places(2 * view, k)
+        dots = 1.0 - looks[k].split(image.dn)[0][image.usable].mean() / image.dn[image.usable].mean()
         nearer = np.minimum(own.geometry, MOST_GEOMETRY) / np.maximum(there.read(image.geometry), LEAST_GEOMETRY)
-        lit = 1.0 + np.clip(dots, 0.0, 1.0) * (np.minimum(nearer, _MOST_NEARER) - 1.0)
-        total += there.read(lens * looks.even(dn)) * lit * there.seen
-        weight += there.read(lens * lens) * there.seen
-    gain = (1.0 + own.r2()) ** np.float32(-0.5 * exponent)
-    return gain * total / np.maximum(weight, 1e-6), (weight > 0) & own.usable & (own.geometry > LEAST_GEOMETRY)
+        return 1.0 + np.clip(dots, 0.0, 1.0) * (np.minimum(nearer, _MOST_NEARER) - 1.0)
+
+    slow = [looks[k].even(image.dn) for k, image in enumerate(free.images)]
+    others = [k for k in range(0, len(free.images), 2) if k != 2 * view]
+    expected, known = mean_seen(free, 2 * view, slow, gain, others, lit)
+    return expected, (known > 0) & own.usable & (own.geometry > LEAST_GEOMETRY)
