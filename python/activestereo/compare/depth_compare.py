@@ -19,7 +19,7 @@ from activestereo.capture.capture_json import CaptureError
 from activestereo.common.lens import lens_fields
 from activestereo.common.parameter import MATCHER
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import NoiseModel
+from activestereo.compare.noise import NoiseModel, by_repeats
 
 if TYPE_CHECKING:
     from activestereo.effects.core.model import Model
@@ -172,12 +172,9 @@ def depth_scores(depths: Sequence[DepthFrame]) -> dict[str, dict[str, Any]]:
     for split in SPLITS:
         chosen = [d for d in depths if d.frame.split == split]
         if chosen:
+            groups = by_repeats((d.frame, "left", d) for d in chosen)
             # Pairs of the device's own depths of one static view.
-            groups: dict[int, list[DepthFrame]] = {}
-            for d in chosen:
-                if d.frame.repeat_group is not None:
-                    groups.setdefault(d.frame.repeat_group, []).append(d)
-            repeats = [(a, a.measured, b.measured) for g in groups.values() for a, b in zip(g, g[1:], strict=False)]
+            repeats = [(a, a.measured, b.measured) for g in groups for a, b in zip(g, g[1:], strict=False)]
             truth = {
                 "measured": _error([(d, d.measured, d.truth) for d in chosen]),
                 "model": _error([(d, d.model[0], d.truth) for d in chosen]),

@@ -230,20 +230,15 @@ def solve_bounded(
     gets scale 0. black_dn: as in fit_nuisances()."""
     if black_dn is not None:
         gram, moment = gram[:2, :2], moment[:2] - gram[:2, 2] * black_dn[0]
-    size = len(moment)  # number of unknowns, of which both scales come first
-    best: tuple[float, np.ndarray, np.ndarray, tuple[int, ...]] | None = None
-    for fixed in ((), (0,), (1,), (0, 1)):
-        free = [j for j in range(size) if j not in fixed]
-        solution, inverse = np.zeros(size), np.zeros((size, size))
-        inverse[np.ix_(free, free)] = within = inverse_normal_matrix(gram[np.ix_(free, free)])
-        solution[free] = within @ moment[free]
-        explained = float(solution @ moment)
-        if (solution[:2] >= 0.0).all() and (best is None or explained > best[0]):
-            best = explained, solution, inverse, fixed
-        if not fixed and best is not None:
-            break
-    assert best is not None  # with both fixed nothing is left that could be negative
-    _, solution, inverse, fixed = best
+    found = []
+    for fixed in ((), (0,), (1,), (0, 1)):  # both scales come first
+        free = [j for j in range(len(moment)) if j not in fixed]
+        inverse = np.zeros(gram.shape)
+        inverse[np.ix_(free, free)] = inverse_normal_matrix(gram[np.ix_(free, free)])
+        solution = inverse @ moment
+        if (solution[:2] >= 0.0).all():
+            found.append((float(solution @ moment), solution, inverse, fixed))
+    _, solution, inverse, fixed = max(found, key=lambda each: each[0])
     if black_dn is not None:
         solution, inverse = np.append(solution, black_dn[0]), np.pad(inverse, (0, 1))
     return solution, inverse, tuple(("projector_scale", "ambient_scale")[j] for j in fixed)
