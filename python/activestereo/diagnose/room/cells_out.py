@@ -8,7 +8,7 @@ squares of t take the cells' means out (Schur's complement, block by block); the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -146,51 +146,38 @@ def _block(room: Room, light: RoomLight, band: str, view: int, columns: int) -> 
     return block
 
 
-def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: Sequence[int]) -> Normal:
-    """Sums the blocks' cells into the normal equations of the columns' coefficients. beside: indices of the columns
-    that are fitted before cells get robust weights; the other columns' effects then count as outliers.
+def normal(
+    room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: int,
+    planned: Mapping[str, float] | None = None,
+) -> Normal:  # fmt: skip
+    """Sums the blocks' cells into the normal equations of the columns' coefficients. beside: so many first columns are
+    fitted before cells get robust weights; the other columns' effects then count as outliers. planned: the trust of a
+    real recording, for blocks of a planned one: nothing is measured yet, so that all scores are 0.
 
     A cell's weight falls with its own residual (Student's distribution); a band is scaled by its cells' spread.
     Information and scores are divided by the overdispersion of the tiles' scores, at least 1 (a tempered likelihood).
     """
-    prior, trust = prior_precision(room, columns), {}
-    information, score = _empty(room, columns)
-    for band, of_band, own in _blocks_by_band(room, blocks):
+    prior, tiles, count = prior_precision(room, columns), _tiles(room), len(columns)
+    information, score = np.zeros((len(BANDS) * tiles, count, count)), np.zeros((len(BANDS) * tiles, count))
+    trust = dict(planned or {})
+    for number, band in enumerate(BANDS):
+        own, of_band = [b for b in blocks if b.band == band], slice(number * tiles, (number + 1) * tiles)
         first = [1.0 / b.variance for b in own]
-        weights = _student(own, first, beside, prior)
-        _sum_tiles(own, weights, information, score)
-        temper = _temper(information[of_band], score[of_band], beside, prior)
-        information[of_band] /= temper
-        score[of_band] /= temper
-        trust[band] = float(sum(w.sum() for w in weights) / sum(w.sum() for w in first)) / temper
-    return Normal(information, score, trust, prior)
-
-
-def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], trust: Mapping[str, float]) -> Normal:
-    """Sums blocks of a planned recording into normal equations. Nothing is measured yet, so all scores are 0. trust:
-    {band: factor on the cells' weights}, from the Normal of a real recording."""
-    information, score = _empty(room, columns)
-    for band, _, own in _blocks_by_band(room, blocks):
-        weights = [np.float32(trust.get(band, 0.0)) / b.variance for b in own]
-        _sum_tiles(own, weights, information, score)
-    return Normal(information, np.zeros_like(score), trust, prior_precision(room, columns))
-
-
-def _empty(room: Room, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    tiles, count = len(BANDS) * _tiles(room), len(columns)
-    return np.zeros((tiles, count, count)), np.zeros((tiles, count))
+        if planned is not None:
+            _sum_tiles(own, [np.float32(trust.get(band, 0.0)) * w for w in first], information, score)
+        elif own:
+            weights = _robust(own, first, beside, prior)
+            _sum_tiles(own, weights, information, score)
+            temper = _temper(information[of_band], score[of_band], beside, prior)
+            information[of_band] /= temper
+            score[of_band] /= temper
+            trust[band] = float(sum(w.sum() for w in weights) / sum(w.sum() for w in first)) / temper
+    return Normal(information, score if planned is None else np.zeros_like(score), trust, prior)
 
 
 def _tiles(room: Room) -> int:
     """Returns the number of tiles (rectangles of an image) in one band (filtered copy) of all views together."""
     return room.views * _TILES[0] * _TILES[1]
-
-
-def _blocks_by_band(room: Room, blocks: Sequence[Block]) -> Iterator[tuple[str, slice, list[Block]]]:
-    """Yields (band, slice of the tile axis that belongs to it, its blocks) for every band with blocks."""
-    for number, band in enumerate(BANDS):
-        if own := [b for b in blocks if b.band == band]:
-            yield band, slice(number * _tiles(room), (number + 1) * _tiles(room)), own
 
 
 def _sum_tiles(
@@ -216,38 +203,39 @@ def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArra
     return z - gain * mean[:, None]
 
 
-def _student(
-    blocks: Sequence[Block], weights: list[NDArray[np.float32]], beside: Sequence[int], prior: NDArray[np.float64]
+def _robust(
+    blocks: Sequence[Block], first: list[NDArray[np.float32]], beside: int, prior: NDArray[np.float64]
 ) -> list[NDArray[np.float32]]:
     """Returns robust weights [image][cell] of each block. A weight falls with the cell's residual after a fit of the
-    columns `beside`, in units of the residuals' spread. prior: the columns' prior precisions."""
-    first, of = [w.copy() for w in weights], np.asarray(beside)
+    first columns, `beside`, in units of the residuals' spread. first: 1 / variance; prior: the columns' prior
+    precisions."""
+    weights = first
     for _ in range(_ROUNDS):
-        z = [_projected(np.concatenate([b.residual[None], b.columns[of]]), w, b.gain)
+        z = [_projected(np.concatenate([b.residual[None], b.columns[:beside]]), w, b.gain)
              for b, w in zip(blocks, weights, strict=True)]  # fmt: skip
         flat = [x.reshape(len(x), -1) for x in z]
         H = sum(((x * w.ravel()) @ x.T).astype(np.float64) for x, w in zip(flat, weights, strict=True))
-        eta = np.linalg.solve(H[1:, 1:] + prior[np.ix_(of, of)] + np.diag(_RIDGE * np.diag(H)[1:]), H[1:, 0])
-        rest = [x[0] - np.einsum("c,cij->ij", eta.astype(np.float32), x[1:]) for x in z]
-        each = [
-            (r * r * w).sum(axis=0) / np.maximum((w > 0).sum(axis=0) - 1, 1) for r, w in zip(rest, first, strict=True)
-        ]
-        scale = float(np.sqrt(np.median(np.concatenate(each)) / 0.6))
-        weights = [
-            (w / (1.0 + x / scale**2 / _STUDENT) / scale**2).astype(np.float32)
-            for w, x in zip(first, each, strict=True)
-        ]
+        eta = _fitted(H[1:, 1:], prior[:beside, :beside], H[1:, 0]).astype(np.float32)
+        each = []  # mean square residual of each block's cells
+        for x, w in zip(z, first, strict=True):
+            rest = x[0] - np.einsum("c,cij->ij", eta, x[1:])
+            each.append((rest * rest * w).sum(axis=0) / np.maximum((w > 0).sum(axis=0) - 1, 1))
+        square = float(np.sqrt(np.median(np.concatenate(each)) / 0.6)) ** 2
+        weights = [(w / (1.0 + x / square / _STUDENT) / square).astype(np.float32)
+                   for w, x in zip(first, each, strict=True)]  # fmt: skip
     return weights
 
 
 def _temper(
-    information: NDArray[np.float64], score: NDArray[np.float64], beside: Sequence[int], prior: NDArray[np.float64]
+    information: NDArray[np.float64], score: NDArray[np.float64], beside: int, prior: NDArray[np.float64]
 ) -> float:
-    H, s, of = information.sum(axis=0), score.sum(axis=0), np.asarray(beside)
-    block = H[np.ix_(of, of)]
-    rest = score - information[:, :, of] @ np.linalg.solve(
-        block + prior[np.ix_(of, of)] + np.diag(_RIDGE * np.diag(block)), s[of]
-    )
+    """Returns the overdispersion of the tiles' scores after a fit of the first columns."""
+    H, s = information.sum(axis=0), score.sum(axis=0)
+    eta = _fitted(H[:beside, :beside], prior[:beside, :beside], s[:beside])
     told = np.diag(H) > 1e-9
-    ratio = (rest**2).sum(axis=0)[told] / np.diag(H)[told]
+    ratio = ((score - information[:, :, :beside] @ eta) ** 2).sum(axis=0)[told] / np.diag(H)[told]
     return float(np.clip(np.median(ratio), 1.0, 1e4))
+
+
+def _fitted(H: NDArray[np.float64], prior: NDArray[np.float64], score: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.linalg.solve(H + prior + np.diag(_RIDGE * np.diag(H)), score)

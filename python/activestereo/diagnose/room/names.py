@@ -13,7 +13,7 @@ import numpy as np
 from activestereo.calibrate.world.cells import Room
 from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.room.beside import beside_columns
-from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
+from activestereo.diagnose.room.cells_out import blocks_of, normal
 from activestereo.diagnose.room.columns import Column, alternatives, effects_of, nuisances, pedestals, size_of
 from activestereo.diagnose.room.evidence import NEEDED, Found, Reduced, gaussian, judged, reduced
 from activestereo.diagnose.room.further import room_beside, with_turned_view
@@ -127,7 +127,7 @@ def score_room(
     still = nuisances(room, light)
     chosen, promised = _chosen(room, light, still, asked) if chosen is None else (chosen, {})
     columns = [*still, *_of_effects(room, light, asked, chosen)]
-    sums = normal(room, columns, blocks_of(room, light, columns), range(len(columns)))
+    sums = normal(room, columns, blocks_of(room, light, columns), len(columns))
     return Seen(room, light, asked, reduced(sums, columns, (of or _looked_at)(columns)), chosen, promised, sums.trust)
 
 
@@ -138,7 +138,7 @@ def with_planned_pair(seen: Seen, turn_deg: tuple[float, float, float]) -> Reduc
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     promised = {effect: alternative for effect, (alternative, _) in seen.promised.items()}
     columns = [*nuisances(room, light), *_of_effects(room, light, seen.asked, promised)]
-    sums = imagined(room, columns, blocks_of(room, light, columns), seen.trust)
+    sums = normal(room, columns, blocks_of(room, light, columns), 0, seen.trust)
     out, now = reduced(sums, columns, _looked_at(columns)), seen.scores
     ratio = np.sqrt(np.maximum(np.diag(now.covariance) / np.diag(now.information), 1.0))
     more = dict(zip((c.name for c in now.columns), ratio, strict=True))
@@ -218,7 +218,7 @@ def _chosen(
     if not searched:
         return {}, {}
     columns = [*still, *(c for sets in searched.values() for each in sets.values() for c in each)]
-    sums = normal(room, columns, blocks_of(room, light, columns, ("slow",)), range(len(still)))
+    sums = normal(room, columns, blocks_of(room, light, columns, ("slow",)), len(still))
     seen, first = reduced(sums, columns, range(len(still), len(columns))), 0
     chosen: dict[str, tuple[float, ...]] = {}
     promised: dict[str, tuple[tuple[float, ...], float]] = {}
