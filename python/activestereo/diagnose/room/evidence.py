@@ -125,7 +125,8 @@ def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
         parameters = {
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own
         }
-        if any(room.columns[j].step * value[j] < 0.0 for j in own if _one_sided(room.columns[j])):
+        positive = {p.name for p in effect.parameters if p.low == p.neutral}  # flicker's waves may have either sign
+        if any(told[0] < 0.0 for name, told in parameters.items() if name.split(".")[1] in positive):
             nats = min(nats, 0.0)  # the effect cannot have this sign
         out.append(Found(effect, student(float(nats), few), parameters, least))
     return sorted(out, key=lambda found: -found.nats)
@@ -164,13 +165,6 @@ def _between_sessions(room: Reduced, spread: Mapping[str, float]) -> Matrix:
             a, b = names.index(one), names.index(other)
             D[a, b] = D[b, a] = correlation * deviation[a] * deviation[b]
     return D
-
-
-def _one_sided(column: Column) -> bool:
-    """Returns whether a column's coefficient cannot be negative, because its parameter starts at its neutral value.
-    Flicker columns may have either sign."""
-    p = column.parameter
-    return p is not None and p.low == p.neutral and not column.name.endswith("sine")
 
 
 def student(nats: float, few: float) -> float:
