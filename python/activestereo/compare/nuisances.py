@@ -174,12 +174,13 @@ def _fitted(
 
     def rms(at: np.ndarray) -> float:
         """Returns the RMS residual of the used pixels, DN; infinite without any."""
-        return float(np.sqrt(max(0.0, energy + at @ (gram @ at - 2.0 * moment)) / used)) if used else np.inf
+        rest = np.append(at, -1.0)
+        return float(np.sqrt(max(0.0, rest @ squares @ rest) / used)) if used else np.inf
 
     for _ in range(_CLIP_ROUNDS if is_straight else _BENT_ROUNDS):
         # 1. Normal equations of the pixels that do not clip: at first by the measured values, later by the prediction,
         # which is free of the measurement's noise.
-        gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
+        squares, used = np.zeros((4, 4)), 0  # of the three columns and of what they explain
         with np.errstate(over="ignore", invalid="ignore"):
             for seen, light, measured in observations:
                 columns, offset = line(seen, light, solution)
@@ -191,12 +192,10 @@ def _fitted(
                     predicted, margin = solution @ columns + offset, _CLIP_MARGIN_SIGMA * deviation
                     keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2]))
                     keep &= np.isfinite(value)
-                if not keep.all():
-                    columns, value = columns[:, keep], value[keep]
-                gram += columns @ columns.T
-                moment += columns @ value
-                energy += value @ value
-                used += value.size
+                rows = np.vstack([columns, value])[:, keep]
+                squares += rows @ rows.T
+                used += rows.shape[1]
+        gram, moment = squares[:3, :3], squares[:3, 3]
         if not np.isfinite(gram).all():
             frames = [getattr(seen, "frame", seen) for seen, _, _ in observations]
             most = max(frames, key=lambda frame: frame.exposure_gain)

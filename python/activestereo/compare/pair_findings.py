@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from activestereo.compare.where import interval
+from activestereo.compare.where import BlockBootstrap, interval
 
 _BLOCK_PX = 48
 _DRAWS = 400
@@ -129,8 +129,7 @@ class Blocks:
         rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX
         self._index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
         self._count = int(self._index.max()) + 1
-        rng = np.random.Generator(np.random.Philox(_SEED))
-        self._weights = np.vstack([np.ones(self._count), rng.poisson(1.0, (_DRAWS, self._count))])
+        self._weights = np.vstack([np.ones(self._count), BlockBootstrap(self._count, _SEED, _DRAWS).weights])
 
     def sums(self, values: np.ndarray | float, mask: np.ndarray) -> np.ndarray:
         """Returns the sum of an image's values, or of a number, over a mask for each bootstrap draw, [draws + 1]."""

@@ -186,13 +186,16 @@ class ResidualImage:
 
 @dataclass(frozen=True)
 class Bins:
-    """The bins of a covariate. code: each pixel's bin, 1..count, 0 = not defined. edges [count + 1] of intervals (low,
-    high], or values [count] if each bin is one value; the other is None."""
+    """The bins of a covariate. code: each pixel's bin, 1..count, 0 = not defined. low, high [count]: the ends of each
+    bin's interval (low, high]; equal if each bin is one value."""
 
     code: np.ndarray
-    count: int
-    edges: np.ndarray | None
-    values: np.ndarray | None
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return len(self.low)
 
 
 @dataclass(frozen=True)
@@ -261,7 +264,7 @@ def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
     if is_category or len(distinct) <= BINS and np.isin(some, distinct).all():
         code = np.searchsorted(distinct, values) + 1
         code = np.where(finite, np.minimum(code, len(distinct)), 0)
-        return Bins(code, len(distinct), None, distinct.astype(np.float64))
+        return Bins(code, distinct, distinct)
     edges = np.quantile(some, np.linspace(0.0, 1.0, BINS + 1))
     fine = (edges[-2] - edges[1]) / 50.0
     power = 10.0 ** np.floor(np.log10(fine)) if fine > 0 else 1.0
@@ -271,7 +274,8 @@ def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
     filled = np.bincount(np.searchsorted(inner, some, side="left"), minlength=len(inner) + 1) > 0
     inner = inner[filled[:-1]]  # an empty bin is joined with the next
     code = np.searchsorted(inner, values, side="left") + 1
-    return Bins(np.where(finite, code, 0), len(inner) + 1, np.concatenate([edges[:1], inner, edges[-1:]]), None)
+    ends = np.concatenate([edges[:1], inner, edges[-1:]])
+    return Bins(np.where(finite, code, 0), ends[:-1], ends[1:])
 
 
 def where_tables(
@@ -320,13 +324,9 @@ def _table(
     excess_low, excess_high = interval(excess_draws)
     rows = []
     for i in np.flatnonzero(count):
-        if bins.values is None:
-            assert bins.edges is not None
-            place: dict[str, Any] = {"low": float(bins.edges[i]), "high": float(bins.edges[i + 1])}
-        elif covariate.is_category:
-            place = {"label": name_of(int(bins.values[i]))}
-        else:
-            place = dict.fromkeys(("low", "high"), float(bins.values[i]))
+        place: dict[str, Any] = {"low": float(bins.low[i]), "high": float(bins.high[i])}
+        if covariate.is_category:
+            place = {"label": name_of(int(bins.low[i]))}
         rows.append(
             place
             | {

@@ -149,7 +149,7 @@ def test_few_values_are_bins_of_their_own_and_the_undefined_is_none():
     for index, image in enumerate(images):
         image.maps["temperature"][:] = np.nan if index == 0 else (25.0 if index % 2 else 45.0)
     bins = gather_samples(images, "DN", 0).bins["temperature"]
-    np.testing.assert_array_equal(bins.values, [25.0, 45.0])
+    np.testing.assert_array_equal([bins.low, bins.high], [[25.0, 45.0]] * 2)
     assert np.count_nonzero(bins.code == 0) == HEIGHT * WIDTH
 
 
