@@ -22,8 +22,7 @@ TEST_P(Fork, AForkedChildMayReleaseAndIsToldWhatItCannotUse) {
   const pid_t child = fork();
   if (child == 0) {
     alarm(60);
-    const bool refused = kuafu_renderer_render(render.renderer, render.scene, &render.desc) == KS_ERROR_INVALID_STATE &&
-                         std::strstr(kuafu_last_error(), "before fork") != nullptr;
+    const bool refused = render.render() == KS_ERROR_INVALID_STATE && std::strstr(kuafu_last_error(), "before fork") != nullptr;
     kuafu_buffer_release(render.buffer);
     kuafu_renderer_release(render.renderer);
     kuafu_scene_release(render.scene);
@@ -67,7 +66,7 @@ char render_marker = 0;  // what an ended thread returns the address of
 void* render_long(void* given) {
   auto* render = static_cast<SmallRender*>(given);
   render->desc.samples_per_pixel = 100000000;
-  kuafu_renderer_render(render->renderer, render->scene, &render->desc);
+  render->render();
   return nullptr;
 }
 

@@ -5,10 +5,11 @@
 
 #include <atomic>
 #include <chrono>
-#include <cstring>
+#include <optional>
 #include <thread>
 
-#include "capi/library_pair.h"
+#include "capi/small_match.h"
+#include "capi/small_render.h"
 #include "capi/vulkan_host.h"
 
 namespace ks::test {
@@ -192,74 +193,43 @@ TYPED_TEST(HostsDevice, WhatIsNoTimelineOfTheDeviceIsRefused) {
   TypeParam::device_release(own);
 }
 
-/// A wall at 2 m, and its depth image in memory that both libraries and the host see.
+/// A small render's depth image in memory that both libraries and the host see.
 class Chain : public testing::Test {
  protected:
-  static constexpr uint32_t side = 64;
+  static constexpr uint32_t side = SmallRender::side, seen = side * 20 + 20;  // a pixel of the triangle
 
   void SetUp() override {
     SKIP_IF(host_.device() ? "" : "there is no device with Vulkan 1.2");
     const ks_device_desc desc = on(host_);
-    ASSERT_EQ(kuafu_device_create(&desc, &renderer_side_), KS_OK) << kuafu_last_error();
-    ASSERT_EQ(simsense_device_create(&desc, &matcher_side_), KS_OK) << simsense_last_error();
-    make_scene();
-    make_engine();
-    memory_ = host_.allocate(4 * side * side * sizeof(float));
+    kuafu_device renderer_side = nullptr;
+    simsense_device matcher_side = nullptr;
+    ASSERT_EQ(kuafu_device_create(&desc, &renderer_side), KS_OK) << kuafu_last_error();
+    render_.emplace(KUAFU_TRACER_COMPUTE, renderer_side);
+    ASSERT_EQ(simsense_device_create(&desc, &matcher_side), KS_OK) << simsense_last_error();
+    match_.emplace(matcher_side, 1, [](simsense_rig_desc& rig) { rig.back_end = SIMSENSE_BACK_END_VULKAN; });
+    renderer_ = render_->renderer, engine_ = match_->engine;
+    memory_ = host_.allocate(2 * side * side * sizeof(float));
     ks_buffer_desc shared = ks_buffer_desc_init();
     shared.memory = KS_MEMORY_VULKAN, shared.handle = reinterpret_cast<uintptr_t>(memory_.memory);
     shared.memory_type_index = memory_.type;
-    shared.allocation_bytes = memory_.bytes, shared.size_bytes = 4 * side * side * sizeof(float);
-    ASSERT_EQ(kuafu_buffer_import(renderer_side_, &shared, &rendered_), KS_OK) << kuafu_last_error();
-    ASSERT_EQ(simsense_buffer_import(matcher_side_, &shared, &matched_), KS_OK) << simsense_last_error();
+    shared.allocation_bytes = memory_.bytes, shared.size_bytes = 2 * side * side * sizeof(float);
+    ASSERT_EQ(kuafu_buffer_import(renderer_side, &shared, &rendered_), KS_OK) << kuafu_last_error();
+    ASSERT_EQ(simsense_buffer_import(matcher_side, &shared, &matched_), KS_OK) << simsense_last_error();
   }
   void TearDown() override {
-    simsense_engine_release(engine_);
+    match_.reset();
     simsense_buffer_release(matched_);
-    simsense_device_release(matcher_side_);
-    kuafu_renderer_release(renderer_);
+    render_.reset();
     kuafu_buffer_release(rendered_);
-    kuafu_scene_release(scene_);
-    kuafu_device_release(renderer_side_);
-  }
-  void make_scene() {
-    const float positions[] = {-9, -9, 2, 9, -9, 2, 9, 9, 2, -9, 9, 2};
-    const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
-    kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
-    mesh.positions = positions, mesh.vertex_count = 4, mesh.indices = indices, mesh.triangle_count = 2;
-    kuafu_instance_desc instance = kuafu_instance_desc_init(1);
-    uint32_t id = 0;
-    ASSERT_EQ(kuafu_scene_create(renderer_side_, &scene_), KS_OK);
-    ASSERT_EQ(kuafu_scene_add_mesh(scene_, &mesh, &instance.mesh), KS_OK);
-    ASSERT_EQ(kuafu_scene_add_instance(scene_, &instance, &id), KS_OK);
-    kuafu_renderer_desc desc = kuafu_renderer_desc_init();
-    desc.tracer = KUAFU_TRACER_COMPUTE;
-    ASSERT_EQ(kuafu_renderer_create(renderer_side_, &desc, &renderer_), KS_OK) << kuafu_last_error();
-  }
-  void make_engine() {
-    simsense_rig_desc rig = simsense_rig_desc_init();
-    for (simsense_camera* camera : {&rig.left, &rig.right}) {
-      camera->width = camera->height = side;
-      camera->k[0] = camera->k[4] = 60, camera->k[2] = camera->k[5] = 31.5, camera->k[8] = 1;
-    }
-    rig.left_to_right[3] = -0.05, rig.rectified = 1, rig.back_end = SIMSENSE_BACK_END_VULKAN;
-    simsense_parameters parameters = simsense_parameters_init();
-    parameters.max_disparity = 16;
-    ASSERT_EQ(simsense_engine_create(matcher_side_, &rig, &parameters, &engine_), KS_OK) << simsense_last_error();
   }
   [[nodiscard]] float& pixel(uint32_t image, uint32_t at) const {
     return reinterpret_cast<float*>(memory_.mapped)[image * side * side + at];
   }
   /// A render of depth into image 0.
   ks_status submit_render(const ks_sync* wait, ks_sync* out) {
-    kuafu_view_desc view = kuafu_view_desc_init();
-    view.camera.width = view.camera.height = side;
-    view.camera.k[0] = view.camera.k[4] = 60, view.camera.k[2] = view.camera.k[5] = 31.5;
-    const uint64_t shape[4] = {1, side, side, 1};
-    const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_DEPTH, rendered_, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
-    kuafu_render_desc desc = kuafu_render_desc_init();
-    desc.views = &view, desc.view_count = 1, desc.outputs = &output, desc.output_count = 1, desc.samples_per_pixel = 1;
-    desc.wait = wait;
-    return kuafu_renderer_submit(renderer_, scene_, &desc, out);
+    render_->output.output = KUAFU_OUTPUT_DEPTH, render_->output.buffer = rendered_;
+    render_->desc.wait = wait;
+    return kuafu_renderer_submit(renderer_, render_->scene, &render_->desc, out);
   }
   /// A match of image 0 with itself, whose rectified left image goes into image 1: the counts are those of image 0.
   ks_status submit_match(const ks_sync* wait, ks_sync* out) {
@@ -276,9 +246,8 @@ class Chain : public testing::Test {
   [[nodiscard]] uint8_t count_at(uint32_t at) const { return reinterpret_cast<const uint8_t*>(&pixel(1, 0))[at]; }
 
   VulkanHost host_;
-  kuafu_device renderer_side_ = nullptr;
-  simsense_device matcher_side_ = nullptr;
-  kuafu_scene scene_ = nullptr;
+  std::optional<SmallRender> render_;
+  std::optional<SmallMatch> match_;
   kuafu_renderer renderer_ = nullptr;
   simsense_engine engine_ = nullptr;
   kuafu_buffer rendered_ = nullptr;
@@ -300,7 +269,7 @@ TEST_F(Chain, ARenderWaitsForTheHostAndTheHostForTheRender) {
   EXPECT_FALSE(host_.wait(semaphore, done.value, 0));
   host_.signal(go, 3);
   EXPECT_TRUE(host_.wait(semaphore, done.value, long_ns));
-  EXPECT_NEAR(pixel(0, side * 32 + 32), 2.0f, 1e-3f) << "on the host's own mapping";
+  EXPECT_NEAR(pixel(0, seen), 2.0f, 1e-3f) << "on the host's own mapping";
   EXPECT_EQ(kuafu_renderer_wait(renderer_, &first, long_ns), KS_OK) << kuafu_last_error();
 }
 
@@ -323,7 +292,7 @@ TEST_F(Chain, AMatchWaitsForTheHostAndTheHostForTheMatch) {
   EXPECT_EQ(done.kind, KS_SYNC_SEMAPHORE);
   EXPECT_TRUE(host_.wait(reinterpret_cast<VkSemaphore>(static_cast<uintptr_t>(done.handle)), done.value, long_ns));
   EXPECT_EQ(simsense_engine_wait_for(engine_, &first, long_ns), KS_OK) << simsense_last_error();
-  EXPECT_EQ(count_at(side * 32 + 32), 100) << "it read its image before the signal";
+  EXPECT_EQ(count_at(seen), 100) << "it read its image before the signal";
 }
 
 TEST_F(Chain, AMatchWaitsForTheRenderOfTheOtherLibrary) {
@@ -334,7 +303,7 @@ TEST_F(Chain, AMatchWaitsForTheRenderOfTheOtherLibrary) {
     ASSERT_EQ(kuafu_renderer_export_timeline(renderer_, &after), KS_OK) << kuafu_last_error();
     ASSERT_EQ(submit_match(&after, &matched), KS_OK) << simsense_last_error();
     ASSERT_EQ(simsense_engine_wait_for(engine_, &matched, long_ns), KS_OK) << simsense_last_error();
-    EXPECT_EQ(count_at(side * 32 + 32), 2) << "depth in metres, as counts";
+    EXPECT_EQ(count_at(seen), 2) << "depth in metres, as counts";
     ASSERT_EQ(kuafu_renderer_wait(renderer_, &rendered, 0), KS_OK) << "it had ended before the match began";
   }
 }

@@ -109,7 +109,7 @@ TEST(Structs, AnOutputThatEndsInsideOfAFieldIsRefusedAndReadsNothingBeyond) {
   SKIP_IF(render.device ? "" : kuafu_last_error());
   for (uint32_t size = 0; size < sizeof render.output; ++size) {
     render.output.header.size_bytes = size;
-    const ks_status status = kuafu_renderer_render(render.renderer, render.scene, &render.desc);
+    const ks_status status = render.render();
     if (size % 8 != 0 || size < offsetof(kuafu_output_desc, image)) {
       EXPECT_EQ(status, KS_ERROR_INVALID_ARGUMENT) << size;
     }

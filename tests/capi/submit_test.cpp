@@ -50,21 +50,16 @@ class Submit : public testing::TestWithParam<uint32_t> {
     return sync;
   }
   ks_status wait(const ks_sync& sync, uint64_t timeout_ns = forever) { return kuafu_renderer_wait(render.renderer, &sync, timeout_ns); }
-  std::vector<float> image() {
-    std::vector<float> out(64 * 64);
-    EXPECT_EQ(kuafu_buffer_read(render.buffer, 0, out.data(), out.size() * 4), KS_OK);
-    return out;
-  }
 };
 
 TEST_P(Submit, GivesTheBitsOfARenderThatWasWaitedFor) {
   render.desc.samples_per_pixel = 4, render.desc.seed = 7;
-  ASSERT_EQ(kuafu_renderer_render(render.renderer, render.scene, &render.desc), KS_OK);
-  const std::vector<float> expected = image();
+  ASSERT_EQ(render.render(), KS_OK);
+  const std::vector<float> expected = render.image();
   ASSERT_EQ(wait(submit(1)), KS_OK);
-  EXPECT_NE(image(), expected);
+  EXPECT_NE(render.image(), expected);
   ASSERT_EQ(wait(submit(4, 7)), KS_OK) << kuafu_last_error();
-  EXPECT_EQ(image(), expected);
+  EXPECT_EQ(render.image(), expected);
   kuafu_render_summary summary = kuafu_render_summary_init();
   ASSERT_EQ(kuafu_renderer_get_summary(render.renderer, &summary), KS_OK);
   EXPECT_EQ(summary.samples_per_pixel, 4u);
@@ -81,7 +76,7 @@ TEST_P(Submit, ASecondCallIsRefusedWhileOneIsUnderWay) {
     Second& other = *static_cast<Second*>(user);
     std::thread([&] {
       other.change = kuafu_scene_next_frame(other.render.scene);
-      other.drawn = kuafu_renderer_render(other.render.renderer, other.render.scene, &other.render.desc);
+      other.drawn = other.render.render();
     }).join();
     return 0;
   };
@@ -108,10 +103,10 @@ TEST_P(Submit, TwoAreUnderWayAndEndInTheirOrder) {
   EXPECT_LT(first.value, second.value);
   EXPECT_EQ(wait(second), KS_OK) << kuafu_last_error();
   EXPECT_EQ(wait(first, 0), KS_OK) << "it came before";
-  const std::vector<float> last = image();
+  const std::vector<float> last = render.image();
   render.desc.samples_per_pixel = 2, render.desc.seed = 2;
-  ASSERT_EQ(kuafu_renderer_render(render.renderer, render.scene, &render.desc), KS_OK);
-  EXPECT_EQ(image(), last);
+  ASSERT_EQ(render.render(), KS_OK);
+  EXPECT_EQ(render.image(), last);
 }
 
 TEST_P(Submit, CancelEndsAllThatIsUnderWayAndNothingLater) {
@@ -126,7 +121,7 @@ TEST_P(Submit, CancelEndsAllThatIsUnderWayAndNothingLater) {
 TEST_P(Submit, CancelEndsARenderThatAnotherThreadWaitsIn) {
   render.desc.samples_per_pixel = hours;
   ks_status status = KS_OK;
-  std::thread other([&] { status = kuafu_renderer_render(render.renderer, render.scene, &render.desc); });
+  std::thread other([&] { status = render.render(); });
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
   EXPECT_EQ(kuafu_renderer_cancel(render.renderer), KS_OK);
   other.join();
@@ -182,7 +177,7 @@ double seconds_to_the_end(SmallRender& render, int delay_ms) {
     wished = Clock::now();
     wish = true;
   });
-  EXPECT_EQ(kuafu_renderer_render(render.renderer, render.scene, &render.desc), KS_ERROR_CANCELLED) << kuafu_last_error();
+  EXPECT_EQ(render.render(), KS_ERROR_CANCELLED) << kuafu_last_error();
   const Clock::time_point end = Clock::now();
   other.join();
   return std::chrono::duration<double>(end - wished).count();
@@ -248,7 +243,7 @@ TEST_P(Cancel, TheCallbackIsAskedInTheCallersThreadAlsoWhileATreeIsBuilt) {
     return 0;
   };
   render.desc.progress_user = &heard;
-  ASSERT_EQ(kuafu_renderer_render(render.renderer, render.scene, &render.desc), KS_OK) << kuafu_last_error();
+  ASSERT_EQ(render.render(), KS_OK) << kuafu_last_error();
   EXPECT_GE(heard.count, 2);
   EXPECT_EQ(heard.elsewhere, 0);
   EXPECT_FALSE(heard.falls);

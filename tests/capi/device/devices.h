@@ -40,6 +40,12 @@ inline std::shared_ptr<Device> cpu_device(uint32_t worker_count = 2) {
 /// The best device there is: a GPU where the machine has one.
 inline std::shared_ptr<Device> best_device() { return Device::create(ks_device_desc_init()); }
 
+/// The same for all tests of a program.
+inline const std::shared_ptr<Device>& shared_best_device() {
+  static const std::shared_ptr<Device> opened = best_device();
+  return opened;
+}
+
 inline std::shared_ptr<Device> host_device() {
   ks_device_desc desc = ks_device_desc_init();
   desc.select = KS_SELECT_HOST;

@@ -7,9 +7,11 @@
 #include <cstdlib>
 #include <functional>
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "capi/faults/fault_layer.h"
+#include "capi/small_match.h"
 #include "capi/small_render.h"
 
 namespace ks::test {
@@ -43,101 +45,41 @@ struct Outcome {
       status, {}                                                 \
     }
 
-struct KuafuObjects {
+/// What a job makes, kept until the test has looked at it.
+using KuafuObjects = std::optional<SmallRender>;
+using SimsenseObjects = std::optional<SmallMatch>;
+
+ks_device_desc cpu() {
+  ks_device_desc desc = ks_device_desc_init();
+  desc.select = KS_SELECT_CPU, desc.worker_count = 2;
+  return desc;
+}
+
+Outcome render(SmallRender& o) {
+  KS_STEP(o.render());
+  return {KS_OK, o.image()};
+}
+
+template <uint32_t tracer>
+Outcome render_all(KuafuObjects& o) {
+  const ks_device_desc desc = cpu();
   kuafu_device device = nullptr;
-  kuafu_scene scene = nullptr;
-  kuafu_renderer renderer = nullptr;
-  kuafu_buffer buffer = nullptr;
-  ~KuafuObjects() {
-    kuafu_buffer_release(buffer);
-    kuafu_renderer_release(renderer);
-    kuafu_scene_release(scene);
-    kuafu_device_release(device);
-  }
-};
-
-constexpr uint32_t side = 32;
-constexpr uint64_t shape[4] = {1, side, side, 1};
-
-Outcome render(KuafuObjects& o) {
-  kuafu_view_desc view = kuafu_view_desc_init();
-  view.band = KUAFU_BAND_INFRARED;
-  view.camera.width = view.camera.height = side;
-  view.camera.k[0] = view.camera.k[4] = 30, view.camera.k[2] = view.camera.k[5] = 15.5;
-  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, o.buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
-  kuafu_render_desc desc = kuafu_render_desc_init();
-  desc.views = &view, desc.view_count = 1, desc.outputs = &output, desc.output_count = 1, desc.samples_per_pixel = 2;
-  KS_STEP(kuafu_renderer_render(o.renderer, o.scene, &desc));
-  Outcome outcome{KS_OK, std::vector<float>(side * side)};
-  KS_STEP(kuafu_buffer_read(o.buffer, 0, outcome.image.data(), outcome.image.size() * sizeof(float)));
-  return outcome;
+  KS_STEP(kuafu_device_create(&desc, &device));
+  o.emplace(tracer, device, true);
+  KS_STEP(o->status);
+  return render(*o);
 }
-
-Outcome render_all(KuafuObjects& o, uint32_t tracer) {
-  const float positions[] = {-9, -9, 2, 9, -9, 2, -9, 9, 2};
-  const uint32_t indices[] = {0, 1, 2};
-  kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
-  mesh.positions = positions, mesh.vertex_count = 3, mesh.indices = indices, mesh.triangle_count = 1;
-  kuafu_instance_desc instance = kuafu_instance_desc_init(1);
-  kuafu_environment_desc environment = kuafu_environment_desc_init();
-  for (float& r : environment.radiance) r = 1.0f;
-  kuafu_renderer_desc desc = kuafu_renderer_desc_init();
-  desc.tracer = tracer;
-  const ks_buffer_create_desc create = ks_buffer_create_desc_init(side * side * sizeof(float), KS_BUFFER_HOST_VISIBLE);
-  ks_device_desc cpu = ks_device_desc_init();
-  cpu.select = KS_SELECT_CPU, cpu.worker_count = 2;
-  uint32_t id = 0;
-  KS_STEP(kuafu_device_create(&cpu, &o.device));
-  KS_STEP(kuafu_scene_create(o.device, &o.scene));
-  KS_STEP(kuafu_scene_add_mesh(o.scene, &mesh, &instance.mesh));
-  KS_STEP(kuafu_scene_add_instance(o.scene, &instance, &id));
-  KS_STEP(kuafu_scene_set_environment(o.scene, &environment));
-  KS_STEP(kuafu_renderer_create(o.device, &desc, &o.renderer));
-  KS_STEP(kuafu_buffer_create(o.device, &create, &o.buffer));
-  return render(o);
-}
-
-Outcome render_by_embree(KuafuObjects& o) { return render_all(o, KUAFU_TRACER_EMBREE); }
-Outcome render_by_compute(KuafuObjects& o) { return render_all(o, KUAFU_TRACER_COMPUTE); }
-
-struct SimsenseObjects {
-  simsense_device device = nullptr;
-  simsense_engine engine = nullptr;
-  ~SimsenseObjects() {
-    simsense_engine_release(engine);
-    simsense_device_release(device);
-  }
-};
-
-Outcome match(SimsenseObjects& o) {
-  const uint64_t pair_shape[2] = {side, side};
-  std::vector<uint8_t> light(side * side);
-  for (size_t i = 0; i < light.size(); ++i) light[i] = static_cast<uint8_t>(i * i >> 3);
-  Outcome outcome{KS_OK, std::vector<float>(side * side)};
-  simsense_image image{.buffer = nullptr, .host = outcome.image.data(), .image = ks_image_desc_packed(KS_FORMAT_F32, 2, pair_shape)};
-  const simsense_output_desc output = simsense_output_desc_init(SIMSENSE_OUTPUT_DISPARITY, image);
-  image.host = light.data(), image.image = ks_image_desc_packed(KS_FORMAT_U8, 2, pair_shape);
-  simsense_compute_desc desc = simsense_compute_desc_init();
-  desc.left = desc.right = image;
-  desc.outputs = &output, desc.output_count = 1;
-  KS_STEP(simsense_engine_compute(o.engine, &desc));
-  return outcome;
-}
+constexpr auto render_by_embree = render_all<KUAFU_TRACER_EMBREE>, render_by_compute = render_all<KUAFU_TRACER_COMPUTE>;
 
 Outcome match_all(SimsenseObjects& o) {
-  ks_device_desc cpu = ks_device_desc_init();
-  cpu.select = KS_SELECT_CPU, cpu.worker_count = 2;
-  simsense_rig_desc rig = simsense_rig_desc_init();
-  for (simsense_camera* camera : {&rig.left, &rig.right}) {
-    camera->width = camera->height = side;
-    camera->k[0] = camera->k[4] = 30, camera->k[2] = camera->k[5] = 15.5, camera->k[8] = 1;
-  }
-  rig.left_to_right[3] = -0.05, rig.rectified = 1, rig.back_end = SIMSENSE_BACK_END_VULKAN;
-  simsense_parameters parameters = simsense_parameters_init();
-  parameters.max_disparity = 16;
-  KS_STEP(simsense_device_create(&cpu, &o.device));
-  KS_STEP(simsense_engine_create(o.device, &rig, &parameters, &o.engine));
-  return match(o);
+  const ks_device_desc desc = cpu();
+  simsense_device device = nullptr;
+  KS_STEP(simsense_device_create(&desc, &device));
+  o.emplace(
+      device, 1, [](simsense_rig_desc& rig) { rig.back_end = SIMSENSE_BACK_END_VULKAN; }, true);
+  KS_STEP(o->status);
+  KS_STEP(simsense_engine_compute(o->engine, &o->desc));
+  return {KS_OK, o->disparity};
 }
 
 template <class Objects>
@@ -185,8 +127,8 @@ TEST(Faults, KuafuShadersThatCannotBeCompiled) {
 /// A lost device says so from then on, in every call that would use it.
 TEST(Faults, KuafuDeviceLost) {
   expect_errors<KuafuObjects>(FAULT_SUBMIT, KS_ERROR_DEVICE_LOST, render_by_compute, [](KuafuObjects& o) {
-    if (o.buffer == nullptr) return;
-    EXPECT_EQ(render(o).status, KS_ERROR_DEVICE_LOST);
+    if (!o || o->buffer == nullptr) return;
+    EXPECT_EQ(render(*o).status, KS_ERROR_DEVICE_LOST);
   });
 }
 TEST(Faults, SimsenseOutOfDeviceMemory) { expect_errors<SimsenseObjects>(FAULT_ALLOCATE, KS_ERROR_OUT_OF_DEVICE_MEMORY, match_all); }
@@ -204,10 +146,10 @@ TEST(Faults, ARendererThatRanOutOfMemoryRendersAgain) {
   kuafu_buffer large = nullptr;
   const ks_buffer_create_desc create = ks_buffer_create_desc_init(1 << 20, 0);
   layer->arm(FAULT_ALLOCATE, 0);
-  EXPECT_EQ(kuafu_buffer_create(objects.device, &create, &large), KS_ERROR_OUT_OF_DEVICE_MEMORY);
+  EXPECT_EQ(kuafu_buffer_create(objects->device, &create, &large), KS_ERROR_OUT_OF_DEVICE_MEMORY);
   layer->arm(FAULT_ALLOCATE, -1);
   EXPECT_EQ(layer->fired(FAULT_ALLOCATE), before + 1);
-  EXPECT_EQ(render(objects), sound);
+  EXPECT_EQ(render(*objects), sound);
 }
 
 }  // namespace
