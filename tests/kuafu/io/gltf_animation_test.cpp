@@ -5,10 +5,7 @@
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 
-#include "device/error.h"
-#include "io/load.h"
 #include "kuafu/io/loaded.h"
-#include "kuafu/io/sample_files.h"
 #include "scene/rig.h"
 
 namespace {
@@ -41,16 +38,12 @@ const float half_turn = std::sqrt(0.5f);  // sine and cosine of half of 90 degre
 TEST(GltfAnimation, InstancesLightsAndCamerasFollowTheirNodes) {
   GltfWriter w;
   w.triangle();
-  w.root["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 1.0}, {"znear", 0.1}}}}};
-  w.root["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "spot"}, {"spot", json::object()}}};
+  w.camera();
+  w.lights({{{"type", "spot"}, {"spot", json::object()}}});
   w.root["extensionsUsed"] = {"KHR_lights_punctual"};
   w.node({{"name", "arm"}, {"translation", {1, 0, 0}}, {"children", {1}}});
-  w.root["nodes"].push_back({{"name", "hand"},
-                             {"translation", {0, 2, 0}},
-                             {"scale", {2, 2, 2}},
-                             {"mesh", 0},
-                             {"camera", 0},
-                             {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+  w.root["nodes"].push_back(
+      {{"name", "hand"}, {"translation", {0, 2, 0}}, {"scale", {2, 2, 2}}, {"mesh", 0}, {"camera", 0}, {"extensions", light_0()}});
   w.node({{"name", "still"}, {"mesh", 0}});
   animation(w, "turn", {{0, "rotation", {0, 2}, {0, 0, 0, 1, 0, 0, half_turn, half_turn}, 4}});
   glm::dmat4 root(1.0);
@@ -149,12 +142,12 @@ TEST(GltfAnimation, AVertexWithoutAFinitePlaceLeavesAllAsItWas) {
   GltfWriter w;
   const int positions = w.accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, type_float, "VEC3", 3),
             far = w.accessor<float>({0, 0, 1, 0, 0, 1, 0, 0, 3e38f}, type_float, "VEC3", 3);
-  w.root["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 1.0}, {"znear", 0.1}}}}};
-  w.root["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}}};
+  w.camera();
+  w.lights({{{"type", "point"}}});
   w.mesh({{{"attributes", {{"POSITION", positions}}}, {"targets", {{{"POSITION", positions}}}}}});
   w.mesh({{{"attributes", {{"POSITION", positions}}}, {"targets", {{{"POSITION", far}}}}}});
   w.node({{"mesh", 0}});
-  w.node({{"mesh", 1}, {"camera", 0}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+  w.node({{"mesh", 1}, {"camera", 0}, {"extensions", light_0()}});
   animation(w, "burst",
             {{0, "weights", {0, 1}, {0, 1}, 1}, {1, "weights", {0, 1}, {0, 10}, 1}, {1, "translation", {0, 1}, {0, 0, 0, 0, 0, 5}, 3}});
   Loaded loaded = load_glb(w);
@@ -208,7 +201,7 @@ TEST(GltfAnimation, BrokenOnesAreErrorsThatNameThem) {
     GltfWriter w = strip();
     animation(w, "bend", {{2, "rotation", {0, 1}, {0, 0, 0, 1, 0, 0, half_turn, half_turn}, 4}});
     spoil(w.root);
-    EXPECT_NE(glb_error_of(w).find(message), std::string::npos) << glb_error_of(w);
+    expect_error(w, message);
   };
   refused("skins[0].joints: node 7", [](json& r) { r["skins"][0]["joints"][1] = 7; });
   refused("but its skin has 1", [](json& r) { r["skins"][0]["joints"] = {1}; });

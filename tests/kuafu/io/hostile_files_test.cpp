@@ -7,9 +7,7 @@
 #include <sstream>
 
 #include "capi/device/expect_error.h"
-#include "device/error.h"
-#include "io/load.h"
-#include "kuafu/io/sample_files.h"
+#include "kuafu/io/loaded.h"
 
 namespace {
 
@@ -18,38 +16,8 @@ using namespace scene_test;
 
 const std::string obj_triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-struct Outcome {
-  std::string error;  // empty: it was loaded
-  std::vector<std::string> warnings;
-  size_t meshes = 0;
-};
-
-Outcome load(const std::filesystem::path& path, const LoadOptions& options = {}) {
-  Outcome out;
-  Scene scene;
-  try {
-    out.warnings = load_file(scene, path, glm::dmat4(1.0), options);
-  } catch (const ks::Error& error) {
-    out.error = error.what();
-    EXPECT_TRUE(scene.meshes().empty() && scene.instances().empty() && scene.textures().empty()) << "the scene changed";
-    EXPECT_EQ(out.error.find(path.string()), 0u) << out.error;
-    EXPECT_EQ(out.error.find('\n'), std::string::npos) << out.error;
-  }
-  out.meshes = scene.meshes().size();
-  return out;
-}
-
-Outcome load(GltfWriter& writer, const LoadOptions& options = {}) {
-  const Folder folder;
-  writer.write_glb(folder / "a.glb");
-  return load(folder / "a.glb", options);
-}
-
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
-
-bool warns(const Outcome& outcome, const std::string& part) {
-  return std::any_of(outcome.warnings.begin(), outcome.warnings.end(), [&](const std::string& w) { return has(w, part); });
-}
+Loaded load(const std::filesystem::path& path, const LoadOptions& options = {}) { return try_path(path, options); }
+Loaded load(GltfWriter& writer, const LoadOptions& options = {}) { return try_glb(writer, options); }
 
 std::string with_texture(const std::string& uri) {
   GltfWriter w;
@@ -82,8 +50,8 @@ TEST(HostileFile, ColladaThatMisleadsItsReaderIsAnErrorOrALoad) {
   };
   for (const auto& [what, text] : files) {
     write_text(folder / "a.dae", text);
-    const Outcome outcome = load(folder / "a.dae", {.seconds = 1});
-    EXPECT_TRUE(!outcome.error.empty() || outcome.meshes > 0) << what;
+    const Loaded outcome = load(folder / "a.dae", {.seconds = 1});
+    EXPECT_TRUE(!outcome.error.empty() || !outcome.scene.meshes().empty()) << what;
   }
 }
 
@@ -101,7 +69,7 @@ TEST(HostileFile, AColladaNodeShownABillionTimesEndsInTime) {
   write_text(folder / "a.dae",
              replaced(replaced(collada_triangle(), "<library_visual_scenes>", library + "</library_nodes><library_visual_scenes>"),
                       "<instance_geometry url=\"#g\"/></node>\n", "<instance_node url=\"#b0\"/></node>\n"));
-  const Outcome outcome = load(folder / "a.dae", {.memory_bytes = uint64_t{512} << 20, .seconds = 1});
+  const Loaded outcome = load(folder / "a.dae", {.memory_bytes = uint64_t{512} << 20, .seconds = 1});
   EXPECT_TRUE(has(outcome.error, "by KUAFU_LOAD_SECONDS") || has(outcome.error, "KUAFU_LOAD_MEMORY_MB allows")) << outcome.error;
 }
 
@@ -136,8 +104,7 @@ TEST(HostileFile, MemoryIsTiedToTheBytesOfTheFile) {
   w.mesh(primitives);
   w.node({{"mesh", 0}});
   write_text(folder / "zeros.glb", w.glb());
-  const std::string error = load(folder / "zeros.glb", {.memory_bytes = 64 << 20}).error;
-  EXPECT_TRUE(has(error, "KUAFU_LOAD_MEMORY_MB")) << error;
+  expect_error(load(folder / "zeros.glb", {.memory_bytes = 64 << 20}).error, "KUAFU_LOAD_MEMORY_MB");
   w.root["accessors"][0]["count"] = 16777215;
   write_text(folder / "zeros.glb", w.glb());
   EXPECT_TRUE(has(load(folder / "zeros.glb").error, "without a buffer view"));
@@ -149,8 +116,7 @@ TEST(HostileFile, TheLimitsCanBeSet) {
   w.mesh({{{"attributes", {{"POSITION", w.accessor(positions, type_float, "VEC3", 3)}}}}});
   w.node({{"mesh", 0}});
   EXPECT_EQ(load(w).error, "");
-  const std::string error = load(w, {.memory_bytes = 1 << 20}).error;
-  EXPECT_TRUE(has(error, "KUAFU_LOAD_MEMORY_MB allows more")) << error;
+  expect_error(load(w, {.memory_bytes = 1 << 20}).error, "KUAFU_LOAD_MEMORY_MB allows more");
   const LoadLimits small = load_limits({}, 1000), large = load_limits({}, 1 << 20);
   EXPECT_EQ(large.memory_bytes - small.memory_bytes, memory_per_file_byte * ((1 << 20) - 1000));
   EXPECT_EQ(load_limits({.memory_bytes = 5, .seconds = 7}, 1 << 20).memory_bytes, 5u);
@@ -231,7 +197,7 @@ TEST(HostileFile, NamesStayInTheirLineAndMessagesAreBounded) {
   w.root["materials"][0]["name"] = "evil\nERROR: all is lost\x1b[2J" + std::string(5000, 'x');
   w.triangle(0);
   w.node({{"mesh", 0}, {"name", "two\nlines"}});
-  const Outcome outcome = load(w);
+  const Loaded outcome = load(w);
   ASSERT_EQ(outcome.error, "");
   EXPECT_LE(outcome.warnings.size(), 100u);
   for (const std::string& warning : outcome.warnings) {
@@ -250,7 +216,7 @@ TEST(HostileFile, AMemberThatIsMisspeltIsSaidOnceWithTheNearestName) {
   w.root["accessors"][1]["something\nelse"] = 1;
   w.root["accessors"][1]["extras"] = {{"anything", 1}};
   w.node({{"mesh", 0}});
-  const Outcome outcome = load(w);
+  const Loaded outcome = load(w);
   ASSERT_EQ(outcome.error, "");
   EXPECT_EQ(outcome.warnings.size(), 3u);
   EXPECT_TRUE(warns(outcome, "meshes[0]/primitives[0]: member 'indeces' is unknown and ignored; is 'indices' meant?"));
@@ -276,7 +242,7 @@ TEST(HostileFile, MtlStatementsBeforeTheFirstMaterialAreLeftOutAndSaid) {
   write_text(folder / "a.obj", "mtllib a.mtl\nusemtl m\n" + obj_triangle);
   for (const std::string word : {"map_Kd", "map_Ks", "map_d", "map_bump", "bump", "refl"}) {
     write_text(folder / "a.mtl", "# by hand\n" + word + " nowhere.png\nnewmtl m\nKd 0.5 0.5 0.5\n");
-    const Outcome outcome = load(folder / "a.obj");
+    const Loaded outcome = load(folder / "a.obj");
     EXPECT_EQ(outcome.error, "");
     EXPECT_TRUE(warns(outcome, "'a.mtl', line 2: '" + word + "' stands before any newmtl and is left out")) << word;
   }
@@ -290,7 +256,7 @@ TEST(HostileFile, ColladaAccessorsStayInsideOfTheirArrays) {
     std::string text = whole;
     text.insert(text.find(accessor) + accessor.size(), more);
     write_text(folder / "a.dae", text);
-    EXPECT_NE(load(folder / "a.dae").error.find("an accessor takes 3 times 3 values"), std::string::npos) << load(folder / "a.dae").error;
+    expect_error(load(folder / "a.dae").error, "an accessor takes 3 times 3 values");
   }
 }
 
@@ -308,33 +274,23 @@ TEST(HostileFile, IndicesThatDoNotFitAreNotWrapped) {
 /// Loads bytes as a file of this name. Returns the error's text, empty when it was accepted.
 std::string load_bytes(const Folder& folder, const std::string& name, const std::string& bytes) {
   write_text(folder / name, bytes);
-  Scene scene;
-  try {
-    load_file(scene, folder / name, glm::dmat4(1.0));
-    return {};
-  } catch (const ks::Error& error) {
-    EXPECT_TRUE(scene.meshes().empty() && scene.textures().empty() && scene.materials().empty() && scene.instances().empty());
-    EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
-    return error.what();
-  }
+  return load(folder / name).error;
 }
 
 std::string rich_glb() {
   GltfWriter w;
-  const std::string png = png_pixel();
-  w.root["images"] = {{{"bufferView", w.view(png.data(), png.size())}, {"mimeType", "image/png"}}};
-  w.root["textures"] = {{{"source", 0}}};
+  w.texture();
   w.root["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}, {"baseColorFactor", {1, 1, 1, 1}}}},
                           {"extensions", {{"KHR_materials_ior", {{"ior", 1.4}}}}},
                           {"extras", {{"ir_albedo", 0.5}}}}};
-  w.root["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 1.0}, {"znear", 0.1}}}}};
-  w.root["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}, {"color", {1.0, 0.5, 0.25}}}};
+  w.camera();
+  w.lights({{{"type", "point"}, {"color", {1.0, 0.5, 0.25}}}});
   const int positions = w.accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0}, type_float, "VEC3", 3);
   const int normals = w.accessor<float>({0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1}, type_float, "VEC3", 3);
   const int indices = w.accessor<uint16_t>({0, 1, 2, 2, 1, 3}, type_u16, "SCALAR", 1);
   w.mesh({{{"attributes", {{"POSITION", positions}, {"NORMAL", normals}}}, {"indices", indices}, {"material", 0}}});
   w.node({{"mesh", 0}, {"rotation", {0, 0, 0, 1}}, {"children", {1}}});
-  w.root["nodes"].push_back({{"camera", 0}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+  w.root["nodes"].push_back({{"camera", 0}, {"extensions", light_0()}});
   return w.glb();
 }
 
@@ -354,13 +310,13 @@ TEST(GarbageFile, MissingEmptyAndForeignFilesSayWhatTheyAre) {
   EXPECT_ERROR(load("scene.fbx"), KS_ERROR_UNSUPPORTED, ".gltf .glb .obj .dae .stl .ply");
   std::filesystem::create_directory(folder / "folder.glb");
   EXPECT_ERROR(load("folder.glb"), KS_ERROR_FILE, "not a regular file");
-  EXPECT_NE(load_bytes(folder, "empty.gltf", "").find("is empty"), std::string::npos);
-  EXPECT_NE(load_bytes(folder, "a.gltf", "{}").find("asset.version is missing"), std::string::npos);
-  EXPECT_NE(load_bytes(folder, "b.gltf", R"({"asset":{"version":"1.0"}})").find("only glTF 2.x"), std::string::npos);
-  EXPECT_NE(load_bytes(folder, "c.gltf", "{\"asset\":").find("not JSON"), std::string::npos);
-  EXPECT_NE(load_bytes(folder, "d.gltf", std::string(1000000, '[')).find("nested deeper"), std::string::npos);
-  EXPECT_NE(load_bytes(folder, "e.gltf", R"({"asset":{"version":"2.0"},"nodes":[3]})").find("nodes[0] is not an object"),
-            std::string::npos);
+  for (const auto& [text, said] : {std::pair<std::string, const char*>{"", "is empty"},
+                                   {"{}", "asset.version is missing"},
+                                   {R"({"asset":{"version":"1.0"}})", "only glTF 2.x"},
+                                   {"{\"asset\":", "not JSON"},
+                                   {std::string(1000000, '['), "nested deeper"},
+                                   {R"({"asset":{"version":"2.0"},"nodes":[3]})", "nodes[0] is not an object"}})
+    expect_error(load_bytes(folder, "a.gltf", text), said);
 }
 
 TEST(GarbageFile, AMissingOrShortBufferIsNamed) {

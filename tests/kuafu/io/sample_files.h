@@ -104,6 +104,15 @@ class GltfWriter {
     root["scenes"][0]["nodes"].push_back(index);
     return index;
   }
+  /// One PNG as texture 0.
+  void texture() {
+    const std::string png = png_pixel();
+    root["images"] = {{{"bufferView", view(png.data(), png.size())}, {"mimeType", "image/png"}}};
+    root["textures"] = {{{"source", 0}}};
+  }
+  /// A perspective camera.
+  void camera() { root["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 1.0}, {"znear", 0.1}}}}}; }
+  void lights(json all) { root["extensions"]["KHR_lights_punctual"]["lights"] = std::move(all); }
   /// The triangle as a thing of its own.
   void thing(int material = -1) { node({{"mesh", triangle(material)}}); }
 
@@ -137,6 +146,9 @@ class GltfWriter {
  private:
   std::string bytes_;
 };
+
+/// What a node has that shows light 0.
+inline json light_0() { return {{"KHR_lights_punctual", {{"light", 0}}}}; }
 
 /// A triangle of the first of these materials.
 inline GltfWriter with_materials(json materials) {

@@ -163,8 +163,6 @@ Loaded load_textured(const Folder& folder, const std::string& kind, const std::s
   return load_path(folder / ("a." + kind));
 }
 
-const Material& shown(const Loaded& loaded) { return loaded.scene.materials()[loaded.scene.instances()[0].materials[0]]; }
-
 struct Name {
   const char *written, *file;
 };
@@ -177,10 +175,10 @@ TEST_P(TextureName, IsFound) {
   std::filesystem::create_directories((folder / name.file).parent_path());
   write_text(folder / name.file, png_pixel());
   const Loaded loaded = load_textured(folder, kind, name.written);
-  EXPECT_NE(shown(loaded).base_color_texture, none) << (loaded.warnings.empty() ? "" : loaded.warnings[0]);
+  EXPECT_NE(loaded.material().base_color_texture, none) << (loaded.warnings.empty() ? "" : loaded.warnings[0]);
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   if (std::string(kind) == "dae") {
-    EXPECT_EQ(shown(loaded).base_color, glm::vec4(1.0f)) << "an image stands in place of a colour";
+    EXPECT_EQ(loaded.material().base_color, glm::vec4(1.0f)) << "an image stands in place of a colour";
   }
 }
 
@@ -209,7 +207,7 @@ TEST(TextureFile, TheNameAsItIsWrittenComesFirst) {
   const Folder folder;
   write_text(folder / "Red.png", "no image");
   write_text(folder / "red.png", png_pixel());
-  EXPECT_NE(shown(load_textured(folder, "obj", "red.png")).base_color_texture, none);
+  EXPECT_NE(load_textured(folder, "obj", "red.png").material().base_color_texture, none);
 }
 
 struct Unread {
@@ -225,7 +223,7 @@ TEST_P(UnreadTexture, LeavesTheColourAndIsSaid) {
   write_text(outer / "red.png", png_pixel());
   if (unread.bytes != nullptr) write_text(outer / unread.image, unread.bytes);
   const Loaded loaded = load_textured(outer, kind, unread.image);
-  const Material& material = shown(loaded);
+  const Material& material = loaded.material();
   EXPECT_EQ(material.base_color_texture, none);
   EXPECT_EQ(material.emission, glm::vec3(0.0f)) << "a missing picture of light shines everywhere";
   EXPECT_EQ(material.metallic, 0.0f);
@@ -253,10 +251,10 @@ TEST(TextureFile, WhatIsMissingTakesNoOtherWithIt) {
   write_text(folder / "a.mtl", "newmtl m\nmap_Kd red.png\nmap_d gone.png\nmap_Pr gone.png\nmap_Pm red.png\nPr 0.3\n");
   write_text(folder / "a.obj", obj);
   const Loaded loaded = load_path(folder / "a.obj");
-  EXPECT_NE(shown(loaded).base_color_texture, none);
-  EXPECT_NE(shown(loaded).metallic_roughness_texture, none);
-  EXPECT_NEAR(shown(loaded).roughness, 0.3f, 1e-6f);
-  EXPECT_EQ(shown(loaded).alpha_mode, Material::AlphaMode::opaque);
+  EXPECT_NE(loaded.material().base_color_texture, none);
+  EXPECT_NE(loaded.material().metallic_roughness_texture, none);
+  EXPECT_NEAR(loaded.material().roughness, 0.3f, 1e-6f);
+  EXPECT_EQ(loaded.material().alpha_mode, Material::AlphaMode::opaque);
   EXPECT_EQ(loaded.warnings.size(), 1u) << "said once";
 }
 
@@ -266,9 +264,9 @@ TEST(TextureFile, AGltfTextureWithoutASourceIsLeftOut) {
   w.root["materials"] = {{{"normalTexture", {{"index", 0}}}}};
   w.thing(0);
   const Loaded loaded = load_glb(w);
-  EXPECT_EQ(shown(loaded).normal_texture, none);
+  EXPECT_EQ(loaded.material().normal_texture, none);
   ASSERT_EQ(loaded.warnings.size(), 1u);
-  EXPECT_NE(loaded.warnings[0].find("normalTexture is left out: textures[0] has no source"), std::string::npos);
+  expect_warning(loaded, "normalTexture is left out: textures[0] has no source");
 }
 
 }  // namespace

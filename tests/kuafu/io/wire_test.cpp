@@ -11,10 +11,9 @@
 #include <thread>
 
 #include "capi/device/expect_error.h"
-#include "device/error.h"
-#include "io/load.h"
 #include "io/wire.h"
-#include "kuafu/io/sample_files.h"
+#include "kuafu/io/loaded.h"
+#include "support/heap.h"
 
 namespace {
 
@@ -33,16 +32,8 @@ std::string error_with_helper(const std::string& script) {
   write_glb(folder / "a.glb");
   write_text(folder / "kuafu-import-gltf", "#!/bin/sh\n" + script + "\n");
   chmod((folder / "kuafu-import-gltf").c_str(), 0700);
-  Scene scene;
-  try {
-    load_file(scene, folder / "a.glb", glm::dmat4(1.0), {.seconds = 1, .helpers = folder / ""});
-  } catch (const ks::Error& error) {
-    return error.what();
-  }
-  return {};
+  return try_path(folder / "a.glb", {.seconds = 1, .helpers = folder / ""}).error;
 }
-
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 TEST(ImportProcess, EveryEndOfTheHelperIsOneError) {
   EXPECT_TRUE(has(error_with_helper("exit 0"), "ended with status 0 before it was done"));
@@ -58,9 +49,7 @@ TEST(ImportProcess, OneThatSleepsIsStopped) { EXPECT_TRUE(has(error_with_helper(
 TEST(ImportProcess, AMissingHelperIsNamed) {
   const Folder folder;
   write_glb(folder / "a.glb");
-  Scene scene;
-  const LoadOptions options{.helpers = folder / ""};
-  EXPECT_ERROR(load_file(scene, folder / "a.glb", glm::dmat4(1.0), options), KS_ERROR_FILE, "kuafu-import-gltf");
+  expect_error(try_path(folder / "a.glb", {.helpers = folder / ""}).error, "kuafu-import-gltf");
 }
 
 TEST(ImportProcess, AHostThatIgnoresItsChildrenLoadsAllTheSame) {
@@ -75,10 +64,7 @@ TEST(ImportProcess, AHostThatIgnoresItsChildrenLoadsAllTheSame) {
 TEST(ImportProcess, ThreadsLoadAtOnceAndLeaveNoChildAndNoFile) {
   const Folder folder;
   write_glb(folder / "a.glb");
-  const auto open_files = [] {
-    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator());
-  };
-  const auto before = open_files();
+  const size_t before = ks::test::open_files();
   std::vector<std::thread> threads;
   for (int t = 0; t < 8; ++t)
     threads.emplace_back([&] {
@@ -89,7 +75,7 @@ TEST(ImportProcess, ThreadsLoadAtOnceAndLeaveNoChildAndNoFile) {
       }
     });
   for (std::thread& thread : threads) thread.join();
-  EXPECT_EQ(open_files(), before);
+  EXPECT_EQ(ks::test::open_files(), before);
   EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child was left";
 }
 
@@ -136,15 +122,20 @@ Scene small_scene() {
   return scene;
 }
 
-std::vector<char> sent(const Scene& scene, const std::vector<std::string>& warnings) {
+template <class Write>
+std::vector<char> written(const Write& write) {
   char* bytes = nullptr;
   size_t size = 0;
   std::FILE* file = open_memstream(&bytes, &size);
-  write_answer(file, scene, warnings);
+  write(file);
   std::fclose(file);
   std::vector<char> out(bytes, bytes + size);
   free(bytes);
   return out;
+}
+
+std::vector<char> sent(const Scene& scene, const std::vector<std::string>& warnings) {
+  return written([&](std::FILE* file) { write_answer(file, scene, warnings); });
 }
 
 ImportAnswer received(const std::vector<char>& bytes, uint64_t most = 1 << 20) {
@@ -194,20 +185,15 @@ TEST(Wire, AnOldHelperIsTold) {
 }
 
 TEST(Wire, AFailureArrivesAsOneLine) {
-  char* bytes = nullptr;
-  size_t size = 0;
-  std::FILE* file = open_memstream(&bytes, &size);
-  write_failure(file, KS_ERROR_UNSUPPORTED, "not\nthis " + std::string(100000, 'x'));
-  std::fclose(file);
+  const std::string text = "not\nthis " + std::string(100000, 'x');
   try {
-    received({bytes, bytes + size});
+    received(written([&](std::FILE* file) { write_failure(file, KS_ERROR_UNSUPPORTED, text); }));
     ADD_FAILURE() << "accepted";
   } catch (const ks::Error& error) {
     EXPECT_EQ(error.status(), KS_ERROR_UNSUPPORTED);
     EXPECT_EQ(std::string(error.what()).find("not this x"), 0u);
     EXPECT_LE(std::strlen(error.what()), longest_text_bytes);
   }
-  free(bytes);
 }
 
 TEST(Wire, TruncatedAndChangedAnswersAreErrorsOrScenesThatPassTheChecks) {
