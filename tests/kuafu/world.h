@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -102,8 +103,18 @@ inline kuafu_view_desc view_at(const Vec3& position, uint32_t width, uint32_t he
   return v;
 }
 
+/// Sum of the differences of two images, over the sum of the first.
+inline double relative_difference(const Pixels& a, const Pixels& b) {
+  double difference = 0, sum = 0;
+  for (size_t i = 0; i < a.values.size(); ++i) {
+    difference += std::abs(double(a.values[i]) - double(b.values[i]));
+    sum += std::abs(a.values[i]);
+  }
+  return difference / sum;
+}
+
 struct Shape {
-  std::vector<float> positions, normals, uvs;
+  std::vector<float> positions, normals, uvs, uvs_1, colors;
   std::vector<uint32_t> indices;
 };
 
@@ -197,6 +208,19 @@ kuafu_texture_desc texture_of(const std::vector<Texel>& texels, uint32_t width, 
   return t;
 }
 
+/// The one name of each kind of stages: those of Embree run on the host.
+inline const auto stages_name = [](const testing::TestParamInfo<uint32_t>& info) {
+  return info.param == KUAFU_TRACER_EMBREE ? "host" : "device";
+};
+
+/// Every way of sampling lights gives the same mean.
+template <class F>
+void expect_samplings_agree(const F& mean, double tolerance, double tolerance_of_lights = 0) {
+  const double mis = mean(KUAFU_SAMPLING_MIS);
+  EXPECT_NEAR(mean(KUAFU_SAMPLING_LIGHTS) / mis, 1, std::max(tolerance, tolerance_of_lights));
+  EXPECT_NEAR(mean(KUAFU_SAMPLING_BSDF) / mis, 1, tolerance);
+}
+
 /// The one renderer of a thread's worlds whose tracer compiles its shaders, which takes seconds.
 inline kuafu_renderer& kept_renderer(uint32_t tracer, uint32_t worker_count) {
   thread_local std::map<std::pair<uint32_t, uint32_t>, kuafu_renderer> renderers;
@@ -235,6 +259,8 @@ class World {
     mesh.positions = shape.positions.data();
     mesh.normals = shape.normals.empty() ? nullptr : shape.normals.data();
     mesh.uvs = shape.uvs.empty() ? nullptr : shape.uvs.data();
+    mesh.uvs_1 = shape.uvs_1.empty() ? nullptr : shape.uvs_1.data();
+    mesh.colors = shape.colors.empty() ? nullptr : shape.colors.data();
     mesh.indices = shape.indices.data();
     mesh.vertex_count = uint32_t(shape.positions.size() / 3);
     mesh.triangle_count = uint32_t(shape.indices.size() / 3);
@@ -258,14 +284,17 @@ class World {
     return id;
   }
 
-  uint32_t add_projector(const std::vector<float>& pattern, uint32_t width, uint32_t height, double focal_px, float intensity,
-                         const std::array<double, 16>& pose = placed({0, 0, 0})) {
+  kuafu_light_desc projector(const std::vector<float>& pattern, uint32_t width, uint32_t height, double focal_px, float intensity) {
     kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
     light.texture = add_texture(texture_of(pattern, width));
     light.ir_intensity = intensity;
     const double k[9] = {focal_px, 0, (width - 1) / 2.0, 0, focal_px, (height - 1) / 2.0, 0, 0, 1};
     std::memcpy(light.k, k, sizeof k);
-    return add_light(light, pose);
+    return light;
+  }
+  uint32_t add_projector(const std::vector<float>& pattern, uint32_t width, uint32_t height, double focal_px, float intensity,
+                         const std::array<double, 16>& pose = placed({0, 0, 0})) {
+    return add_light(projector(pattern, width, height, focal_px, intensity), pose);
   }
 
   uint32_t add_point(const Vec3& position, float intensity, uint32_t environment = KUAFU_ALL_ENVIRONMENTS) {
@@ -296,6 +325,7 @@ class World {
     ok(try_render(views, outputs, images));
     return images;
   }
+  Pixels image(const kuafu_view_desc& view, uint32_t output) { return render({view}, {output})[output]; }
   /// What a render answers that may fail.
   ks_status status_of(const kuafu_view_desc& view, uint32_t output = KUAFU_OUTPUT_RADIANCE) {
     std::map<uint32_t, Pixels> images;
@@ -334,7 +364,7 @@ class World {
   /// samples of a pixel, bounces of a path: of all images from now on.
   Pixels radiance(const kuafu_view_desc& view, std::optional<uint32_t> samples = {}, std::optional<uint32_t> bounces = {}) {
     desc_.samples_per_pixel = samples.value_or(desc_.samples_per_pixel), desc_.max_bounces = bounces.value_or(desc_.max_bounces);
-    return render({view}, {KUAFU_OUTPUT_RADIANCE})[KUAFU_OUTPUT_RADIANCE];
+    return image(view, KUAFU_OUTPUT_RADIANCE);
   }
 
   /// The same for all kinds of images.

@@ -46,15 +46,6 @@ Pixels image_by(uint32_t tracer, bool glossy) {
   return world.radiance(view, 64);
 }
 
-double relative_difference(const Pixels& a, const Pixels& b) {
-  double difference = 0, sum = 0;
-  for (size_t i = 0; i < a.values.size(); ++i) {
-    difference += std::abs(double(a.values[i]) - double(b.values[i]));
-    sum += std::abs(a.values[i]);
-  }
-  return difference / sum;
-}
-
 TEST_P(OtherTracer, gives_the_image_of_the_own_bvh) {
   const double diffuse = relative_difference(image_by(KUAFU_TRACER_COMPUTE, false), image_by(GetParam().tracer, false));
   const double glossy = relative_difference(image_by(KUAFU_TRACER_COMPUTE, true), image_by(GetParam().tracer, true));

@@ -184,7 +184,6 @@ TEST(LargeImages, what_32_bits_cannot_count_is_refused_before_it_is_allocated) {
     EXPECT_NE(error.find(part), std::string::npos) << error;
 }
 
-INSTANTIATE_TEST_SUITE_P(Stages, Formats, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE),
-                         [](const auto& i) { return i.param == KUAFU_TRACER_EMBREE ? "host" : "device"; });
+INSTANTIATE_TEST_SUITE_P(Stages, Formats, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE), stages_name);
 
 }  // namespace

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes that live: what was changed looks like what was made so, rounds of adding and removing leave memory flat, and what is in use
 // stays. Threads with scenes and renderers of their own; the choice of a device.
-#include <malloc.h>
 #include <sys/resource.h>
-#include <unistd.h>
 
 #include <array>
-#include <fstream>
 #include <thread>
 
 #include "kuafu/world.h"
+#include "support/heap.h"
+#include "support/peak_memory.h"
 
 namespace laws {
 namespace {
@@ -23,8 +22,10 @@ void furnish(World& world) {
   world.desc().max_bounces = 1;
 }
 
-uint32_t add_again(World& world, uint32_t mesh, uint32_t material, const std::array<double, 16>& pose) {
+uint32_t add_again(World& world, uint32_t mesh, uint32_t material, const std::array<double, 16>& pose,
+                   uint32_t environment = KUAFU_ALL_ENVIRONMENTS) {
   kuafu_instance_desc d = kuafu_instance_desc_init(mesh);
+  d.environment = environment;
   d.materials = &material;
   d.material_count = 1;
   std::memcpy(d.local_to_world, pose.data(), sizeof d.local_to_world);
@@ -90,15 +91,10 @@ TEST(LiveScene, AMovedLampIsWhereItIs) {
   EXPECT_EQ(world.radiance(view).mean(), 0.0);
 }
 
-double resident_mib() {
-  std::ifstream statm("/proc/self/statm");
-  size_t total = 0, resident = 0;
-  statm >> total >> resident;
-  return double(resident) * double(sysconf(_SC_PAGESIZE)) / (1 << 20);
-}
+double resident_mib() { return ks_test::status_bytes("VmRSS") / (1 << 20); }
 
 /// What the heap has given out. Resident pages cannot tell a small leak: freed pieces keep theirs, more or fewer of them in each run.
-double heap_mib() { return double(mallinfo2().uordblks) / (1 << 20); }
+double heap_mib() { return double(ks::test::heap_bytes()) / (1 << 20); }
 
 // A mesh and a texture left behind in every round would be 100 MiB, entries of tables 0.9 MiB; four bytes for each id are 6 kB.
 #if defined(__SANITIZE_ADDRESS__)
@@ -143,27 +139,12 @@ TEST(LiveScene, ARenderThatRunsOutOfMemoryLeavesNothingHalfDone) {
   add_textured(world, add_texture(world.scene(), 16));
   (void)add_texture(world.scene(), large);
 
-  std::ifstream statm("/proc/self/statm");
-  rlim_t pages = 0;
-  statm >> pages;
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_AS, &before), 0);
-  const rlimit tight{pages * rlim_t(sysconf(_SC_PAGESIZE)) + (128u << 20), before.rlim_max};
+  const rlimit tight{rlim_t(ks_test::status_bytes("VmSize")) + (128u << 20), before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_AS, &tight), 0);
-  kuafu_render_desc desc = world.desc();
-  std::vector<float> pixels(size_t(view.camera.width) * view.camera.height);
-  kuafu_buffer buffer = nullptr;
-  const ks_buffer_create_desc create = ks_buffer_create_desc_init(pixels.size() * 4, KS_BUFFER_HOST_VISIBLE);
-  const ks_status created = kuafu_buffer_create(shared_device(), &create, &buffer);
-  const uint64_t shape[4] = {1, view.camera.height, view.camera.width, 1};
-  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
-  desc.views = &view;
-  desc.outputs = &output;
-  desc.view_count = desc.output_count = 1;
-  const ks_status rendered = kuafu_renderer_render(world.renderer(), world.scene(), &desc);
+  const ks_status rendered = world.status_of(view);
   ASSERT_EQ(setrlimit(RLIMIT_AS, &before), 0);
-  kuafu_buffer_release(buffer);
-  ASSERT_EQ(created, KS_OK);
   EXPECT_TRUE(rendered == KS_ERROR_OUT_OF_HOST_MEMORY || rendered == KS_ERROR_OUT_OF_DEVICE_MEMORY) << rendered;
 
   add_textured(made, add_texture(made.scene(), 16));
@@ -248,17 +229,11 @@ TEST(LiveScene, EnvironmentsShareTheirMeshes) {
     World world;
     furnish(world);
     world.desc().samples_per_pixel = 1;
-    const uint32_t first = world.add(ball, lambert(0.5f), placed({0, 0, 1}), 0);
-    EXPECT_EQ(first, 2u);
+    EXPECT_EQ(world.add(ball, lambert(0.5f), placed({0, 0, 1}), 0), 2u);
     std::vector<kuafu_view_desc> views(environments, view_at({0, 0, 0}, 8, 8, 8));
     for (uint32_t e = 0; e < environments; ++e) {
       views[e].environment = e;
-      kuafu_instance_desc d = kuafu_instance_desc_init(2);
-      d.environment = e;
-      const auto pose = placed({0, 0.1, 1});
-      std::memcpy(d.local_to_world, pose.data(), sizeof d.local_to_world);
-      uint32_t id = 0;
-      if (e > 0) ok(kuafu_scene_add_instance(world.scene(), &d, &id));
+      if (e > 0) add_again(world, 2, 2, placed({0, 0.1, 1}), e);
     }
     (void)world.render(views, {KUAFU_OUTPUT_RADIANCE});
     bytes.push_back(allocated_bytes() - before);

@@ -107,8 +107,15 @@ TEST_P(Denoise, what_lens_and_motion_blur_stays_blurred) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, Denoise, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE),
-                         [](const auto& info) { return info.param == KUAFU_TRACER_EMBREE ? "host_stages" : "compute"; });
+INSTANTIATE_TEST_SUITE_P(, Denoise, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE), stages_name);
+
+Pixels ambient(World& world, const kuafu_view_desc& of, uint32_t samples, uint32_t kind) {
+  world.desc().samples_per_pixel = samples;
+  world.desc().denoise = kind;
+  return world.image(of, KUAFU_OUTPUT_AMBIENT);
+}
+
+const kuafu_view_desc large = view_at({0, 0, 0}, 2 * width, 2 * height, 120);
 
 Pixels clean_image(World& world, uint32_t band) {
   furnish(world);
@@ -129,16 +136,11 @@ TEST(Denoiser, two_samples_become_as_good_as_thirty_two_and_many_stay) {
   World world;
   furnish(world);
   world.desc().max_bounces = 3;
-  const auto ambient = [&](uint32_t samples, uint32_t kind) {
-    world.desc().samples_per_pixel = samples;
-    world.desc().denoise = kind;
-    return world.render({view_at({0, 0, 0}, 2 * width, 2 * height, 120)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
-  };
-  const Pixels truth = ambient(256, KUAFU_DENOISE_NONE);
+  const Pixels truth = ambient(world, large, 256, KUAFU_DENOISE_NONE);
   world.desc().seed = 9;
-  const double plain_32 = rms(ambient(32, KUAFU_DENOISE_NONE), truth), plain_128 = rms(ambient(128, KUAFU_DENOISE_NONE), truth);
-  EXPECT_LT(rms(ambient(2, KUAFU_DENOISE_ATROUS), truth), plain_32);
-  EXPECT_LT(rms(ambient(128, KUAFU_DENOISE_ATROUS), truth), plain_128);
+  const auto error = [&](uint32_t samples, uint32_t kind) { return rms(ambient(world, large, samples, kind), truth); };
+  EXPECT_LT(error(2, KUAFU_DENOISE_ATROUS), error(32, KUAFU_DENOISE_NONE));
+  EXPECT_LT(error(128, KUAFU_DENOISE_ATROUS), error(128, KUAFU_DENOISE_NONE));
 }
 
 // The ball's shadow and its light on the wall are finer than the filter: where samples are sure of them, pixels keep what they have.
@@ -151,14 +153,11 @@ TEST(Denoiser, a_converged_image_keeps_itself) {
   lamp.ir_intensity = 10;
   lamp.radius_m = 0.2;
   world.add_light(lamp, {1, 0, 0, 0.6, 0, 1, 0, -0.6, 0, 0, 1, 0, 0, 0, 0, 1});
-  const auto ambient = [&](uint32_t samples, uint64_t seed, uint32_t kind) {
-    world.desc().samples_per_pixel = samples;
-    world.desc().seed = seed;
-    world.desc().denoise = kind;
-    return world.render({view_at({0, 0, 0}, width, height, 50)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
-  };
-  const Pixels truth = ambient(512, 1, KUAFU_DENOISE_NONE);
-  EXPECT_LT(rms(ambient(128, 2, KUAFU_DENOISE_ATROUS), truth), rms(ambient(128, 2, KUAFU_DENOISE_NONE), truth));
+  const kuafu_view_desc of = view_at({0, 0, 0}, width, height, 50);
+  world.desc().seed = 1;
+  const Pixels truth = ambient(world, of, 512, KUAFU_DENOISE_NONE);
+  world.desc().seed = 2;
+  EXPECT_LT(rms(ambient(world, of, 128, KUAFU_DENOISE_ATROUS), truth), rms(ambient(world, of, 128, KUAFU_DENOISE_NONE), truth));
 }
 
 TEST(Denoiser, same_bits_for_any_thread_count) {
@@ -195,7 +194,7 @@ Pixels last_of_many(World& world, int renders, double step_m) {
   Pixels image;
   for (int i = 0; i < renders; ++i) {
     world.desc().seed = uint64_t(100 + i);
-    image = world.render({view_at({step_m * (i + 1 - renders), 0, 0}, width, height, 60)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
+    image = world.image(view_at({step_m * (i + 1 - renders), 0, 0}, width, height, 60), KUAFU_OUTPUT_AMBIENT);
   }
   return image;
 }
@@ -243,7 +242,7 @@ Followed follow(const Frame& frame) {
     world.desc().temporal_weight = kind == 2 ? 0.95f : 0.0f;
     for (int i = kind == 2 ? 0 : renders - 1; i < renders; ++i) {
       world.desc().seed = uint64_t(100 + i);
-      images[kind] = world.render({frame(world, i - (renders - 1))}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
+      images[kind] = world.image(frame(world, i - (renders - 1)), KUAFU_OUTPUT_AMBIENT);
     }
   }
   return {rms(images[1], images[0]), rms(images[2], images[0])};
@@ -349,9 +348,8 @@ ks_status render_by_oidn(World& world, const char* library, Pixels& image) {
   ok(kuafu_buffer_create(shared_device(), &create, &buffer));
   const uint64_t shape[4] = {1, image.height, image.width, 1};
   const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_AMBIENT, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
-  const kuafu_view_desc of = view_at({0, 0, 0}, 2 * width, 2 * height, 120);
   kuafu_render_desc render = world.desc();
-  render.views = &of;
+  render.views = &large;
   render.outputs = &output;
   render.view_count = render.output_count = 1;
   render.samples_per_pixel = 2;
@@ -382,12 +380,8 @@ TEST(Oidn, takes_noise_where_it_is_found) {
   const ks_status status = render_by_oidn(world, nullptr, image);
   if (status == KS_ERROR_UNSUPPORTED) GTEST_SKIP() << "Open Image Denoise is not here: name its library in KUAFU_OIDN_LIBRARY to test it";
   ASSERT_EQ(status, KS_OK);
-  const auto plain = [&](uint32_t samples) {
-    world.desc().samples_per_pixel = samples;
-    return world.render({view_at({0, 0, 0}, 2 * width, 2 * height, 120)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
-  };
-  const Pixels truth = plain(128);
-  EXPECT_LT(rms(image, truth), 0.5 * rms(plain(2), truth));
+  const Pixels truth = ambient(world, large, 128, KUAFU_DENOISE_NONE);
+  EXPECT_LT(rms(image, truth), 0.5 * rms(ambient(world, large, 2, KUAFU_DENOISE_NONE), truth));
 }
 
 TEST(Denoiser, views_of_a_batch_are_as_if_alone) {

@@ -98,19 +98,7 @@ void furnish(World& world, const Vec3& v, const Vec3& w) {
   add_light(lamp, placed({-0.4, -0.4, 0.3}));
   std::vector<float> pattern(32 * 32);
   for (size_t i = 0; i < pattern.size(); ++i) pattern[i] = i % 7 == 0 ? 1.0f : 0.0f;
-  const Pose pose = placed({0.05, 0, 0}, 0.05);
-  const uint32_t id = world.add_projector(pattern, 32, 32, 25, 1.0f, pose);
-  kuafu_light_desc projector = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  ok(kuafu_scene_get_light(world.scene(), id, &projector));
-  ok(kuafu_scene_remove_light(world.scene(), id));
-  add_light(projector, pose);
-}
-
-double relative_difference(const Pixels& a, const Pixels& b) {
-  double difference = 0, sum = 0;
-  for (size_t i = 0; i < a.values.size(); ++i)
-    difference += std::abs(double(a.values[i]) - double(b.values[i])), sum += std::abs(a.values[i]);
-  return difference / sum;
+  add_light(world.projector(pattern, 32, 32, 25, 1.0f), placed({0.05, 0, 0}, 0.05));
 }
 
 const Vec3 v{0.5, -0.3, 0.8}, w{0.9, -1.2, 2.0};
@@ -151,9 +139,7 @@ TEST(Motion, tracers_agree_on_a_moving_world) {
 }
 
 TEST(Motion, rt_pipelines_follow_cameras_and_refuse_instances) {
-  ks_device_info info = ks_device_info_init();
-  ok(kuafu_device_get_info(shared_device(), &info));
-  if (!(info.capabilities & KS_CAP_RAY_TRACING_PIPELINE)) GTEST_SKIP() << info.driver << " has no ray tracing pipelines";
+  SKIP_IF(why_not(KUAFU_TRACER_RT_PIPELINE));
   auto pipeline = moving_camera(KUAFU_TRACER_RT_PIPELINE, 3), compute = moving_camera(KUAFU_TRACER_COMPUTE, 3);
   EXPECT_LT(relative_difference(pipeline[KUAFU_OUTPUT_RADIANCE], compute[KUAFU_OUTPUT_RADIANCE]), 5e-3);
   World world(KUAFU_TRACER_RT_PIPELINE);
@@ -201,20 +187,23 @@ TEST(Motion, velocities_and_shutters_change_between_frames) {
 }
 
 /// A wall under a projector that is on for a part of the exposure gets that part of its light.
-TEST(Window, a_projector_shines_within_it) {
-  World world;
-  world.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f));
-  const uint32_t id = world.add_projector(std::vector<float>(16, 1.0f), 4, 4, 2, 1.0f);
-  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  ok(kuafu_scene_get_light(world.scene(), id, &light));
+class Window : public testing::Test {
+ protected:
+  Window() { world_.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f)); }
+  Pixels image(const kuafu_view_desc& view, double from_s, double until_s) {
+    light_.on_from_s = from_s, light_.on_until_s = until_s;
+    ok(kuafu_scene_set_light(world_.scene(), id_, &light_));
+    return world_.radiance(view, 256, 0);
+  }
+  World world_;
+  kuafu_light_desc light_ = world_.projector(std::vector<float>(16, 1.0f), 4, 4, 2, 1.0f);
+  uint32_t id_ = world_.add_light(light_, placed({0, 0, 0}));
+};
+
+TEST_F(Window, a_projector_shines_within_it) {
   kuafu_view_desc view = view_at({0, 0, 0}, 8, 8, 100);
   view.camera.exposure_s = 0.01;
-  const auto mean = [&](double from_s, double until_s) {
-    light.on_from_s = from_s;
-    light.on_until_s = until_s;
-    ok(kuafu_scene_set_light(world.scene(), id, &light));
-    return world.radiance(view, 256, 0).mean();
-  };
+  const auto mean = [&](double from_s, double until_s) { return image(view, from_s, until_s).mean(); };
   const double always = mean(0, 0);
   EXPECT_GT(always, 0);
   EXPECT_NEAR(mean(-0.005, 0.006), always, 1e-4 * always);
@@ -227,21 +216,12 @@ TEST(Window, a_projector_shines_within_it) {
   EXPECT_EQ(mean(0.001, 0.002), 0);
 }
 
-TEST(Window, rows_are_lit_while_it_is_open) {
-  World world;
-  world.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f));
-  const uint32_t id = world.add_projector(std::vector<float>(16, 1.0f), 4, 4, 2, 1.0f);
-  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  ok(kuafu_scene_get_light(world.scene(), id, &light));
-  world.take(256, 0);
-  const Pixels always = world.radiance(rolling(4, 20, 1e-3, 4e-3));
-  light.on_from_s = -3e-3;
-  light.on_until_s = 4e-3;
-  ok(kuafu_scene_set_light(world.scene(), id, &light));
-  const Pixels image = world.radiance(rolling(4, 20, 1e-3, 4e-3));
+TEST_F(Window, rows_are_lit_while_it_is_open) {
+  const kuafu_view_desc view = rolling(4, 20, 1e-3, 4e-3);
+  const Pixels always = image(view, 0, 0), part = image(view, -3e-3, 4e-3);
   for (uint32_t row = 0; row < 20; ++row) {
     const double middle = 1e-3 * (row - 9.5), open = std::min(4e-3, middle + 2e-3) - std::max(-3e-3, middle - 2e-3);
-    EXPECT_NEAR(image.at(0, row, 2) / always.at(0, row, 2), std::max(0.0, open) / 4e-3, 0.02) << "row " << row;
+    EXPECT_NEAR(part.at(0, row, 2) / always.at(0, row, 2), std::max(0.0, open) / 4e-3, 0.02) << "row " << row;
   }
 }
 

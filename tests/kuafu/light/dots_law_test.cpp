@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A projector's dots and its pattern's scale: where they land, what power they have; and textures that change between frames.
-#include "kuafu/world.h"
+#include "kuafu/light/spot.h"
 
 namespace laws {
 namespace {
@@ -20,34 +20,12 @@ kuafu_light_desc dot_projector(const std::vector<float>& dots, float sigma_px) {
   return light;
 }
 
-struct Spot {
-  double power = 0, u = 0, v = 0;  // sum of radiant intensity over projector pixels, and its centre
-};
-
-// A white wall at 1 m seen from the projector with ten camera pixels to one of the pattern; irradiance back to intensity: E = I cos^3 /
-// d^2.
+/// On a wall at 1 m; its centre in pixels of the pattern.
 Spot spot_on_wall(World& world) {
-  constexpr double zoom = 6;
-  const auto pixels = uint32_t(side * zoom);
-  const Pixels image = world.radiance(view_at({0, 0, 0}, pixels, pixels, focal_px * zoom));
-  Spot spot;
-  for (uint32_t r = 0; r < pixels; ++r)
-    for (uint32_t c = 0; c < pixels; ++c) {
-      const double x = (c - (pixels - 1) / 2.0) / (focal_px * zoom), y = (r - (pixels - 1) / 2.0) / (focal_px * zoom);
-      const double intensity = image.at(0, r, c) * pi * std::pow(1 + x * x + y * y, 1.5) / (zoom * zoom);
-      spot.power += intensity;
-      spot.u += intensity * (x * focal_px + half);
-      spot.v += intensity * (y * focal_px + half);
-    }
-  spot.u /= spot.power;
-  spot.v /= spot.power;
+  Spot spot = spot_on_wall(world, 1, side, focal_px);
+  spot.x = spot.x * focal_px + half;
+  spot.y = spot.y * focal_px + half;
   return spot;
-}
-
-World& wall(World& world) {
-  world.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(1.0f));
-  world.take(16, 0);
-  return world;
 }
 
 TEST(Dots, stand_on_a_background_that_is_everywhere) {
@@ -57,7 +35,7 @@ TEST(Dots, stand_on_a_background_that_is_everywhere) {
   light.dot_background = 0.25;
   world.add_light(light, placed({0, 0, 0}));
   // Over the last half pixel the image fades: an eighth of a pixel is lost along each border.
-  EXPECT_NEAR(spot_on_wall(wall(world)).power, 2.5 + 0.25 * (side * side - 4 * side / 8.0), 0.3);
+  EXPECT_NEAR(spot_on_wall(world).power, 2.5 + 0.25 * (side * side - 4 * side / 8.0), 0.3);
 }
 
 TEST(Dots, keep_their_power_and_place_between_pixels) {
@@ -66,11 +44,11 @@ TEST(Dots, keep_their_power_and_place_between_pixels) {
       World world;
       const std::vector<float> dot{u, 17.8f, 2.5f};
       world.add_light(dot_projector(dot, sigma), placed({0, 0, 0}));
-      const Spot spot = spot_on_wall(wall(world));
+      const Spot spot = spot_on_wall(world);
       EXPECT_NEAR(spot.power, 2.5, 0.02) << sigma << " " << u;
       const double tolerance = sigma < 1 ? 0.06 : 0.02;  // a dot smaller than a pixel is known by the pixels alone
-      EXPECT_NEAR(spot.u, u, tolerance) << sigma;
-      EXPECT_NEAR(spot.v, 17.8, tolerance) << sigma;
+      EXPECT_NEAR(spot.x, u, tolerance) << sigma;
+      EXPECT_NEAR(spot.y, 17.8, tolerance) << sigma;
     }
 }
 
@@ -80,9 +58,9 @@ TEST(Dots, pattern_scale_moves_them_away_from_the_principal_point) {
   kuafu_light_desc light = dot_projector(dot, 1.2f);
   light.pattern_scale = 1.2;
   world.add_light(light, placed({0, 0, 0}));
-  const Spot spot = spot_on_wall(wall(world));
-  EXPECT_NEAR(spot.u, half + 1.2 * (20 - half), 0.02);
-  EXPECT_NEAR(spot.v, half + 1.2 * (10 - half), 0.02);
+  const Spot spot = spot_on_wall(world);
+  EXPECT_NEAR(spot.x, half + 1.2 * (20 - half), 0.02);
+  EXPECT_NEAR(spot.y, half + 1.2 * (10 - half), 0.02);
   EXPECT_NEAR(spot.power, 1.44, 0.02) << "intensity stays, the solid angle grows";
 }
 
@@ -90,7 +68,6 @@ TEST(Dots, can_be_read_back_and_set_again) {
   World world;
   const std::vector<float> dots{12, 13, 1, 20, 9, 0.5f};
   const uint32_t id = world.add_light(dot_projector(dots, 1.0f), placed({0, 0, 0}));
-  wall(world);
   EXPECT_NEAR(spot_on_wall(world).power, 1.5, 0.02);
   kuafu_light_desc light = kuafu_light_desc_init(0);
   ok(kuafu_scene_get_light(world.scene(), id, &light));
@@ -100,7 +77,7 @@ TEST(Dots, can_be_read_back_and_set_again) {
   ok(kuafu_scene_set_light(world.scene(), id, &light));
   const Spot spot = spot_on_wall(world);
   EXPECT_NEAR(spot.power, 1, 0.02);
-  EXPECT_NEAR(spot.u, 12, 0.02);
+  EXPECT_NEAR(spot.x, 12, 0.02);
 }
 
 TEST(Dots, bad_ones_are_refused_with_the_numbers) {
@@ -139,7 +116,8 @@ void set_texture(World& world, uint32_t id, uint32_t width, uint32_t height, flo
 TEST(SetTexture, a_projector_shows_the_new_pattern_whatever_its_size) {
   World world;
   world.add_projector(std::vector<float>(9 * 9, 1.0f), 9, 9, 4, 1.0f);
-  wall(world);
+  world.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(1.0f));
+  world.take(16, 0);
   const kuafu_view_desc view = view_at({0, 0, 0}, 1, 1, 1000);
   const float full = world.radiance(view).at(0, 0, 0);
   set_texture(world, 1, 9, 9, 0.5f);

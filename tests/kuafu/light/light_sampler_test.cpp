@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "frame/host_language.h"
+#include "kuafu/material/chi_square.h"
 #include "light/light_table.h"
 #include "material/material_record.h"
 #include "material/texels.h"
@@ -19,48 +20,14 @@ namespace {
 constexpr uint features = ~0u;
 #include "lib/shading.glsl"
 
-constexpr int rows = 24, columns = 32, samples = 200000, sub = 20;
+using test::ChiSquare;
 
-vec3 direction(double cosine, double phi) {
-  const double s = std::sqrt(std::max(0.0, 1 - cosine * cosine));
-  return {float(s * std::cos(phi)), float(s * std::sin(phi)), float(cosine)};
-}
-
-/// Counts of samples in cells of equal solid angle around z, against the density integrated over them.
 void chi_square(const std::function<vec3(vec2)>& sample, const std::function<double(vec3)>& density) {
-  std::vector<double> counts(size_t(rows) * columns), expected(counts.size());
+  ChiSquare drawn;
   std::mt19937 random(7);
   std::uniform_real_distribution<float> unit(0.0f, 0.9999999f);
-  for (int i = 0; i < samples; ++i) {
-    const vec3 d = sample(vec2(unit(random), unit(random)));
-    double phi = std::atan2(d.y, d.x);
-    if (phi < 0) phi += 2 * double(pi);
-    counts[size_t(std::min(rows - 1, int((d.z + 1) / 2 * rows))) * columns +
-           size_t(std::min(columns - 1, int(phi / (2 * double(pi)) * columns)))] += 1;
-  }
-  const double cell = 2.0 / (rows * sub) * 2 * double(pi) / (columns * sub);
-  double total = 0;
-  for (int r = 0; r < rows * sub; ++r)
-    for (int c = 0; c < columns * sub; ++c) {
-      const double p = density(direction(-1 + 2 * (r + 0.5) / (rows * sub), 2 * double(pi) * (c + 0.5) / (columns * sub)));
-      expected[size_t(r / sub) * columns + size_t(c / sub)] += samples * cell * p;
-      total += cell * p;
-    }
-  EXPECT_NEAR(total, 1, 0.01) << "the density's integral";
-  double sum = 0, rest_counted = 0, rest_expected = 0, edge = 0;
-  int cells = 0;
-  for (size_t i = 0; i < counts.size(); ++i) {
-    if (expected[i] < 10) {
-      rest_counted += counts[i], rest_expected += expected[i];
-      continue;
-    }
-    sum += (counts[i] - expected[i]) * (counts[i] - expected[i]) / expected[i];
-    edge += expected[i] * 2e-5;  // half a per cent of quadrature error at the light's edges
-    ++cells;
-  }
-  EXPECT_GT(cells, 5);
-  EXPECT_LT(sum, cells + 5 * std::sqrt(2.0 * cells) + edge) << cells << " cells";
-  EXPECT_LT(std::abs(rest_counted - rest_expected), 5 * std::sqrt(rest_expected + 10) + 2e-3 * samples);
+  for (int i = 0; i < ChiSquare::samples; ++i) drawn.count(sample(vec2(unit(random), unit(random))));
+  EXPECT_NEAR(drawn.expect(density, 2e-5), 1, 0.01) << "the density's integral";
 }
 
 /// One light of a scene as the shaders see it.
@@ -107,41 +74,23 @@ void check_met(const Lit& lit, vec3 position) {
              });
 }
 
-Light light_of(Light::Kind kind) {
+/// A light, and a place that it lights.
+struct At {
   Light light;
-  light.kind = kind;
-  light.ir_intensity = 2;
-  return light;
-}
+  vec3 position;
+};
 
-Scene with(const Light& light) {
-  Scene scene;
-  scene.add_light(light);
-  return scene;
-}
-
-TEST(LightSampler, rectangle) {
-  Light light = light_of(Light::Kind::rectangle);
-  light.size_m = {1.2, 0.7};
-  check_met(Lit(with(light)), {0.2f, -0.1f, 0.4f});
-}
-
-TEST(LightSampler, disk) {
-  Light light = light_of(Light::Kind::disk);
-  light.radius_m = 0.6;
-  check_met(Lit(with(light)), {0.5f, 0.2f, 0.3f});
-}
-
-TEST(LightSampler, sphere) {
-  Light light = light_of(Light::Kind::point);
-  light.radius_m = 0.5;
-  check_met(Lit(with(light)), {0.3f, 0.2f, -0.6f});
-}
-
-TEST(LightSampler, directional_disc) {
-  Light light = light_of(Light::Kind::directional);
-  light.angle_rad = 0.9;
-  check_met(Lit(with(light)), {0, 0, 0});
+TEST(LightSampler, shapes) {
+  using Kind = Light::Kind;
+  for (const At& at : {At{{{.kind = Kind::rectangle, .ir_intensity = 2, .size_m = {1.2, 0.7}}}, {0.2f, -0.1f, 0.4f}},
+                       {{{.kind = Kind::disk, .ir_intensity = 2, .radius_m = 0.6}}, {0.5f, 0.2f, 0.3f}},
+                       {{{.kind = Kind::point, .ir_intensity = 2, .radius_m = 0.5}}, {0.3f, 0.2f, -0.6f}},
+                       {{{.kind = Kind::directional, .ir_intensity = 2, .angle_rad = 0.9}}, {0, 0, 0}}}) {
+    SCOPED_TRACE(int(at.light.kind));
+    Scene scene;
+    scene.add_light(at.light);
+    check_met(Lit(scene), at.position);
+  }
 }
 
 TEST(LightSampler, environment_map) {
@@ -220,13 +169,13 @@ TEST(MediumSampler, flight) {
   for (const float length : {0.01f, 2.0f, 50.0f}) {
     const double all = 1 - std::exp(-1.3 * double(length));
     std::vector<double> counts(20);
-    for (int i = 0; i < samples; ++i) {
-      const Flight f = sample_flight(m, length, vec2((float(i) + 0.5f) / samples, 0.5f));
+    for (int i = 0; i < ChiSquare::samples; ++i) {
+      const Flight f = sample_flight(m, length, vec2((float(i) + 0.5f) / ChiSquare::samples, 0.5f));
       ASSERT_NEAR(f.weight, 0.6 * all, 1e-3 * all);
       const double share = (1 - std::exp(-1.3 * double(f.t))) / all;  // uniform where t has its density
       counts[size_t(std::min(19, int(share * 20)))] += 1;
     }
-    for (const double c : counts) EXPECT_NEAR(c, samples / 20.0, 60) << length;
+    for (const double c : counts) EXPECT_NEAR(c, ChiSquare::samples / 20.0, 60) << length;
   }
 }
 

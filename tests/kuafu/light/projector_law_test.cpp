@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Projectors: where their pattern lands, how bright, through which lens.
-#include "kuafu/world.h"
+#include "kuafu/light/spot.h"
 
 namespace laws {
 namespace {
@@ -40,7 +40,7 @@ TEST(Projector, pattern_lands_where_projection_says) {
   world.add_projector(pattern, w, h, focal_px, 1.0f, placed({baseline, 0, 0}));
   world.take(64, 0);
   const kuafu_view_desc view = view_at({0, 0, 0}, 160, 120, 150);
-  const Pixels image = world.render({view}, {KUAFU_OUTPUT_PROJECTOR_DIRECT})[KUAFU_OUTPUT_PROJECTOR_DIRECT];
+  const Pixels image = world.image(view, KUAFU_OUTPUT_PROJECTOR_DIRECT);
   double sum = 0, sum_u = 0, sum_v = 0;
   for (uint32_t r = 0; r < image.height; ++r)
     for (uint32_t c = 0; c < image.width; ++c) {
@@ -96,43 +96,11 @@ TEST(Lights, choosing_one_of_many_by_power_is_unbiased) {
 }
 
 constexpr uint32_t side = 33;
-constexpr double focal_px = 60, zoom = 6;
+constexpr double focal_px = 60;
 
-kuafu_light_desc projector_of(World& world, const std::vector<float>& pattern) {
-  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  light.texture = world.add_texture(texture_of(pattern, side));
-  light.ir_intensity = 1;
-  const double k[9] = {focal_px, 0, (side - 1) / 2.0, 0, focal_px, (side - 1) / 2.0, 0, 0, 1};
-  std::memcpy(light.k, k, sizeof k);
-  return light;
-}
+kuafu_light_desc projector_of(World& world, const std::vector<float>& pattern) { return world.projector(pattern, side, side, focal_px, 1); }
 
-struct Spot {
-  double power = 0, x = 0, y = 0, spread = 0;  // tangents; spread: mean square distance from the centre
-};
-
-// A wall at distance_m seen from the projector; radiance back to intensity: I = pi L d^2 / cos^3.
-Spot spot_on_wall(World& world, double distance_m) {
-  world.add(quad({0, 0, distance_m}, {-2 * distance_m, 0, 0}, {0, 2 * distance_m, 0}), lambert(1.0f));
-  const auto pixels = uint32_t(side * zoom);
-  const double f = focal_px * zoom;
-  const Pixels image = world.radiance(view_at({0, 0, 0}, pixels, pixels, f), 16, 0);
-  Spot spot;
-  double squares = 0;
-  for (uint32_t r = 0; r < pixels; ++r)
-    for (uint32_t c = 0; c < pixels; ++c) {
-      const double x = (c - (pixels - 1) / 2.0) / f, y = (r - (pixels - 1) / 2.0) / f;
-      const double intensity = image.at(0, r, c) * pi * distance_m * distance_m * std::pow(1 + x * x + y * y, 1.5) / (zoom * zoom);
-      spot.power += intensity;
-      spot.x += intensity * x;
-      spot.y += intensity * y;
-      squares += intensity * (x * x + y * y);
-    }
-  spot.x /= spot.power;
-  spot.y /= spot.power;
-  spot.spread = squares / spot.power - spot.x * spot.x - spot.y * spot.y;
-  return spot;
-}
+Spot spot_on_wall(World& world, double distance_m) { return spot_on_wall(world, distance_m, side, focal_px); }
 
 std::vector<float> dot_at(uint32_t u, uint32_t v) {
   std::vector<float> pattern(size_t(side) * side, 0.0f);

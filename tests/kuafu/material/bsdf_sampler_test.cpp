@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "frame/host_language.h"
+#include "kuafu/material/chi_square.h"
 #include "material/albedo_tables.h"
 
 #define KUAFU_CHANNELS 1
@@ -17,7 +18,8 @@ namespace {
 constexpr uint features = ~0u;
 #include "lib/bsdf.glsl"
 
-constexpr int rows = 24, columns = 16, samples = 200000, sub = 24;
+using test::ChiSquare;
+using test::direction;
 
 const std::vector<glm::vec2>& table() {
   static ks::ThreadPool workers(1);
@@ -40,11 +42,6 @@ MaterialPoint point(float metallic, float transmission, float roughness, float t
   return m;
 }
 
-vec3 direction(double cosine, double phi) {
-  const double s = std::sqrt(std::max(0.0, 1 - cosine * cosine));
-  return {float(s * std::cos(phi)), float(s * std::sin(phi)), float(cosine)};
-}
-
 struct Lobe {
   Bsdf bsdf;
   vec3 wo, chances;
@@ -60,25 +57,12 @@ Lobe lobe(const MaterialPoint& m, double angle, bool front, double azimuth = 0.3
   return l;
 }
 
-std::vector<double> expected_counts(const Lobe& l) {
-  std::vector<double> counts(size_t(rows) * columns);
-  const double cell = 2.0 / (rows * sub) * 2 * double(pi) / (columns * sub);
-  for (int r = 0; r < rows * sub; ++r)
-    for (int c = 0; c < columns * sub; ++c) {
-      float density;
-      bsdf_evaluate(l.bsdf, l.albedo, l.wo, direction(-1 + 2 * (r + 0.5) / (rows * sub), 2 * double(pi) * (c + 0.5) / (columns * sub)),
-                    l.chances, density);
-      counts[size_t(r / sub) * columns + size_t(c / sub)] += samples * cell * double(density);
-    }
-  return counts;
-}
-
 void check(const MaterialPoint& m, double angle, bool front) {
   const Lobe l = lobe(m, angle, front);
-  std::vector<double> counts(size_t(rows) * columns);
+  ChiSquare drawn;
   std::mt19937 random(7);
   std::uniform_real_distribution<float> unit(0.0f, 0.9999999f);
-  for (int i = 0; i < samples; ++i) {
+  for (int i = 0; i < ChiSquare::samples; ++i) {
     const vec2 u(unit(random), unit(random));
     const BsdfSample s = bsdf_sample(l.bsdf, l.albedo, l.wo, l.chances, u, unit(random));
     if (s.pdf <= 0.0f) continue;
@@ -86,26 +70,14 @@ void check(const MaterialPoint& m, double angle, bool front) {
     float density;
     const float f = bsdf_evaluate(l.bsdf, l.albedo, l.wo, s.direction, l.chances, density);
     ASSERT_NEAR(s.weight * density, f, 1e-4f * std::max(1.0f, f));
-    double phi = std::atan2(s.direction.y, s.direction.x);
-    if (phi < 0) phi += 2 * double(pi);
-    const int row = std::min(rows - 1, int((s.direction.z + 1) / 2 * rows)),
-              column = std::min(columns - 1, int(phi / (2 * double(pi)) * columns));
-    counts[size_t(row) * columns + size_t(column)] += 1;
+    drawn.count(s.direction);
   }
-  double chi_square = 0, rest_counted = 0, rest_expected = 0;
-  int cells = 0;
-  const std::vector<double> expected = expected_counts(l);
-  for (size_t i = 0; i < counts.size(); ++i) {
-    if (expected[i] < 10) {
-      rest_counted += counts[i], rest_expected += expected[i];
-      continue;
-    }
-    chi_square += (counts[i] - expected[i]) * (counts[i] - expected[i]) / expected[i];
-    ++cells;
-  }
-  // Five standard deviations of chi-square, and 1 % for the quadrature of narrow lobes.
-  EXPECT_LT(chi_square, cells + 5 * std::sqrt(2.0 * cells) + 1e-4 * samples) << cells << " cells";
-  EXPECT_LT(std::abs(rest_counted - rest_expected), 5 * std::sqrt(rest_expected + 10) + 2e-3 * samples);
+  const auto density_of = [&](const vec3& d) {
+    float density;
+    bsdf_evaluate(l.bsdf, l.albedo, l.wo, d, l.chances, density);
+    return double(density);
+  };
+  drawn.expect(density_of, 1e-4);
 }
 
 TEST(BsdfSampler, diffuse_under_a_coat) {

@@ -81,14 +81,7 @@ double in_furnace(kuafu_material_desc material, uint32_t tracer, bool textured =
 
 // Everything at once, which the compute tracer compiles once: clear coat and light that is let through too.
 TEST(Lobes, of_white_surfaces_gain_nothing_on_either_tracer) {
-  kuafu_material_desc m = white(0.5f);
-  m.anisotropy = 0.7f;
-  for (float& c : m.sheen_color) c = 0.8f;
-  m.sheen_roughness = 0.5f;
-  m.iridescence = 0.6f;
-  m.clearcoat = 0.5f;
-  m.clearcoat_roughness = 0.3f;
-  m.diffuse_transmission = 0.4f;
+  kuafu_material_desc m = all_lobes();
   m.transmission = 0.3f;
   m.dispersion = 1;
   const double host = in_furnace(m, KUAFU_TRACER_AUTO), device = in_furnace(m, KUAFU_TRACER_COMPUTE);
@@ -149,48 +142,34 @@ TEST(Clearcoat, has_normals_of_its_own) {
     EXPECT_NEAR(seen(Map::of_the_coat, tracer), reflectance(0.8, 1.5), 2e-3);
 }
 
-// Light from the left and from below, seen from before: facets tilt along the brushing's direction, which a quarter turn brings to the
-// other.
-TEST(Anisotropy, follows_the_texture_coordinates_and_turns) {
-  const auto seen = [](const Vec3& lamp, float rotation) {
-    World world;
-    kuafu_material_desc m = white(1);
-    m.roughness = 0.3f;
-    m.anisotropy = 0.8f;
-    m.anisotropy_rotation_rad = rotation;
-    world.add(textured_plane(), m, placed({0, 0, 1}));
-    world.add_point(lamp, 1);
-    return world.radiance(view_at({0, 0, 0}, 4, 4, 20000), 4).mean();
-  };
-  const double along = seen({0.8, 0, 0}, 0), across = seen({0, 0.8, 0}, 0);
-  EXPECT_GT(along, 3 * across);
-  EXPECT_NEAR(seen({0, 0.8, 0}, float(pi / 2)), along, 0.01 * along);
-  EXPECT_NEAR(seen({0.8, 0, 0}, float(pi / 2)), across, 0.02 * across);
+/// Brushed metal seen from before under a lamp: facets tilt along the brushing's direction.
+double brushed(const Vec3& lamp, float rotation, bool textured = false) {
+  World world;
+  kuafu_material_desc m = white(1);
+  m.roughness = 0.3f;
+  m.anisotropy = 0.8f;
+  m.anisotropy_rotation_rad = rotation;
+  const std::vector<uint8_t> up_right{218, 218, 255};  // 0.71, 0.71, and all of the strength
+  if (textured) m.anisotropy_texture = world.add_texture(texture_of(up_right, 1, 3));
+  world.add(textured_plane(), m, placed({0, 0, 1}));
+  world.add_point(lamp, 1);
+  return world.radiance(view_at({0, 0, 0}, 4, 4, 20000), 4).mean();
 }
 
 // KHR_materials_anisotropy: the rotation is counter-clockwise from the tangent, which is where u grows, towards the bitangent, which is
 // where v falls: from the right to the top of a picture whose texture stands upright. The highlight is long in that direction.
-TEST(Anisotropy, turns_counter_clockwise_by_its_rotation_and_by_its_texture) {
-  const auto seen = [](const Vec3& lamp, float rotation, bool textured) {
-    World world;
-    kuafu_material_desc m = white(1);
-    m.roughness = 0.3f;
-    m.anisotropy = 0.8f;
-    m.anisotropy_rotation_rad = rotation;
-    const std::vector<uint8_t> up_right{218, 218, 255};  // 0.71, 0.71, and all of the strength
-    if (textured) m.anisotropy_texture = world.add_texture(texture_of(up_right, 1, 3));
-    world.add(textured_plane(), m, placed({0, 0, 1}));
-    world.add_point(lamp, 1);
-    return world.radiance(view_at({0, 0, 0}, 4, 4, 20000), 4).mean();
-  };
-  const Vec3 right{0.8, 0, 0}, up_right{0.566, -0.566, 0}, down_right{0.566, 0.566, 0};  // y points down
-  const double along = seen(right, 0, false);
+TEST(Anisotropy, follows_the_texture_coordinates_and_turns_counter_clockwise) {
+  const Vec3 right{0.8, 0, 0}, down{0, 0.8, 0}, up_right{0.566, -0.566, 0}, down_right{0.566, 0.566, 0};  // y points down
+  const double along = brushed(right, 0), across = brushed(down, 0);
+  EXPECT_GT(along, 3 * across);
+  EXPECT_NEAR(brushed(down, float(pi / 2)), along, 0.01 * along);
+  EXPECT_NEAR(brushed(right, float(pi / 2)), across, 0.02 * across);
   for (const bool textured : {false, true}) {
     const float rotation = textured ? 0.0f : float(pi / 4);
-    EXPECT_NEAR(seen(up_right, rotation, textured), along, 0.02 * along) << textured;
-    EXPECT_LT(seen(down_right, rotation, textured), along / 3) << textured;
+    EXPECT_NEAR(brushed(up_right, rotation, textured), along, 0.02 * along) << textured;
+    EXPECT_LT(brushed(down_right, rotation, textured), along / 3) << textured;
   }
-  EXPECT_NEAR(seen({0, -0.8, 0}, float(pi / 4), true), along, 0.02 * along) << "the rotation turns the texture's direction on";
+  EXPECT_NEAR(brushed({0, -0.8, 0}, float(pi / 4), true), along, 0.02 * along) << "the rotation turns the texture's direction on";
 }
 
 // A smooth film of 1.8 on a black base of 1.5, at normal incidence: Airy's sum at 850 nm.

@@ -5,14 +5,6 @@
 namespace laws {
 namespace {
 
-kuafu_material_desc reflector(float metallic, float roughness, float specular) {
-  kuafu_material_desc m = kuafu_material_desc_init();
-  m.metallic = metallic;
-  m.roughness = roughness;
-  m.specular = specular;
-  return m;
-}
-
 TEST(Furnace, a_lambertian_plane_shows_albedo_times_environment) {
   for (const float albedo : {0.0f, 0.18f, 1.0f})
     for (const float v : in_furnace(lambert(albedo), 0.7, 64).values) ASSERT_NEAR(v, albedo, 1e-4);
@@ -25,10 +17,6 @@ TEST(Furnace, a_white_lambertian_ball_vanishes) {
   for (const float v : world.radiance(view_at({0, 0, 0}, 32, 32, 60)).values) ASSERT_NEAR(v, 1.0f, 1e-3);
 }
 
-TEST(Furnace, a_white_mirror_loses_nothing) {
-  for (const float v : in_furnace(reflector(1.0f, 0.0f, 1.0f), 1.0, 64).values) ASSERT_NEAR(v, 1.0f, 1e-4);
-}
-
 TEST(Furnace, clear_glass_vanishes) {
   World world;
   world.add(sphere(0.5, 16, false), glass(1.5f), placed({0, 0, 2}));
@@ -36,13 +24,10 @@ TEST(Furnace, clear_glass_vanishes) {
   const Pixels image = world.radiance(view_at({0, 0, 0}, 32, 32, 60), 64, 64);
   EXPECT_NEAR(image.mean(), 1.0, 0.01);
   for (const float v : image.values) ASSERT_LT(v, 2.3f);  // n^2 at most: a path that ends inside
-}
-
-TEST(Furnace, glass_with_interpolated_normals_keeps_its_energy) {
-  World world;
-  world.add(sphere(0.5, 48, true), glass(1.5f), placed({0, 0, 2}));
-  world.set_environment(1.0f);
-  EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 48, 48, 90), 16, 32).mean(), 1.0, 0.01);
+  World smooth;                                           // normals between those of the corners
+  smooth.add(sphere(0.5, 48, true), glass(1.5f), placed({0, 0, 2}));
+  smooth.set_environment(1.0f);
+  EXPECT_NEAR(smooth.radiance(view_at({0, 0, 0}, 48, 48, 90), 16, 32).mean(), 1.0, 0.01);
 }
 
 // Closed room of albedo rho whose walls shine with E: L = E + rho L. The bright environment outside must not leak in.
@@ -95,6 +80,7 @@ kuafu_material_desc white_metal(float roughness) {
 }
 
 TEST(Materials, a_white_metal_loses_nothing_at_any_roughness) {
+  for (const float v : in_furnace(white_metal(0), 1.0, 64).values) ASSERT_NEAR(v, 1.0f, 1e-4);
   for (const float roughness : {0.0f, 0.1f, 0.3f, 0.6f, 1.0f})
     for (const double angle : {0.0, 0.8, 1.3, 1.5})
       EXPECT_NEAR(in_furnace(white_metal(roughness), angle).mean(), 1, 0.01) << roughness << " " << angle;

@@ -123,8 +123,7 @@ double mean_distance(const kuafu_material_desc& m, double reach_m) {
   EXPECT_EQ(images[KUAFU_OUTPUT_PROJECTOR_DIRECT].mean(), 0) << "what wandered is indirect";
   ok(kuafu_scene_remove_light(world.scene(), lamp));
   world.add_projector(ramp, n, n, focal_px, 1.0f);
-  return world.render({view}, {KUAFU_OUTPUT_PROJECTOR_INDIRECT})[KUAFU_OUTPUT_PROJECTOR_INDIRECT].mean() /
-         images[KUAFU_OUTPUT_PROJECTOR_INDIRECT].mean();
+  return world.image(view, KUAFU_OUTPUT_PROJECTOR_INDIRECT).mean() / images[KUAFU_OUTPUT_PROJECTOR_INDIRECT].mean();
 }
 
 /// The same by diffusion theory: a point source at depth z and its image above the extrapolated boundary (Farrell, Patterson, Wilson 1992).

@@ -93,7 +93,7 @@ TEST(Textures, green_of_a_normal_map_points_against_v) {
   kuafu_material_desc m = lambert(1.0f);
   m.normal_texture = add_texture(world, {128, 191, 238}, 1, 3, false);
   world.add(wall(), m);
-  const Pixels normal = world.render({view_at({0, 0, 0}, 8, 8, 100)}, {KUAFU_OUTPUT_NORMAL})[KUAFU_OUTPUT_NORMAL];
+  const Pixels normal = world.image(view_at({0, 0, 0}, 8, 8, 100), KUAFU_OUTPUT_NORMAL);
   EXPECT_NEAR(normal.at(0, 4, 4, 1), -0.5, 0.01);  // v grows along +y
 }
 
@@ -110,33 +110,11 @@ TEST(Textures, transmission_and_specular_maps_multiply_their_factors) {
   for (const float v : world.radiance(view_at({0, 0, 0}, 8, 8, 100)).values) ASSERT_NEAR(v, 0.5f, 1e-3);
 }
 
-/// A wall at z = 1 that fills an image of focal length size / 2; its uvs go from `low` at the upper left to `high` at the lower right.
-struct Wall {
-  std::vector<float> positions{-1, -1, 1, 1, -1, 1, 1, 1, 1, -1, 1, 1}, uvs, uvs_1, colors;
-  std::vector<uint32_t> indices{0, 2, 1, 0, 3, 2};
-
-  static std::vector<float> corners(double low, double high) {
-    const auto a = float(low), b = float(high);
-    return {a, a, b, a, b, b, a, b};
-  }
-  void add_to(World& world, const kuafu_material_desc& material) const {
-    kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
-    mesh.positions = positions.data();
-    mesh.uvs = uvs.empty() ? nullptr : uvs.data();
-    mesh.uvs_1 = uvs_1.empty() ? nullptr : uvs_1.data();
-    mesh.colors = colors.empty() ? nullptr : colors.data();
-    mesh.indices = indices.data();
-    mesh.vertex_count = 4;
-    mesh.triangle_count = 2;
-    uint32_t mesh_id = 0, material_id = 0, id = 0;
-    ok(kuafu_scene_add_mesh(world.scene(), &mesh, &mesh_id));
-    ok(kuafu_scene_add_material(world.scene(), &material, &material_id));
-    kuafu_instance_desc instance = kuafu_instance_desc_init(mesh_id);
-    instance.materials = &material_id;
-    instance.material_count = 1;
-    ok(kuafu_scene_add_instance(world.scene(), &instance, &id));
-  }
-};
+/// Texture coordinates of that wall, from `low` at the upper left to `high` at the lower right.
+std::vector<float> corners(double low, double high) {
+  const auto a = float(low), b = float(high);
+  return {a, a, b, a, b, b, a, b};
+}
 
 constexpr uint32_t texture_width = 4, texture_height = 3;
 const std::vector<uint8_t> texels{10, 40, 90, 250, 70, 130, 20, 160, 200, 5, 110, 220};
@@ -164,16 +142,19 @@ double expected(double u, double v, const kuafu_texture_desc& t) {
 constexpr uint32_t image_size = 37;  // no pixel's centre lies between two texels
 Pixels albedo(World& world) {
   world.desc().samples_per_pixel = 1;
-  return world.render({view_at({0, 0, 0}, image_size, image_size, image_size / 2.0)}, {KUAFU_OUTPUT_ALBEDO})[KUAFU_OUTPUT_ALBEDO];
+  return world.image(view_at({0, 0, 0}, image_size, image_size, image_size / 2.0), KUAFU_OUTPUT_ALBEDO);
 }
 
 /// Texture coordinate of a pixel's centre.
 double coordinate(uint32_t pixel, double low, double high) { return low + (high - low) * (pixel + 0.5) / image_size; }
 
-class TextureLookup : public testing::TestWithParam<uint32_t> {};  // the tracer: its device has stages of its own
+/// The tracer: its device has stages of its own.
+class TextureLookup : public testing::TestWithParam<uint32_t> {
+ protected:
+  void SetUp() override { SKIP_IF(why_not(GetParam())); }
+};
 
 TEST_P(TextureLookup, every_wrap_and_filter_reads_the_texel_that_it_should) {
-  SKIP_IF(why_not(GetParam()));
   constexpr double low = -1.62, high = 2.37;
   for (uint32_t wrap_u = 0; wrap_u < 3; ++wrap_u)
     for (uint32_t wrap_v = 0; wrap_v < 3; ++wrap_v)
@@ -183,9 +164,9 @@ TEST_P(TextureLookup, every_wrap_and_filter_reads_the_texel_that_it_should) {
         t.wrap_u = wrap_u, t.wrap_v = wrap_v, t.filter = filter;
         kuafu_material_desc m = lambert(1);
         m.base_color_texture = world.add_texture(t);
-        Wall wall;
-        wall.uvs = Wall::corners(low, high);
-        wall.add_to(world, m);
+        Shape shape = wall();
+        shape.uvs = corners(low, high);
+        world.add(shape, m);
         const Pixels image = albedo(world);
         for (uint32_t row = 0; row < image_size; row += 3)
           for (uint32_t column = 0; column < image_size; ++column)
@@ -195,7 +176,6 @@ TEST_P(TextureLookup, every_wrap_and_filter_reads_the_texel_that_it_should) {
 }
 
 TEST_P(TextureLookup, the_second_set_and_a_transform_move_the_image_in_paths_too) {
-  SKIP_IF(why_not(GetParam()));
   World world(GetParam());
   world.set_environment(1.0f);
   kuafu_texture_desc t = texture_of(texels, texture_width);
@@ -204,10 +184,10 @@ TEST_P(TextureLookup, the_second_set_and_a_transform_move_the_image_in_paths_too
   std::memcpy(t.uv_transform, rows, sizeof rows);
   kuafu_material_desc m = lambert(1);
   m.base_color_texture = world.add_texture(t);
-  Wall wall;
-  wall.uvs = Wall::corners(5, 6);
-  wall.uvs_1 = Wall::corners(0, 1);
-  wall.add_to(world, m);
+  Shape shape = wall();
+  shape.uvs = corners(5, 6);
+  shape.uvs_1 = corners(0, 1);
+  world.add(shape, m);
   world.desc().samples_per_pixel = 4;
   auto images = world.render({view_at({0, 0, 0}, image_size, image_size, image_size / 2.0)}, {KUAFU_OUTPUT_ALBEDO, KUAFU_OUTPUT_RADIANCE});
   double sum = 0, radiance = images[KUAFU_OUTPUT_RADIANCE].mean();
@@ -223,18 +203,17 @@ TEST_P(TextureLookup, the_second_set_and_a_transform_move_the_image_in_paths_too
 }
 
 TEST_P(TextureLookup, vertex_colours_multiply_and_infrared_takes_their_red) {
-  SKIP_IF(why_not(GetParam()));
   for (const bool own_albedo : {false, true}) {
     World world(GetParam());
     kuafu_material_desc m = lambert(0.5f);
     if (own_albedo) m.ir_albedo = 0.25f;
-    Wall wall;
-    wall.colors = {0, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1};  // red grows with u
-    wall.add_to(world, m);
+    Shape shape = wall();
+    shape.colors = {0, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1};  // red grows with u
+    world.add(shape, m);
     const Pixels infrared = albedo(world);
     kuafu_view_desc view = view_at({0, 0, 0}, image_size, image_size, image_size / 2.0);
     view.band = KUAFU_BAND_VISIBLE;
-    const Pixels visible = world.render({view}, {KUAFU_OUTPUT_ALBEDO})[KUAFU_OUTPUT_ALBEDO];
+    const Pixels visible = world.image(view, KUAFU_OUTPUT_ALBEDO);
     for (uint32_t column = 0; column < image_size; ++column) {
       const double red = 0.5 * coordinate(column, 0, 1);
       EXPECT_NEAR(infrared.at(0, 9, column), own_albedo ? 0.25 : red, 1e-5);
@@ -248,7 +227,6 @@ TEST_P(TextureLookup, vertex_colours_multiply_and_infrared_takes_their_red) {
 // The map's normal has x = y = 0.5 of z; scaled, its slope grows by as much. A transform that turns the image by a right angle turns the
 // normal with it.
 TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
-  SKIP_IF(why_not(GetParam()));
   const std::vector<uint8_t> map{191, 128, 255};  // x = 0.5, z = 1
   for (const float scale : {0.0f, 1.0f, 2.0f})
     for (const bool turned : {false, true}) {
@@ -260,12 +238,11 @@ TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
       kuafu_material_desc m = lambert(1);
       m.normal_texture = world.add_texture(t);
       m.normal_scale = scale;
-      Wall wall;
-      wall.uvs = Wall::corners(0, 0);
-      wall.uvs_1 = wall.uvs;
-      (turned ? wall.uvs_1 : wall.uvs) = Wall::corners(0, 1);
-      wall.add_to(world, m);
-      const Pixels normal = world.render({view_at({0, 0, 0}, 8, 8, 100)}, {KUAFU_OUTPUT_NORMAL})[KUAFU_OUTPUT_NORMAL];
+      Shape shape = wall();
+      shape.uvs = shape.uvs_1 = corners(0, 0);
+      (turned ? shape.uvs_1 : shape.uvs) = corners(0, 1);
+      world.add(shape, m);
+      const Pixels normal = world.image(view_at({0, 0, 0}, 8, 8, 100), KUAFU_OUTPUT_NORMAL);
       const double slope = (2 * 191 / 255.0 - 1) * scale, across = (2 * 128 / 255.0 - 1) * scale;
       const double length = std::sqrt(slope * slope + across * across + 1);
       const uint32_t along = turned ? 1 : 0;  // u' grows with v, which is the world's y
@@ -275,7 +252,6 @@ TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
 }
 
 TEST_P(TextureLookup, the_roughness_texture_also_makes_glass_rough_or_smooth) {
-  SKIP_IF(why_not(GetParam()));
   const std::vector<uint8_t> smooth{255, 0, 255};  // roughness 0
   std::vector<float> images[3];                    // smooth, smooth by its texture, rough
   for (int i = 0; i < 3; ++i) {
@@ -320,7 +296,6 @@ TEST(TextureLookupOfGlass, whose_texture_takes_metal_and_roughness_away_finds_gl
 }
 
 TEST_P(TextureLookup, a_light_ends_at_its_range) {
-  SKIP_IF(why_not(GetParam()));
   for (const double range : {0.0, 2.0, 1.25, 0.9}) {
     World world(GetParam());
     world.add(quad({0, 0, 1}, {0.1, 0, 0}, {0, -0.1, 0}), lambert(1));
@@ -402,7 +377,7 @@ void expect_normals(uint32_t tracer, const std::vector<TangentWall>& walls) {
   file_of(walls).write_glb(folder / "walls.glb");
   ok(kuafu_scene_load(world.scene(), (folder / "walls.glb").c_str(), nullptr, nullptr));
   const auto view = view_at({0, 0, 0}, wall_pixels * uint32_t(walls.size()), wall_pixels, wall_pixels * 50);
-  const Pixels normal = world.render({view}, {KUAFU_OUTPUT_NORMAL})[KUAFU_OUTPUT_NORMAL];
+  const Pixels normal = world.image(view, KUAFU_OUTPUT_NORMAL);
   for (size_t i = 0; i < walls.size(); ++i)
     for (uint32_t c = 0; c < 3; ++c)
       EXPECT_NEAR(normal.at(0, 4, uint32_t(i) * wall_pixels + 4, c), walls[i].expected[c], 0.005) << "wall " << i << ", tracer " << tracer;

@@ -257,8 +257,7 @@ TEST_P(CameraOptics, light_groups_still_sum_to_the_image) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, CameraOptics, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE),
-                         [](const auto& info) { return info.param == KUAFU_TRACER_EMBREE ? "host_stages" : "compute"; });
+INSTANTIATE_TEST_SUITE_P(, CameraOptics, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE), stages_name);
 
 TEST(Optics, host_stages_and_compute_agree) {
   SKIP_IF(why_not(KUAFU_TRACER_EMBREE));

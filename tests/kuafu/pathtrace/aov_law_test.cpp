@@ -66,23 +66,20 @@ TEST_P(Aovs, tell_meanings_apart) {
   const Shape near = quad({-0.5, 0, 1}, {-0.4, 0, 0}, {0, 1, 0}), far = quad({0.5, 0, 1}, {-0.4, 0, 0}, {0, 1, 0});
   world_.add(near, lambert(0.5f), placed({0, 0, 0}), KUAFU_ALL_ENVIRONMENTS, 7);
   world_.add(far, lambert(0.5f), placed({0, 0, 0}), KUAFU_ALL_ENVIRONMENTS, 70000);
-  const Pixels image = world_.render({view_at({0, 0, 0}, 8, 2, 4)}, {KUAFU_OUTPUT_SEMANTIC_ID})[KUAFU_OUTPUT_SEMANTIC_ID];
+  const Pixels image = world_.image(view_at({0, 0, 0}, 8, 2, 4), KUAFU_OUTPUT_SEMANTIC_ID);
   EXPECT_EQ(image.id_at(0, 0, 1), 7u);
   EXPECT_EQ(image.id_at(0, 1, 6), 70000u);
 }
 
 /// A wall at 2 m, a projector 0.11 m to the right of the camera, and a thin bar half way that shadows it.
 struct Projection {
-  explicit Projection(World& world, kuafu_light_desc* lens = nullptr) {
+  explicit Projection(World& world, double k1 = 0, double p1 = 0) {
     world.add(quad({0, 0, 2}, {-3, 0, 0}, {0, 3, 0}), lambert(0.6f));
     bar = world.add(quad({0, 0, 1}, {-0.03, 0, 0}, {0, 3, 0}), lambert(0.6f));
     const std::vector<float> white(64 * 48, 1.0f);
-    light = world.add_projector(white, 64, 48, focal, intensity, placed({baseline, 0, 0}));
-    if (lens == nullptr) return;
-    kuafu_light_desc desc = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-    ok(kuafu_scene_get_light(world.scene(), light, &desc));
-    desc.lens = lens->lens;
-    ok(kuafu_scene_set_light(world.scene(), light, &desc));
+    kuafu_light_desc desc = world.projector(white, 64, 48, focal, intensity);
+    desc.lens.distortion[0] = k1, desc.lens.distortion[2] = p1;
+    light = world.add_light(desc, placed({baseline, 0, 0}));
   }
   static constexpr double focal = 80, baseline = 0.11;
   static constexpr float intensity = 3;
@@ -148,10 +145,7 @@ TEST_P(Aovs, give_the_projectors_light) {
 }
 
 TEST_P(Aovs, follow_the_projectors_lens) {
-  kuafu_light_desc lens = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  lens.lens.distortion[0] = 0.2;   // k1
-  lens.lens.distortion[2] = 0.01;  // p1
-  const Projection p(world_, &lens);
+  const Projection p(world_, 0.2, 0.01);
   world_.desc().projector = p.light;
   auto images = world_.render({view_at({0, 0, 0}, 20, 9, 50)}, {KUAFU_OUTPUT_PROJECTOR_UV, KUAFU_OUTPUT_POSITION});
   for (uint32_t row = 0; row < 9; ++row)
@@ -166,12 +160,9 @@ TEST_P(Aovs, follow_the_projectors_lens) {
 
 TEST_P(Aovs, ask_the_projector_of_the_views_environment) {
   world_.add(quad({0, 0, 2}, {-3, 0, 0}, {0, 3, 0}), lambert(0.6f));
-  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  const uint32_t id = world_.add_projector(std::vector<float>(16, 1.0f), 4, 4, 20, 1.0f, placed({0.02, 0, 0}));
-  ok(kuafu_scene_get_light(world_.scene(), id, &light));
+  kuafu_light_desc light = world_.projector(std::vector<float>(16, 1.0f), 4, 4, 20, 0);  // dark: still where it is
   light.environment = 1;
-  light.ir_intensity = 0;  // dark: still where it is
-  ok(kuafu_scene_set_light(world_.scene(), id, &light));
+  world_.add_light(light, placed({0.02, 0, 0}));
   std::vector<kuafu_view_desc> views(2, view_at({0, 0, 0}, 3, 3, 50));
   views[1].environment = 1;
   auto images = world_.render(views, {KUAFU_OUTPUT_PROJECTOR_UV, KUAFU_OUTPUT_PROJECTOR_VISIBILITY});
@@ -192,7 +183,7 @@ TEST_P(Aovs, of_no_projector_in_particular_are_of_the_first_one) {
   world_.add_point({0, 0, 0}, 1);
   world_.add_projector(std::vector<float>(64, 1.0f), 8, 8, 4, 1);
   const kuafu_view_desc view = view_at({0, 0, 0}, 1, 1, 60);
-  EXPECT_EQ(world_.render({view}, {KUAFU_OUTPUT_PROJECTOR_VISIBILITY})[KUAFU_OUTPUT_PROJECTOR_VISIBILITY].mean(), 1);
+  EXPECT_EQ(world_.image(view, KUAFU_OUTPUT_PROJECTOR_VISIBILITY).mean(), 1);
 }
 
 // A body of constant speed moves by the same in every line of a rolling shutter, whenever that is read.
@@ -205,7 +196,7 @@ TEST_P(Aovs, of_motion_are_from_a_line_to_the_same_line_one_frame_before) {
   kuafu_view_desc view = view_at({0, 0, 0}, 8, 21, 60);
   view.camera.shutter = KUAFU_SHUTTER_ROLLING;
   view.camera.line_time_s = 1e-3;
-  const Pixels m = world_.render({view}, {KUAFU_OUTPUT_MOTION})[KUAFU_OUTPUT_MOTION];
+  const Pixels m = world_.image(view, KUAFU_OUTPUT_MOTION);
   for (uint32_t row = 0; row < 21; ++row) EXPECT_NEAR(m.at(0, row, 4, 0), 60 * speed * frame_s / 2, 1e-3) << row;
 }
 
@@ -213,7 +204,7 @@ TEST_P(Aovs, of_motion_are_differences_of_projections) {
   world_.add(quad({0, 0, 4}, {-9, 0, 0}, {0, 9, 0}), lambert(0.5f));
   const uint32_t moving = world_.add(quad({0, 0, 0}, {-0.2, 0, 0}, {0, 0.2, 0}), lambert(0.5f), placed({0, 0, 2}));
   kuafu_view_desc view = view_at({0, 0, 0}, 31, 21, 60);
-  const auto motion = [&] { return world_.render({view}, {KUAFU_OUTPUT_MOTION})[KUAFU_OUTPUT_MOTION]; };
+  const auto motion = [&] { return world_.image(view, KUAFU_OUTPUT_MOTION); };
   for (const float v : motion().values) EXPECT_EQ(v, 0.0f);
   ok(kuafu_scene_set_instance_pose(world_.scene(), moving, placed({0.1, -0.05, 2}).data()));
   ok(kuafu_scene_set_instance_pose(world_.scene(), moving, placed({0.1, -0.05, 2.5}).data()));
@@ -237,7 +228,6 @@ TEST_P(Aovs, of_motion_are_differences_of_projections) {
   for (const float v : motion().values) EXPECT_TRUE(std::isnan(v));
 }
 
-INSTANTIATE_TEST_SUITE_P(Stages, Aovs, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE),
-                         [](const auto& i) { return i.param == KUAFU_TRACER_EMBREE ? "host" : "device"; });
+INSTANTIATE_TEST_SUITE_P(Stages, Aovs, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE), stages_name);
 
 }  // namespace
