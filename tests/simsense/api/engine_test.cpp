@@ -15,7 +15,6 @@ using namespace simsense_test;
 namespace {
 
 constexpr uint32_t width = 160, height = 96;
-constexpr double identity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 
 simsense_rig_desc small_rig(uint32_t batch = 1) {
   simsense_rig_desc rig = ideal_rig(width, height, 215);
@@ -25,21 +24,16 @@ simsense_rig_desc small_rig(uint32_t batch = 1) {
   return rig;
 }
 
-struct Pair {
-  std::vector<uint8_t> left, right;
-};
-
 Pair photograph(double z, uint32_t seed = 1) {
   Plane plane;
   plane.distance_m = z;
   plane.cell_m = 3 * z / 215;
   plane.seed = seed;
-  const simsense_rig_desc rig = small_rig();
-  return {render(plane, rig.left, identity), render(plane, rig.right, rig.left_to_right)};
+  return photograph(plane, small_rig());
 }
 
 std::vector<float> depth_of(const EngineHandle& engine, const Pair& pair) {
-  return compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
+  return compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair, height, width, {height, width});
 }
 
 /// The same image in other memory: rows from bottom to top, columns from right to left, padded, as any of the three formats.
@@ -73,6 +67,12 @@ std::vector<std::string> stage_names(const EngineHandle& engine) {
     names.emplace_back(t.name);
   }
   return names;
+}
+
+uint64_t copied_bytes(const Device& device) {
+  uint64_t bytes = 0;
+  EXPECT_EQ(simsense_device_copied_bytes(device.get(), &bytes), KS_OK);
+  return bytes;
 }
 
 bool contains(const std::vector<std::string>& names, const char* name) {
@@ -139,7 +139,7 @@ TEST(Engine, BatchEqualsItsPairs) {
     const Pair pair = photograph(0.5 + 0.2 * n, n);
     left.insert(left.end(), pair.left.begin(), pair.left.end());
     right.insert(right.end(), pair.right.begin(), pair.right.end());
-    const auto points = compute_one<float>(single, SIMSENSE_OUTPUT_POINTS, pair.left, pair.right, height, width, {80, 120, 3});
+    const auto points = compute_one<float>(single, SIMSENSE_OUTPUT_POINTS, pair, height, width, {80, 120, 3});
     expected.insert(expected.end(), points.begin(), points.end());
   }
   std::vector<float> points(expected.size());
@@ -170,7 +170,7 @@ TEST(Engine, GivesTheSameOutputsTogetherAsApart) {
       KS_OK)
       << simsense_last_error();
   const auto alone = [&]<class T>(uint32_t output, std::vector<uint64_t> s, T) {
-    return compute_one<T>(engine, output, pair.left, pair.right, height, width, s);
+    return compute_one<T>(engine, output, pair, height, width, s);
   };
   EXPECT_EQ(alone(SIMSENSE_OUTPUT_DISPARITY, shape, 0.0f), disparity);
   EXPECT_EQ(alone(SIMSENSE_OUTPUT_DEPTH, shape, 0.0f), depth);
@@ -189,7 +189,7 @@ TEST(Engine, NoiseFollowsSeedAndFrameAndNothingElse) {
   const auto measured = [&](simsense_parameters p, uint32_t workers, uint32_t output) {
     const Device device = open_device(KS_SELECT_HOST, workers);
     const EngineHandle engine = open_engine(device, small_rig(), p, noisy_signal());
-    return compute_one<uint8_t>(engine, output, pair.left, pair.right, height, width, {height, width});
+    return compute_one<uint8_t>(engine, output, pair, height, width, {height, width});
   };
   const simsense_parameters base = small_parameters();
   simsense_parameters other_seed = base, other_frame = base;
@@ -236,10 +236,10 @@ TEST(Engine, TellsTheRectifiedCalibrationAndItsStages) {
   EXPECT_EQ(std::memcmp(turn, identity, sizeof turn), 0);
   EXPECT_TRUE(stage_names(engine).empty()) << "nothing has run";
   const Pair pair = photograph(0.7);
-  (void)compute_one<float>(engine, SIMSENSE_OUTPUT_POINTS, pair.left, pair.right, height, width, {80, 120, 3});
+  (void)compute_one<float>(engine, SIMSENSE_OUTPUT_POINTS, pair, height, width, {80, 120, 3});
   const auto names = stage_names(engine);
   for (const char* name : {"signal", "rectify", "registration", "points"}) EXPECT_TRUE(contains(names, name)) << name;
-  (void)compute_one<uint8_t>(engine, SIMSENSE_OUTPUT_IR_LEFT, pair.left, pair.right, height, width, {height, width});
+  (void)compute_one<uint8_t>(engine, SIMSENSE_OUTPUT_IR_LEFT, pair, height, width, {height, width});
   EXPECT_FALSE(contains(stage_names(engine), "registration")) << "only what the outputs need is run";
 }
 
@@ -247,13 +247,12 @@ TEST(Engine, RefusesASecondCallWhileOneIsUnderWay) {
   const EngineHandle engine = open_engine(small_rig(), small_parameters());
   const std::vector<uint8_t> images(width * height, 9);
   std::vector<float> depth(width * height);
-  const simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}));
-  simsense_compute_desc second = simsense_compute_desc_init();
-  second.left = second.right = host_image(images, {height, width});
-  second.outputs = &output, second.output_count = 1;
+  const std::vector outputs{output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}))};
+  const simsense_image image = host_image(images, {height, width});
+  simsense_compute_desc second = request(image, image, outputs);
   std::function<void()> beside = [&] {
     EXPECT_EQ(simsense_engine_compute(engine.get(), &second), KS_ERROR_INVALID_STATE);
-    EXPECT_NE(std::string(simsense_last_error()).find("engine is inside another call"), std::string::npos) << simsense_last_error();
+    expect_text("engine is inside another call");
   };
   simsense_compute_desc desc = second;
   desc.progress_user = &beside;
@@ -285,11 +284,9 @@ TEST_P(EngineBuffers, AreReadAndWrittenInPlace) {
   left.host = right.host = depth.host = nullptr;
   right.image.offset_bytes = width * height;
   depth.image.offset_bytes = 16;
-  uint64_t before = 0, after = 0;
-  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &before), KS_OK);
+  const uint64_t before = copied_bytes(device);
   ASSERT_EQ(compute(engine, left, right, {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}), KS_OK) << simsense_last_error();
-  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &after), KS_OK);
-  EXPECT_EQ(after, before);
+  EXPECT_EQ(copied_bytes(device), before);
   EXPECT_EQ(std::memcmp(static_cast<uint8_t*>(out) + 16, expected.data(), expected.size() * 4), 0);
   const Device other = open_device();
   const EngineHandle elsewhere = open_engine(other, small_rig(), small_parameters());
@@ -312,14 +309,12 @@ TEST(EngineBuffersOfTheBestDevice, AreNotCopiedAndHostImagesAre) {
   const auto expected = depth_of(engine, pair);
   simsense_image depth = host_image(expected, {height, width});
   depth.buffer = buffer.get();
-  uint64_t before = 0, after = 0;
-  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &before), KS_OK);
+  const uint64_t before = copied_bytes(device);
   ASSERT_EQ(compute(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
                     {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}),
             KS_OK)
       << simsense_last_error();
-  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &after), KS_OK);
-  EXPECT_EQ(after - before, 2 * pixels) << "the two images that lie with the host";
+  EXPECT_EQ(copied_bytes(device) - before, 2 * pixels) << "the two images that lie with the host";
   std::vector<float> result(pixels);
   ASSERT_EQ(simsense_buffer_read(buffer.get(), 0, result.data(), pixels * 4), KS_OK) << simsense_last_error();
   EXPECT_EQ(result, expected);
@@ -346,12 +341,8 @@ TEST_P(EngineSubmission, GivesWhatComputeGivesOnceWaitedFor) {
   left.buffer = right.buffer = depth.buffer = handle;
   right.image.offset_bytes = width * height;
   depth.image.offset_bytes = 2 * width * height;
-  const simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, depth);
-  simsense_compute_desc desc = simsense_compute_desc_init();
-  desc.left = left;
-  desc.right = right;
-  desc.outputs = &output;
-  desc.output_count = 1;
+  const std::vector outputs{output_of(SIMSENSE_OUTPUT_DEPTH, depth)};
+  const simsense_compute_desc desc = request(left, right, outputs);
   ks_sync sync = ks_sync_init();
   ASSERT_EQ(simsense_engine_submit(engine.get(), &desc, &sync), KS_OK) << simsense_last_error();
   EXPECT_EQ(sync.kind, back_end == SIMSENSE_BACK_END_VULKAN ? KS_SYNC_TIMELINE : KS_SYNC_HOST);

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "simsense/simsense.h"
+#include "simsense/api/sensor.h"
 
 namespace simsense_test {
 
@@ -86,6 +86,12 @@ inline std::vector<uint8_t> render(const Plane& plane, const simsense_camera& c,
       image[size_t{v} * c.width + u] = static_cast<uint8_t>(std::fmin(255.0, 140 * sum / (samples * samples)));
     }
   return image;
+}
+
+inline constexpr double identity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+
+inline Pair photograph(const Plane& plane, const simsense_rig_desc& rig) {
+  return {render(plane, rig.left, identity), render(plane, rig.right, rig.left_to_right)};
 }
 
 }  // namespace simsense_test

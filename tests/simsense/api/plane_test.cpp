@@ -14,7 +14,6 @@ namespace {
 
 constexpr uint32_t width = 424, height = 240;
 constexpr double focal = 427.12;  // of a D435, whose image is twice as large
-constexpr double identity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 
 simsense_parameters near_parameters() {
   simsense_parameters p = simsense_parameters_init();
@@ -22,12 +21,8 @@ simsense_parameters near_parameters() {
   return p;
 }
 
-struct Pair {
-  std::vector<uint8_t> left, right;
-};
-
-Pair photograph(const Plane& plane, const simsense_rig_desc& rig) {
-  return {render(plane, rig.left, identity), render(plane, rig.right, rig.left_to_right)};
+std::vector<float> seen(const EngineHandle& engine, uint32_t output, const Pair& pair) {
+  return compute_one<float>(engine, output, pair, height, width, {height, width});
 }
 
 double median(std::vector<double> values) {
@@ -79,15 +74,19 @@ Plane tilted(double z, double degrees) {
 
 TEST(Plane, FrontoParallelComesBackAtItsDistance) {
   const simsense_rig_desc rig = ideal_rig(width, height, focal);
-  const EngineHandle engine = open_engine(rig, near_parameters());
-  const double limits[][2] = {{0.5, 0.005}, {1.0, 0.005}, {2.0, 0.01}};
-  for (const auto& [z, limit] : limits) {
+  struct Row {
+    double z, limit, least_fill;
+    simsense_signal signal = simsense_signal_init();
+  };
+  for (const auto& [z, limit, least_fill, signal] :
+       {Row{0.5, 0.005, 0.98}, Row{1.0, 0.005, 0.98}, Row{2.0, 0.01, 0.98}, Row{0.7, 0.005, 0.95, noisy_signal()}}) {
+    const EngineHandle engine = open_engine(rig, near_parameters(), signal);
     const Pair pair = photograph(facing(z), rig);
-    const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
+    const auto depth = seen(engine, SIMSENSE_OUTPUT_DEPTH, pair);
     const Agreement a = agreement(depth, rig.left, identity, facing(z));
     RecordProperty("median_error_" + std::to_string(z), std::to_string(a.median_error));
     EXPECT_LT(a.median_error, limit) << "at " << z << " m";
-    EXPECT_GT(a.fill, 0.98) << "at " << z << " m";
+    EXPECT_GT(a.fill, least_fill) << "at " << z << " m";
   }
 }
 
@@ -96,7 +95,7 @@ TEST(Plane, TiltedHasNoStairs) {
   const Plane plane = tilted(1.0, 40);
   const Pair pair = photograph(plane, rig);
   const EngineHandle engine = open_engine(rig, near_parameters());
-  const auto disparity = compute_one<float>(engine, SIMSENSE_OUTPUT_DISPARITY, pair.left, pair.right, height, width, {height, width});
+  const auto disparity = seen(engine, SIMSENSE_OUTPUT_DISPARITY, pair);
   constexpr size_t bins = 20;
   std::vector<double> residual[bins];  // by fractional part of the true disparity: a stair repeats with period 1
   for (uint32_t y = 8; y < height - 8; ++y)
@@ -117,7 +116,7 @@ TEST(Plane, ComesBackFromACrookedRigWithLenses) {
   const EngineHandle engine = open_engine(rig, near_parameters());
   double left_to_rectified[16];
   const simsense_camera rectified = rectified_camera(engine, left_to_rectified);
-  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
+  const auto depth = seen(engine, SIMSENSE_OUTPUT_DEPTH, pair);
   const Agreement a = agreement(depth, rectified, left_to_rectified, plane);
   EXPECT_LT(a.median_error, 0.005);
   EXPECT_GT(a.fill, 0.9);
@@ -162,25 +161,15 @@ TEST(Plane, ComesBackInTheRgbCameraBehindItsLens) {
   simsense_parameters parameters = near_parameters();
   parameters.depth_dilation = 1;
   const EngineHandle engine = open_engine(rig, parameters);
-  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH_RGB, pair.left, pair.right, height, width, {226, 400});
+  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH_RGB, pair, height, width, {226, 400});
   const Agreement a = agreement(depth, rig.rgb, rig.left_to_rgb, plane, 100);
   EXPECT_LT(a.median_error, 0.005);
   EXPECT_GT(a.fill, 0.85);
-  const auto points = compute_one<float>(engine, SIMSENSE_OUTPUT_POINTS, pair.left, pair.right, height, width, {226, 400, 3});
+  const auto points = compute_one<float>(engine, SIMSENSE_OUTPUT_POINTS, pair, height, width, {226, 400, 3});
   std::vector<double> distance;  // of each point from the plane
   const Vector n = rotated(rig.left_to_rgb, plane.normal), t{rig.left_to_rgb[3], rig.left_to_rgb[7], rig.left_to_rgb[11]};
   for (size_t i = 0; i < points.size(); i += 3)
     if (points[i + 2] > 0)
       distance.push_back(std::abs(dot(n, {points[i] - t[0], points[i + 1] - t[1], points[i + 2] - t[2]}) - plane.distance_m));
   EXPECT_LT(median(distance), 0.004);
-}
-
-TEST(Plane, IsFoundUnderTheImagersNoise) {
-  const simsense_rig_desc rig = ideal_rig(width, height, focal);
-  const Pair pair = photograph(facing(0.7), rig);
-  const EngineHandle engine = open_engine(rig, near_parameters(), noisy_signal());
-  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
-  const Agreement a = agreement(depth, rig.left, identity, facing(0.7));
-  EXPECT_LT(a.median_error, 0.005);
-  EXPECT_GT(a.fill, 0.95);
 }

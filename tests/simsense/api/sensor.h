@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -68,41 +69,62 @@ constexpr uint32_t format_of = std::is_same_v<T, uint8_t>    ? KS_FORMAT_U8
 
 /// A packed host image; shape without its leading ones.
 template <class T>
-simsense_image host_image(const std::vector<T>& pixels, std::vector<uint64_t> shape) {
+simsense_image host_image(const std::vector<T>& pixels, std::vector<uint64_t> shape, uint32_t format = format_of<T>) {
   simsense_image image{};
   image.host = const_cast<T*>(pixels.data());
-  image.image = ks_image_desc_packed(format_of<T>, static_cast<uint32_t>(shape.size()), shape.data());
+  image.image = ks_image_desc_packed(format, static_cast<uint32_t>(shape.size()), shape.data());
   return image;
 }
 
-inline simsense_output_desc output_of(uint32_t output, const simsense_image& image) {
-  simsense_output_desc desc{};
-  desc.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, sizeof desc);
-  desc.output = output;
-  desc.image = image;
-  return desc;
-}
+inline simsense_output_desc output_of(uint32_t output, const simsense_image& image) { return simsense_output_desc_init(output, image); }
 
-inline ks_status compute(const EngineHandle& engine, const simsense_image& left, const simsense_image& right,
-                         const std::vector<simsense_output_desc>& outputs) {
+/// The outputs must outlive it.
+inline simsense_compute_desc request(const simsense_image& left, const simsense_image& right,
+                                     const std::vector<simsense_output_desc>& outputs) {
   simsense_compute_desc desc = simsense_compute_desc_init();
   desc.left = left;
   desc.right = right;
   desc.outputs = outputs.data();
   desc.output_count = static_cast<uint32_t>(outputs.size());
+  return desc;
+}
+inline ks_status compute(const EngineHandle& engine, const simsense_image& left, const simsense_image& right,
+                         const std::vector<simsense_output_desc>& outputs) {
+  const simsense_compute_desc desc = request(left, right, outputs);
   return simsense_engine_compute(engine.get(), &desc);
 }
 
+/// A pair of packed 8-bit images.
+struct Pair {
+  std::vector<uint8_t> left, right;
+};
+
+inline void expect_text(const std::string& wanted) {
+  EXPECT_NE(std::string(simsense_last_error()).find(wanted), std::string::npos)
+      << "wanted '" << wanted << "' in '" << simsense_last_error() << "'";
+}
+inline void expect_refused(ks_status status, const std::string& text) {
+  EXPECT_EQ(status, KS_ERROR_INVALID_ARGUMENT) << text;
+  expect_text(text);
+}
+
+/// Something wrong with a struct, and what is said of it.
+template <class T>
+struct Fault {
+  const char* says;
+  void (*make)(T&);
+};
+
 /// One output of one pair of 8-bit images.
 template <class T>
-std::vector<T> compute_one(const EngineHandle& engine, uint32_t output, const std::vector<uint8_t>& left, const std::vector<uint8_t>& right,
-                           uint64_t height, uint64_t width, std::vector<uint64_t> shape) {
+std::vector<T> compute_one(const EngineHandle& engine, uint32_t output, const Pair& pair, uint64_t height, uint64_t width,
+                           std::vector<uint64_t> shape) {
   uint64_t count = 1;
   for (uint64_t n : shape) count *= n;
   std::vector<T> out(count, T(77));
-  EXPECT_EQ(
-      compute(engine, host_image(left, {height, width}), host_image(right, {height, width}), {output_of(output, host_image(out, shape))}),
-      KS_OK)
+  EXPECT_EQ(compute(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
+                    {output_of(output, host_image(out, shape))}),
+            KS_OK)
       << simsense_last_error();
   return out;
 }

@@ -16,12 +16,32 @@
 #include "simsense/match/volumes.h"
 #include "simsense/reference/match.h"
 
-using namespace simsense;
-
 namespace {
 
 using namespace simsense;
 using namespace simsense::reference;
+
+/// A disparity with its confidence and reason.
+struct Checked {
+  std::vector<float> disparity, confidence;
+  std::vector<MatchReason> reason;
+
+  explicit Checked(size_t pixels, float value = 0)
+      : disparity(pixels, value), confidence(pixels, 0.5f), reason(pixels, MatchReason::valid) {}
+  MatchMaps maps() {
+    MatchMaps out = disparity.data();
+    out.confidence = confidence.data();
+    out.reason = reason.data();
+    return out;
+  }
+  /// A pixel went for this reason, or stays with what it had.
+  void expect(size_t i, float before, MatchReason why) const {
+    const bool stays = why == MatchReason::valid;
+    ASSERT_EQ(disparity[i], stays ? before : -1.0f) << i;
+    ASSERT_EQ(reason[i], why) << i;
+    ASSERT_EQ(confidence[i], stays ? 0.5f : 0.0f) << i;
+  }
+};
 
 /// Islands found by flooding from each pixel in turn.
 std::vector<float> without_islands(std::vector<float> disparity, uint32_t width, float invalid, size_t max_size, float max_diff) {
@@ -73,20 +93,13 @@ TEST(SpeckleFilter, EqualsFlooding) {
 }
 
 TEST(SpeckleFilter, SlopeIsOneIslandAndNotesAreKept) {
-  std::vector<float> disparity(40 * 33), confidence(disparity.size(), 0.5f);
-  std::vector<MatchReason> reason(disparity.size(), MatchReason::valid);
-  for (size_t i = 0; i < disparity.size(); ++i) disparity[i] = static_cast<float>(i % 40);
-  disparity[5] = 90;
-  MatchMaps maps = disparity.data();
-  maps.confidence = confidence.data();
-  maps.reason = reason.data();
+  Checked slope(40 * 33);
+  for (size_t i = 0; i < slope.disparity.size(); ++i) slope.disparity[i] = static_cast<float>(i % 40);
+  slope.disparity[5] = 90;
   ks::ThreadPool workers(2);
-  SpeckleFilter().apply(maps, 40, 33, -1, 100, 1, workers);
-  for (size_t i = 0; i < disparity.size(); ++i) {
-    EXPECT_EQ(disparity[i], i == 5 ? -1.0f : static_cast<float>(i % 40));
-    EXPECT_EQ(reason[i], i == 5 ? MatchReason::speckle : MatchReason::valid);
-    EXPECT_EQ(confidence[i], i == 5 ? 0.0f : 0.5f);
-  }
+  SpeckleFilter().apply(slope.maps(), 40, 33, -1, 100, 1, workers);
+  for (size_t i = 0; i < slope.disparity.size(); ++i)
+    slope.expect(i, static_cast<float>(i % 40), i == 5 ? MatchReason::speckle : MatchReason::valid);
 }
 
 TEST(HoleFilling, ByHand) {
@@ -112,17 +125,13 @@ void expect_blank_squares_dropped(uint32_t width, uint32_t height, uint32_t spot
   std::vector<T> image(size_t{width} * height);
   for (T& count : image) count = static_cast<T>(40 + random() % 2);
   for (uint32_t i = 0; i < spots; ++i) image[random() % image.size()] = static_cast<T>(39 + random() % 4);  // 39 and 42 make a difference
-  std::vector<float> disparity(image.size(), 10.0f), confidence(image.size(), 0.5f);
-  for (float& d : disparity)
+  Checked checked(image.size(), 10);
+  for (float& d : checked.disparity)
     if (random() % 5 == 0) d = -1;
-  std::vector<MatchReason> reason(image.size(), MatchReason::valid);
-  const std::vector<float> before = disparity;
-  MatchMaps maps = disparity.data();
-  maps.confidence = confidence.data();
-  maps.reason = reason.data();
+  const std::vector<float> before = checked.disparity;
   ks::ThreadPool workers(threads);
   const ConstImage left{reinterpret_cast<const uint8_t*>(image.data()), static_cast<ptrdiff_t>(width), sizeof(T)};
-  TextureCheck().apply({2}, left, width, height, maps, -1, workers);
+  TextureCheck().apply({2}, left, width, height, checked.maps(), -1, workers);
   std::vector<bool> drops(image.size());
   const auto around = [&](uint32_t i, uint32_t far, const auto& visit) {
     const uint32_t x = i % width, y = i / width;
@@ -138,9 +147,7 @@ void expect_blank_squares_dropped(uint32_t width, uint32_t height, uint32_t spot
   for (uint32_t i = 0; i < image.size(); ++i) {
     const bool goes = drops[i] && before[i] >= 0;
     dropped += goes;
-    ASSERT_EQ(disparity[i], goes ? -1.0f : before[i]) << "x " << i % width << " y " << i / width << " of " << width << "x" << height;
-    ASSERT_EQ(reason[i], goes ? MatchReason::low_texture : MatchReason::valid);
-    ASSERT_EQ(confidence[i], goes ? 0.0f : 0.5f);
+    checked.expect(i, before[i], goes ? MatchReason::low_texture : MatchReason::valid);
   }
   EXPECT_GT(dropped, image.size() / 50);
   EXPECT_LT(dropped, image.size() * 3 / 4);
@@ -155,24 +162,18 @@ TEST(Texture, PixelsInsideOfABlankSquareAreDropped) {
 
 TEST(Edges, BothSidesOfAStepGoAndWhatIsMatchedAtTheRightImagesEdges) {
   constexpr uint32_t width = 40, height = 9;
-  std::vector<float> disparity(width * height), confidence(width * height, 0.5f);
-  std::vector<MatchReason> reason(width * height, MatchReason::valid);
-  for (uint32_t i = 0; i < width * height; ++i) disparity[i] = i % width < 20 ? 10.0f : 12.5f;
-  disparity[4 * width + 30] = -1;  // a hole is no step
-  MatchMaps maps = disparity.data();
-  maps.confidence = confidence.data();
-  maps.reason = reason.data();
+  Checked step(width * height);
+  for (uint32_t i = 0; i < width * height; ++i) step.disparity[i] = i % width < 20 ? 10.0f : 12.5f;
+  step.disparity[4 * width + 30] = -1;  // a hole is no step
   ks::ThreadPool workers(3);
-  EdgeCheck().apply({.step_px = 2, .border_px = 3}, maps, width, height, -1, workers);
+  EdgeCheck().apply({.step_px = 2, .border_px = 3}, step.maps(), width, height, -1, workers);
   for (uint32_t i = 0; i < width * height; ++i) {
     const uint32_t x = i % width;
     const bool is_outside = x < 13, is_step = x == 19 || x == 20;  // the right edge is beyond every match
     if (i == 4 * width + 30) continue;
-    ASSERT_EQ(disparity[i], is_outside || is_step ? -1.0f : x < 20 ? 10.0f : 12.5f) << x;
-    ASSERT_EQ(reason[i], is_outside ? MatchReason::outside : is_step ? MatchReason::not_unique : MatchReason::valid);
-    ASSERT_EQ(confidence[i], is_outside || is_step ? 0.0f : 0.5f);
+    step.expect(i, x < 20 ? 10.0f : 12.5f, is_outside ? MatchReason::outside : is_step ? MatchReason::not_unique : MatchReason::valid);
   }
-  std::fill(disparity.begin(), disparity.end(), 0.0f);
+  std::vector<float> disparity(width * height);
   EdgeCheck().apply({.step_px = 0, .border_px = 2}, disparity.data(), width, height, -1, workers);
   for (uint32_t x = 0; x < width; ++x) ASSERT_EQ(disparity[x], x < 2 || x >= width - 2 ? -1.0f : 0.0f) << x;
 }

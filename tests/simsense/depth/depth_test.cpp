@@ -87,13 +87,8 @@ TEST(Points, ProjectBackToTheirPixels) {
   const auto depth = sample_depth(c);
   expect_projection(c, depth, points_of(PixelRays(c), depth, 64));
   expect_projection(c, depth, points_of(PixelRays(pinhole(c), 64, 48), depth, 64));
-}
-
-TEST(Points, ProjectBackThroughALens) {
-  simsense_camera c = camera(64, 48, 50);
   const double lens[8] = {-0.15, 0.05, 1e-3, -5e-4, 0.01, 0.05, -0.02, 0.01};
   for (int i = 0; i < 8; ++i) c.lens.distortion[i] = lens[i];
-  const auto depth = sample_depth(c);
   expect_projection(c, depth, points_of(PixelRays(c), depth, 64));
 }
 

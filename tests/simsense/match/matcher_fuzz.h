@@ -37,6 +37,22 @@ void expect_same(const std::vector<T>& expected, const std::vector<T>& actual, s
                 << static_cast<float>(*e) << ", got " << static_cast<float>(*a);
 }
 
+inline void expect_same(const Match& expected, const Match& actual, size_t width, const std::string& what) {
+  expect_same(expected.disparity, actual.disparity, width, what + ": disparity");
+  expect_same(expected.confidence, actual.confidence, width, what + ": confidence");
+  expect_same(expected.reason, actual.reason, width, what + ": reason");
+}
+
+/// The largest sums of costs that 16 bits hold.
+inline MatchParameters widest_sums() {
+  MatchParameters p;
+  p.p2 = 223;
+  p.block_width = 15, p.block_height = 17;
+  p.census_width = 65, p.census_height = 1;
+  p.max_disparity = 40;
+  return p;
+}
+
 class Fuzz {
  public:
   explicit Fuzz(unsigned seed) : random_(seed) {}

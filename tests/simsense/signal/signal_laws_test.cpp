@@ -19,6 +19,27 @@ double relative_error_of_variance(double excess_kurtosis = 0) { return 5 * std::
 
 double mean_of_field(const std::vector<double>& counts) { return std::accumulate(counts.begin(), counts.end(), 0.0) / field_pixels; }
 
+simsense_signal sixteen_bits() {
+  simsense_signal s = simsense_signal_init();
+  s.bit_depth = 16;
+  return s;
+}
+
+/// Values spread evenly from `low` on over `range`, in no order.
+std::vector<float> spread_over(double low, double range) {
+  std::vector<float> image(static_cast<size_t>(field_pixels));
+  for (size_t i = 0; i < image.size(); ++i)
+    image[i] = static_cast<float>(low + std::fmod(static_cast<double>(i) * 0.6180339887, 1.0) * range);
+  return image;
+}
+
+/// Counts less the light that they are of.
+Moments errors_of(const simsense_signal& signal, const std::vector<float>& light) {
+  std::vector<double> errors = measure(signal, {}, light);
+  for (size_t i = 0; i < light.size(); ++i) errors[i] -= double{light[i]};
+  return moments(errors);
+}
+
 /// Standard deviations of the means of rows and of columns.
 std::pair<double, double> line_deviations(const std::vector<double>& counts) {
   std::vector<double> rows(field_height), columns(field_width);
@@ -33,6 +54,12 @@ struct Sigma {
   const char* name;
   float simsense_signal::*field;
   bool is_fixed;
+
+  /// Two frames have the same noise, or noise that is not correlated.
+  void expect_kind(const std::vector<double>& first, const std::vector<double>& second, double limit) const {
+    EXPECT_EQ(first == second, is_fixed);
+    EXPECT_TRUE(is_fixed || std::abs(correlation(first, second)) < limit);
+  }
 };
 
 /// Counts of one bright spot, a rectangle of `value`, on a field of `light`.
@@ -49,8 +76,7 @@ class ShotNoise : public testing::TestWithParam<float> {};
 
 TEST_P(ShotNoise, HasThePoissonLaw) {
   const double mean = GetParam();
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
+  simsense_signal s = sixteen_bits();
   s.shot_noise = 1;
   const auto counts = flat(s, GetParam());
   const Moments m = moments(counts);
@@ -67,8 +93,7 @@ TEST_P(ShotNoise, HasThePoissonLaw) {
 INSTANTIATE_TEST_SUITE_P(Means, ShotNoise, testing::Values(0.2f, 1.0f, 4.5f, 9.9f, 10.1f, 40.0f, 1000.0f, 40000.0f));
 
 TEST(ShotNoiseAmount, ScalesTheDeviation) {
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
+  simsense_signal s = sixteen_bits();
   for (const float amount : {0.5f, 3.0f}) {
     s.shot_noise = amount;
     const double variance = amount * amount * light_e;
@@ -87,10 +112,7 @@ TEST_P(ReadoutNoise, HasItsDeviationAndIsFixedOrTemporal) {
   EXPECT_NEAR(m.mean, 100 * 20 + 1000, 5 * 4 * unit / std::sqrt(field_pixels) + 0.01);
   EXPECT_NEAR(std::sqrt(m.variance - 1.0 / 12), 4 * unit, 4 * unit * relative_error_of_variance() / 2);
   EXPECT_LT(std::abs(correlation(first, other_sensor)), correlation_limit);
-  if (GetParam().is_fixed)
-    EXPECT_EQ(first, second);
-  else
-    EXPECT_LT(std::abs(correlation(first, second)), correlation_limit);
+  GetParam().expect_kind(first, second, correlation_limit);
 }
 
 INSTANTIATE_TEST_SUITE_P(Stages, ReadoutNoise,
@@ -110,10 +132,7 @@ TEST_P(LineNoise, IsSharedByWholeLinesAndFixedOrTemporal) {
   const double lines = is_row ? field_height : field_width;
   EXPECT_NEAR(is_row ? rows : columns, 80, 5 * 80 / std::sqrt(2 * lines));
   EXPECT_LT(is_row ? columns : rows, 1e-6) << "across the lines nothing changes";
-  if (sigma.is_fixed)
-    EXPECT_EQ(first, second);
-  else
-    EXPECT_LT(std::abs(correlation(first, second)), 5 / std::sqrt(lines));
+  sigma.expect_kind(first, second, 5 / std::sqrt(lines));
 }
 
 INSTANTIATE_TEST_SUITE_P(Stages, LineNoise,
@@ -168,8 +187,7 @@ TEST(DarkSignal, GrowsWithTimeAndDoublesWithTemperature) {
 }
 
 TEST(DarkSignal, HasShotNoise) {
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
+  simsense_signal s = sixteen_bits();
   s.dark_current_e_per_s = 500;
   s.shot_noise = 1;
   EXPECT_NEAR(moments(flat(s, 0)).variance / 500, 1, relative_error_of_variance());
@@ -194,8 +212,7 @@ TEST(HotPixels, AreAFixedShareOfExponentialStrength) {
 }
 
 TEST(FullWell, CutsChargeAndItsNoise) {
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
+  simsense_signal s = sixteen_bits();
   s.shot_noise = 1;
   s.full_well_e = 5000;
   const Moments full = moments(flat(s, 6000)), half = moments(flat(s, 5000));
@@ -205,8 +222,7 @@ TEST(FullWell, CutsChargeAndItsNoise) {
 }
 
 TEST(Blooming, ConservesCharge) {
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
+  simsense_signal s = sixteen_bits();
   s.full_well_e = 1000;
   s.blooming = 1;
   const auto counts = spot(s, 300, 5000, 3, 7);
@@ -220,23 +236,16 @@ TEST(Blooming, ConservesCharge) {
   EXPECT_EQ(at(101, 200 - 21), 300);
   EXPECT_EQ(at(101, 206 + 20), 1000);
   EXPECT_EQ(at(101, 206 + 21), 300);
-}
-
-TEST(Blooming, LosesWhatTheDrainTakes) {
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
-  s.full_well_e = 1000;
-  s.blooming = 0.25f;
-  const auto counts = spot(s, 0, 9000, 1, 1);
-  EXPECT_NEAR(std::accumulate(counts.begin(), counts.end(), 0.0), 1000 + 0.25 * 8000, 1);
+  s.blooming = 0.25f;  // the drain takes the rest
+  const auto drained = spot(s, 0, 9000, 1, 1);
+  EXPECT_NEAR(std::accumulate(drained.begin(), drained.end(), 0.0), 1000 + 0.25 * 8000, 1);
 }
 
 TEST(Response, IsMonotoneAndInvertible) {
   std::vector<float> ramp(static_cast<size_t>(field_pixels));
   for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = 65535.0f * static_cast<float>(i) / static_cast<float>(ramp.size() - 1);
   for (const float exponent : {0.45f, 0.8f, 1.3f, 2.2f}) {
-    simsense_signal s = simsense_signal_init();
-    s.bit_depth = 16;
+    simsense_signal s = sixteen_bits();
     s.response_exponent = exponent;
     const auto counts = measure(s, {}, ramp);
     EXPECT_TRUE(std::is_sorted(counts.begin(), counts.end()));
@@ -262,13 +271,7 @@ TEST(Quantisation, AddsATwelfthAtEveryBitDepth) {
     simsense_signal s = simsense_signal_init();
     s.bit_depth = bits;
     const double full_scale = std::pow(2.0, bits) - 1;
-    std::vector<float> ramp(static_cast<size_t>(field_pixels));
-    for (size_t i = 0; i < ramp.size(); ++i)
-      ramp[i] = static_cast<float>(std::fmod(static_cast<double>(i) * 0.6180339887, 1.0) * full_scale);
-    const auto counts = measure(s, {}, ramp);
-    std::vector<double> errors;
-    for (size_t i = 0; i < ramp.size(); ++i) errors.push_back(counts[i] - double{ramp[i]});
-    const Moments m = moments(errors);
+    const Moments m = errors_of(s, spread_over(0, full_scale));
     EXPECT_NEAR(m.mean, 0, 5 * std::sqrt(1 / (12 * field_pixels))) << bits;
     EXPECT_NEAR(m.variance * 12, 1, 0.01) << bits;
     EXPECT_EQ(flat(s, 1e6f)[0], full_scale) << bits;
@@ -279,11 +282,7 @@ TEST(PresetD435, HasTheMeasuredVarianceLaw) {
   const simsense_signal s = signal_preset("d435");
   for (const float dn : {20.0f, 60.0f, 146.0f}) {
     // Means spread over one count, as a smooth scene's are, so that steps add their twelfth.
-    std::vector<float> image(static_cast<size_t>(field_pixels));
-    for (size_t i = 0; i < image.size(); ++i) image[i] = dn + static_cast<float>(std::fmod(static_cast<double>(i) * 0.6180339887, 1.0));
-    const auto counts = measure(s, {}, image);
-    std::vector<double> errors;
-    for (size_t i = 0; i < image.size(); ++i) errors.push_back(counts[i] - double{image[i]});
-    EXPECT_NEAR(moments(errors).variance, 0.00497 * (dn + 0.5) + 0.01 + 1.0 / 12, 0.03 * (0.00497 * dn + 0.1)) << dn;
+    const double variance = errors_of(s, spread_over(double{dn}, 1)).variance;
+    EXPECT_NEAR(variance, 0.00497 * (dn + 0.5) + 0.01 + 1.0 / 12, 0.03 * (0.00497 * dn + 0.1)) << dn;
   }
 }

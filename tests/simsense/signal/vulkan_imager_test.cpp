@@ -19,10 +19,7 @@ namespace {
 constexpr uint32_t width = 101, height = 43, pixels = width * height;
 const NoiseKey key{5, 9, 4, 2, 1};
 
-const std::shared_ptr<ks::Device>& device() {
-  static const std::shared_ptr<ks::Device> opened = ks::test::best_device();
-  return opened;
-}
+const auto device = ks::test::shared_best_device;
 
 ImageRef packed_ref(const ks::Buffer& buffer, uint32_t format, uint32_t w, uint32_t h) {
   return {buffer.address(), format, 0, static_cast<int>(w * h), static_cast<int>(w), 1, 0};
