@@ -45,7 +45,7 @@ TEST(Camera, near_and_far_cut_by_z) {
   kuafu_view_desc lens = view;  // planes of z they stay
   lens.camera.lens_radius_m = 0.2;
   lens.camera.focus_m = INFINITY;
-  lens.camera.lens.distortion[0] = -0.1;
+  lens.camera.lens.distortion[0] = -0.02;
   for (const float l : world.radiance(lens).values) ASSERT_NEAR(l, 2.0f, 1e-5);
   view.camera.near_m = 0;
   view.camera.far_m = 0.9;

@@ -168,8 +168,8 @@ void expect_the_triangles(const std::string& name, const std::string& text) {
   SCOPED_TRACE(text);
   const Loaded loaded = load_path(folder / name);
   const std::vector<Triangle> found = triangles_of(loaded.scene);
-  if (loaded.scene.materials().ids().empty())
-    EXPECT_EQ(loaded.scene.instances()[0].materials, std::vector<uint32_t>{none}) << "it is the default one";
+  const uint32_t material = loaded.scene.meshes()[0].colors.empty() ? none : 0;
+  EXPECT_EQ(loaded.scene.instances()[0].materials, std::vector<uint32_t>{material}) << "without colours, the default one";
   ASSERT_EQ(found.size(), expected.size());
   for (size_t t = 0; t < found.size(); ++t)
     for (size_t k = 0; k < 3; ++k)
