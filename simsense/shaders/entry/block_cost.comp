@@ -76,8 +76,7 @@ void main() {
   [[unroll]] for (uint c = 0u; c < thread_columns; ++c) sums[c] = uvec4(0u);
   for (int y = first_row - reach; y <= first_row + reach; ++y) add_row(x, y, lane_start, 1u);
   for (int y = first_row; y < end_row; ++y) {
-    if (column < group_columns)
-      [[unroll]] for (uint c = 0u; c < thread_columns; ++c) column_sums[(column + c) * group_parts + group_part] = sums[c];
+    [[unroll]] for (uint c = 0u; c < thread_columns; ++c) column_sums[(column + c) * group_parts + group_part] = sums[c];
     barrier();
     store_blocks(out_x, end_x, group_part, (gl_WorkGroupID.z * push.height + uint(y)) * push.width, part);
     barrier();

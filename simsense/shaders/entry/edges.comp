@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// No measurement beside a step of disparity or at the right image's edges (cpu/checks/edges.h): pixels are marked, then dropped.
+// No measurement beside a step of disparity or at the right image's edges (cpu/checks/checks.h): pixels are marked, then dropped.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/clean.glsl"

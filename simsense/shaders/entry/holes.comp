@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hole filling along rows (cpu/checks/holes.h) in two passes: each hole's guess beside the disparities, then over them.
+// Hole filling along rows (cpu/checks/checks.h) in two passes: each hole's guess beside the disparities, then over them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/clean.glsl"

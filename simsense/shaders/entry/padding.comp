@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// No measurement where a rectified pixel lies outside its source image (cpu/checks/padding.h).
+// No measurement where a rectified pixel lies outside its source image (cpu/checks/checks.h).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/clean.glsl"

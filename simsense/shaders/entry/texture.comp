@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// No measurement where the left image shows nothing (cpu/checks/texture.h): blank squares are found, then what lies
+// No measurement where the left image shows nothing (cpu/checks/checks.h): blank squares are found, then what lies
 // inside of them along rows, and with that along columns is dropped.
 #version 460
 #extension GL_GOOGLE_include_directive : require

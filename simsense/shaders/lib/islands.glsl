@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Islands of the speckle filter (cpu/checks/speckle.h) by a union-find that all pixels build at once: parents only ever move to smaller
+// Islands of the speckle filter (cpu/checks/checks.h) by a union-find that all pixels build at once: parents only ever move to smaller
 // pixels of the same island (Playne and Hawick, A new algorithm for parallel connected-component labelling on GPUs, IEEE TPDS 29(6), 2018),
 // so that the islands do not depend on the order. Wants PARENT(i) and DISPARITY(i), of a tile or of the images.
 #ifndef SIMSENSE_ISLANDS_GLSL

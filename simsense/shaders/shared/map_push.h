@@ -5,7 +5,7 @@
 #include "shared/choices.h"
 #include "shared/depth_push.h"
 
-// Sizes of the check of texture (src/checks/texture.h), pixels.
+// Sizes of the check of texture (src/checks/checks.h), pixels.
 #define TEXTURE_SIDE 31u
 #define TEXTURE_EDGE 5u
 
@@ -35,7 +35,7 @@ struct PlacePush {
   float invalid;
 };
 
-/// The check for too little texture of the left image (cpu/checks/texture.h).
+/// The check for too little texture of the left image (cpu/checks/checks.h).
 struct TexturePush {
   MapFloats disparity, confidence;  // [pairs][height][width]
   BytesAddress reason;
@@ -49,7 +49,7 @@ struct TexturePush {
   float invalid;
 };
 
-/// Why pixels have no depth (cpu/checks/reason.h).
+/// Why pixels have no depth (cpu/checks/checks.h).
 struct ReasonPush {
   DepthBlockAddress block;
   DepthFloats disparity;

@@ -5,7 +5,6 @@
 
 #include "cpu/checks/median.h"
 #include "cpu/sgm/progress.h"
-#include "device/thread_pool.h"
 
 namespace simsense {
 

@@ -4,14 +4,10 @@
 #include <algorithm>
 #include <limits>
 
-#include "cpu/checks/holes.h"
-#include "cpu/checks/padding.h"
-#include "cpu/checks/reason.h"
+#include "cpu/checks/checks.h"
 #include "cpu/depth/depth.h"
-#include "cpu/depth/points.h"
 #include "cpu/rectify/remap.h"
 #include "cpu/signal/imager.h"
-#include "device/thread_pool.h"
 
 namespace simsense {
 namespace {

@@ -7,9 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "cpu/checks/edges.h"
-#include "cpu/checks/speckle.h"
-#include "cpu/checks/texture.h"
+#include "cpu/checks/checks.h"
 #include "cpu/frame.h"
 #include "cpu/matcher.h"
 #include "cpu/registration/registration.h"

@@ -27,7 +27,7 @@ enum class Subpixel : uint8_t {
   lucas_kanade = SUBPIXEL_LUCAS_KANADE,  // the same, and after the median the counts themselves decide (match/refine.h): no pull
 };
 
-/// The value that an invalid pixel takes from its row (cpu/checks/holes.h).
+/// The value that an invalid pixel takes from its row (cpu/checks/checks.h).
 enum class HoleFilling : uint8_t {
   keep = HOLES_KEEP,
   left = HOLES_LEFT,              // the valid pixel to the left: what a left camera's occlusions border on

@@ -10,14 +10,11 @@
 #include <memory>
 #include <vector>
 
+#include "device/thread_pool.h"
 #include "ks/log.h"
 #include "match/choices.h"
 #include "parameters/match_fields.h"
 #include "shared/detection_push.h"
-
-namespace ks {
-class ThreadPool;
-}
 
 namespace simsense {
 
@@ -62,6 +59,12 @@ struct MatchMaps {
   float* disparity = nullptr;     // pixels; invalid: MatchParameters::invalid_disparity(), -1 by default
   float* confidence = nullptr;    // if wanted: 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner; 0..1
   MatchReason* reason = nullptr;  // if wanted
+  /// Takes a pixel's measurement away.
+  void reject(size_t pixel, float invalid, MatchReason why) const {
+    disparity[pixel] = invalid;
+    if (reason) reason[pixel] = why;
+    if (confidence) confidence[pixel] = 0;
+  }
   MatchMaps(float* disparities) : disparity(disparities) {}  // implicit: disparities alone are the usual wish
 };
 

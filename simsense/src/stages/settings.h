@@ -4,9 +4,7 @@
 
 #include <span>
 
-#include "checks/edges.h"
-#include "checks/reason.h"
-#include "checks/texture.h"
+#include "checks/checks.h"
 #include "depth/depth.h"
 #include "match/region.h"
 #include "signal/imager.h"

@@ -7,11 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "cpu/checks/edges.h"
-#include "cpu/checks/holes.h"
-#include "cpu/checks/reason.h"
-#include "cpu/checks/speckle.h"
-#include "cpu/checks/texture.h"
+#include "cpu/checks/checks.h"
 #include "device/thread_pool.h"
 #include "simsense/match/volumes.h"
 #include "simsense/reference/match.h"

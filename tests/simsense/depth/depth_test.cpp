@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "cpu/depth/depth.h"
-#include "cpu/depth/points.h"
 #include "device/thread_pool.h"
 #include "simsense/reference/camera.h"
 #include "simsense/rig_samples.h"

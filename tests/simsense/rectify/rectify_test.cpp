@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "cpu/checks/padding.h"
+#include "cpu/checks/checks.h"
 #include "cpu/rectify/remap.h"
 #include "device/error.h"
 #include "device/thread_pool.h"

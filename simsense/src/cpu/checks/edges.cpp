@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/checks/edges.h"
+#include "cpu/checks/checks.h"
 
 #include <algorithm>
 #include <cmath>
-
-#include "device/thread_pool.h"
 
 namespace simsense {
 
@@ -33,9 +31,7 @@ void EdgeCheck::apply(const EdgeParameters& p, const MatchMaps& maps, uint32_t w
       if (d == invalid) continue;
       const bool is_outside = is_at_border(x, d);
       if (!is_outside && !is_at_step(x, y, d)) continue;
-      maps.disparity[at] = invalid;
-      if (maps.reason) maps.reason[at] = is_outside ? MatchReason::outside : MatchReason::not_unique;
-      if (maps.confidence) maps.confidence[at] = 0;
+      maps.reject(at, invalid, is_outside ? MatchReason::outside : MatchReason::not_unique);
     }
   });
 }

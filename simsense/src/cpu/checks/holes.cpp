@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/checks/holes.h"
+#include "cpu/checks/checks.h"
 
 #include <algorithm>
-
-#include "device/thread_pool.h"
 
 namespace simsense {
 namespace {

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/checks/padding.h"
-
-#include "device/thread_pool.h"
+#include "cpu/checks/checks.h"
 
 namespace simsense {
 
@@ -10,9 +8,7 @@ void invalidate_outside(const RemapTable& table, const MatchMaps& maps, float in
   workers.parallel_for(table.height, [&](size_t y) {
     for (size_t i = y * table.width; i < (y + 1) * table.width; ++i) {
       if (table.x[i] >= 0 && table.y[i] >= 0 && table.x[i] <= last_x && table.y[i] <= last_y) continue;
-      maps.disparity[i] = invalid;
-      if (maps.reason) maps.reason[i] = MatchReason::not_computed;
-      if (maps.confidence) maps.confidence[i] = 0;
+      maps.reject(i, invalid, MatchReason::not_computed);
     }
   });
 }

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/checks/speckle.h"
+#include "cpu/checks/checks.h"
 
 #include <algorithm>
 #include <cmath>
-
-#include "device/thread_pool.h"
 
 namespace simsense {
 
@@ -54,9 +52,7 @@ void SpeckleFilter::apply(const MatchMaps& maps, uint32_t width, uint32_t height
   workers.parallel_for(height, [&](size_t y) {
     for (size_t i = y * width; i < (y + 1) * width; ++i) {
       if (maps.disparity[i] == invalid || size_[parent_[i]] > max_size) continue;
-      maps.disparity[i] = invalid;
-      if (maps.reason) maps.reason[i] = MatchReason::speckle;
-      if (maps.confidence) maps.confidence[i] = 0;
+      maps.reject(i, invalid, MatchReason::speckle);
     }
   });
 }

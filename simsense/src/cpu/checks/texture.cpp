@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/checks/texture.h"
+#include "cpu/checks/checks.h"
 
 #include <algorithm>
 #include <limits>
-
-#include "device/thread_pool.h"
 
 namespace simsense {
 namespace {
@@ -71,9 +69,7 @@ void drop_rows(const uint8_t* blank, size_t width, size_t height, Rows rows, con
     for (size_t x = 0; x < width; ++x) {
       const size_t at = y * width + x;
       if (!drops[x] || maps.disparity[at] == invalid) continue;
-      maps.disparity[at] = invalid;
-      if (maps.reason) maps.reason[at] = MatchReason::low_texture;
-      if (maps.confidence) maps.confidence[at] = 0;
+      maps.reject(at, invalid, MatchReason::low_texture);
     }
   }
 }

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "cpu/refine/images.h"
-#include "device/thread_pool.h"
 #include "match/detection.h"
 
 namespace simsense::cpu {
@@ -147,12 +146,6 @@ class Window {
   std::vector<int32_t> columns_[kinds], sums_[kinds];  // over the rows of a window, with its reach beyond both ends; over all of it
 };
 
-void refuse(const MatchMaps& maps, size_t at, float invalid) {
-  maps.disparity[at] = invalid;
-  if (maps.confidence) maps.confidence[at] = 0;
-  if (maps.reason) maps.reason[at] = MatchReason::low_texture;
-}
-
 /// bare: [height][width], 1 where the window fails, not where it has no disparities at all.
 void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps, uint8_t* bare) {
   const uint32_t side = p.detection_side();
@@ -169,7 +162,7 @@ void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t
       const DetectionSums sums = window.at(x);
       const bool fails = !detects(sums, p.min_detection_sigma, detection_most_matched(side));
       bare[at] = fails && (is_found || sums.pixels > 0) ? 1 : 0;
-      if (fails && is_found) refuse(maps, at, pair.invalid);
+      if (fails && is_found) maps.reject(at, pair.invalid, MatchReason::low_texture);
     }
   }
 }
@@ -223,7 +216,8 @@ void close_band(const Pair& pair, const uint8_t* bare, size_t reach, size_t begi
     if (y > first + reach) near.drop(y - reach - 1);
     for (; next < std::min(pair.height, y + reach + 1); ++next) near.add(next);
     for (size_t x = 0; x < pair.width; ++x)
-      if (near.at(x) && maps.disparity[y * pair.width + x] != pair.invalid) refuse(maps, y * pair.width + x, pair.invalid);
+      if (near.at(x) && maps.disparity[y * pair.width + x] != pair.invalid)
+        maps.reject(y * pair.width + x, pair.invalid, MatchReason::low_texture);
   }
 }
 

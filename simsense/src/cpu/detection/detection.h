@@ -8,10 +8,6 @@
 
 #include "match/matcher.h"
 
-namespace ks {
-class ThreadPool;
-}
-
 namespace simsense::cpu {
 
 class DetectionCheck {

@@ -160,8 +160,6 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 #include <tuple>
 
-#include "device/thread_pool.h"
-
 namespace simsense::cpu {
 namespace {
 

@@ -7,10 +7,6 @@
 
 #include "match/matcher.h"
 
-namespace ks {
-class ThreadPool;
-}
-
 namespace simsense::cpu {
 
 class Refinement {

@@ -6,8 +6,6 @@
 #include <bit>
 #include <cmath>
 
-#include "device/thread_pool.h"
-
 namespace simsense {
 namespace {
 constexpr int32_t nothing = 0x7f800000;  // bits of +infinity

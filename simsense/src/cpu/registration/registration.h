@@ -8,11 +8,8 @@
 #include <vector>
 
 #include "depth/depth.h"
+#include "device/thread_pool.h"
 #include "registration/projection.h"
-
-namespace ks {
-class ThreadPool;
-}
 
 namespace simsense {
 

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <array>
 
-#include "device/thread_pool.h"
-
 namespace simsense::cpu {
 namespace {
 

@@ -5,9 +5,7 @@
 
 #include <cstddef>
 
-namespace ks {
-class ThreadPool;
-}
+#include "device/thread_pool.h"
 
 namespace simsense::cpu {
 

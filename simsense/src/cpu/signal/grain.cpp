@@ -2,7 +2,6 @@
 #include "cpu/signal/grain.h"
 
 #include "cpu/signal/rows.h"
-#include "device/thread_pool.h"
 #include "signal/imager.h"
 
 namespace simsense::cpu {

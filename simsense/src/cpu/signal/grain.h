@@ -3,11 +3,8 @@
 #pragma once
 
 #include "cpu/simd/buffer.h"
+#include "device/thread_pool.h"
 #include "signal/key.h"
-
-namespace ks {
-class ThreadPool;
-}
 
 namespace simsense::cpu {
 

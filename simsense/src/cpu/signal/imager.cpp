@@ -9,7 +9,6 @@
 #include "cpu/signal/rows.h"
 #include "cpu/simd/buffer.h"
 #include "device/error.h"
-#include "device/thread_pool.h"
 #include "ks/image.h"
 
 namespace simsense::cpu {

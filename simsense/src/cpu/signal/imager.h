@@ -5,13 +5,10 @@
 
 #include <optional>
 
+#include "device/thread_pool.h"
 #include "image/view.h"
 #include "signal/imager.h"
 #include "signal/key.h"
-
-namespace ks {
-class ThreadPool;
-}
 
 namespace simsense::cpu {
 
