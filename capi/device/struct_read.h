@@ -41,6 +41,13 @@ template <class T>
   return out;
 }
 
+/// Reads element i of an array of structs, whose stride is the caller's: its header may be older or newer than ours.
+template <class T>
+[[nodiscard]] T read_element(const T* first, uint32_t i, uint32_t type, const char* name) {
+  const size_t stride = check_header(first, type, name)->size_bytes;
+  return read_struct(reinterpret_cast<const T*>(reinterpret_cast<const unsigned char*>(first) + i * stride), type, name);
+}
+
 /// Writes our struct to the caller's initialised one, up to the length that both know; the rest of the caller's becomes zero.
 template <class T>
 void write_struct(T* to, const T& value, uint32_t type, const char* name) {

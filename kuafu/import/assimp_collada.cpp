@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "import/assimp_collada.h"
+
 #include <array>
 #include <pugixml.hpp>
 #include <string>
@@ -7,7 +9,6 @@
 #include <vector>
 
 #include "device/error.h"
-#include "import/assimp_guard.h"
 
 namespace kuafu {
 namespace {

@@ -9,8 +9,8 @@
 #include <new>
 
 #include "device/error.h"
+#include "import/assimp_collada.h"
 #include "import/assimp_files.h"
-#include "import/assimp_guard.h"
 #include "import/assimp_material.h"
 #include "import/phong_textures.h"
 
@@ -45,6 +45,24 @@ Mesh read_mesh(const aiMesh& from, size_t index) {
     mesh.indices.emplace_back(face.mIndices[0], face.mIndices[1], face.mIndices[2]);
   }
   return mesh;
+}
+
+/// Checks what assimp has read, before triangulation, as assimp 5.2.5 trusts it and then crashes: every face has corners that are vertices
+/// of its mesh, and every material exists.
+void check_read(const aiScene& file) {
+  for (unsigned m = 0; m < file.mNumMeshes; ++m) {
+    const aiMesh& mesh = *file.mMeshes[m];
+    if (mesh.mMaterialIndex >= file.mNumMaterials)
+      ks::fail(KS_ERROR_FILE, "mesh '%s' has material %u of %u", mesh.mName.C_Str(), mesh.mMaterialIndex, file.mNumMaterials);
+    for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
+      const aiFace& face = mesh.mFaces[f];
+      if (face.mNumIndices == 0) ks::fail(KS_ERROR_FILE, "mesh '%s': face %u has no corners", mesh.mName.C_Str(), f);
+      for (unsigned k = 0; k < face.mNumIndices; ++k)
+        if (face.mIndices[k] >= mesh.mNumVertices)
+          ks::fail(KS_ERROR_FILE, "mesh '%s': face %u uses vertex %u, but there are %u vertices", mesh.mName.C_Str(), f, face.mIndices[k],
+                   mesh.mNumVertices);
+    }
+  }
 }
 
 /// assimp catches what it throws itself, lack of memory among it.

@@ -7,8 +7,7 @@
 
 #include "device/error.h"
 #include "import/gltf_attributes.h"
-#include "import/gltf_deform.h"
-#include "import/gltf_tangents.h"
+#include "import/gltf_vertices.h"
 
 namespace kuafu {
 namespace {

@@ -20,41 +20,33 @@ constexpr size_t most_header_lines = 1000;
 /// Meanings of the properties of vertices and faces: numbers, then lists.
 struct Role {
   enum Kind : size_t { x, y, z, nx, ny, nz, red, green, blue, alpha, u, v, image, numbers, corners = numbers, uvs, none };
-  View name;
-  Kind kind;
 };
 constexpr size_t list_kinds = Role::none - Role::numbers;
-constexpr std::array role_names = {
-    Role{"x", Role::x},
-    Role{"y", Role::y},
-    Role{"z", Role::z},
-    Role{"nx", Role::nx},
-    Role{"ny", Role::ny},
-    Role{"nz", Role::nz},
-    Role{"red", Role::red},
-    Role{"green", Role::green},
-    Role{"blue", Role::blue},
-    Role{"alpha", Role::alpha},
-    Role{"r", Role::red},
-    Role{"g", Role::green},
-    Role{"b", Role::blue},
-    Role{"a", Role::alpha},
-    Role{"diffuse_red", Role::red},
-    Role{"diffuse_green", Role::green},
-    Role{"diffuse_blue", Role::blue},
-    Role{"s", Role::u},
-    Role{"t", Role::v},
-    Role{"u", Role::u},
-    Role{"v", Role::v},
-    Role{"texture_u", Role::u},
-    Role{"texture_v", Role::v},
-    Role{"texture_s", Role::u},
-    Role{"texture_t", Role::v},
-    Role{"texnumber", Role::image},
-    Role{"vertex_indices", Role::corners},
-    Role{"vertex_index", Role::corners},
-    Role{"texcoord", Role::uvs},
-};
+/// What programs call each of them.
+constexpr std::array<std::array<View, 4>, Role::none> role_names = {{
+    {"x"},
+    {"y"},
+    {"z"},
+    {"nx"},
+    {"ny"},
+    {"nz"},
+    {"red", "r", "diffuse_red"},
+    {"green", "g", "diffuse_green"},
+    {"blue", "b", "diffuse_blue"},
+    {"alpha", "a"},
+    {"u", "s", "texture_u", "texture_s"},
+    {"v", "t", "texture_v", "texture_t"},
+    {"texnumber"},
+    {"vertex_indices", "vertex_index"},
+    {"texcoord"},
+}};
+
+/// The role of a property, which is a list or a number.
+Role::Kind role_of(View name, bool is_list) {
+  for (size_t role = 0; role < role_names.size() && !name.empty(); ++role)
+    if ((role >= Role::numbers) == is_list && std::ranges::find(role_names[role], name) != role_names[role].end()) return Role::Kind{role};
+  return Role::none;
+}
 
 struct Type {
   char kind = 'f';  // i, u, f
@@ -168,8 +160,7 @@ class PlyReader {
         word = take_word(words);
       }
       p.type = type_of(word, line);
-      const auto* const role = std::ranges::find(role_names, trimmed(words), &Role::name);
-      if (role != role_names.end() && (role->kind >= Role::numbers) == (p.count.bytes > 0)) p.role = role->kind;
+      p.role = role_of(trimmed(words), p.count.bytes > 0);
       elements_.back().properties.push_back(p);
     } else if (kind != "obj_info") {
       fail_header(line);

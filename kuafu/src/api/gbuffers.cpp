@@ -8,9 +8,10 @@
 #include "api/fields.h"
 #include "api/handles.h"
 #include "api/render_launch.h"
-#include "api/render_outputs.h"
-#include "api/struct_array.h"
+#include "api/struct_table.h"
 #include "device/error.h"
+#include "device/struct_read.h"
+#include "device/struct_table.h"
 #include "render/renderer.h"
 
 namespace kuafu {

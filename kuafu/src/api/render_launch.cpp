@@ -6,11 +6,10 @@
 
 #include "api/descriptors.h"
 #include "api/fields.h"
-#include "api/render_outputs.h"
-#include "api/struct_array.h"
 #include "api/struct_table.h"
 #include "device/error.h"
 #include "device/struct_read.h"
+#include "device/struct_table.h"
 #include "render/renderer.h"
 #include "scene/matrix.h"
 #include "scene/validate.h"
@@ -98,7 +97,7 @@ View read_view(const kuafu_view_desc& desc, uint32_t index, const Launch& launch
 void read_views(const kuafu_render_desc& desc, Launch& launch) {
   kuafu_view_desc first{};
   for (uint32_t i = 0; i < desc.view_count; ++i) {
-    const kuafu_view_desc view = element(desc.views, i, KUAFU_TYPE_VIEW_DESC, "views");
+    const kuafu_view_desc view = ks::read_element(desc.views, i, KUAFU_TYPE_VIEW_DESC, "views");
     ks::check_embedded(view.camera, KUAFU_TYPE_CAMERA_DESC, "views[].camera");
     if (i == 0) first = view;
     check_size(first.camera, view.camera, i);

@@ -5,6 +5,7 @@
 #include "device/device.h"
 #include "frame/launch.h"
 #include "kuafu/kuafu.h"
+#include "scene/scene.h"
 
 namespace kuafu {
 
@@ -12,5 +13,11 @@ Launch read_launch(const kuafu_render_desc* desc, const std::shared_ptr<ks::Devi
 
 /// Reads a left and a right view in each environment: all left ones, then all right ones.
 Launch read_pair(const kuafu_render_desc& pair, uint32_t environments, const ks::Device& device);
+
+/// Fills launch.outputs; the views must have been read.
+void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launch& launch);
+
+/// Throws if an id of the scene exceeds the format of the output that asks for it.
+void check_ids_fit(const Launch& launch, const Scene& scene);
 
 }  // namespace kuafu

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "api/render_outputs.h"
+#include "api/render_launch.h"
 
 #include <algorithm>
 #include <limits>
 
 #include "api/handles.h"
-#include "api/struct_array.h"
+#include "api/struct_table.h"
 #include "device/error.h"
+#include "device/struct_read.h"
+#include "device/struct_table.h"
 
 namespace kuafu {
 namespace {
@@ -140,7 +142,8 @@ void check_fits(const Launch& launch, uint32_t kind, const char* what, uint64_t 
 }  // namespace
 
 void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launch& launch) {
-  for (uint32_t i = 0; i < desc.output_count; ++i) read_output(element(desc.outputs, i, KUAFU_TYPE_OUTPUT_DESC, "outputs"), device, launch);
+  for (uint32_t i = 0; i < desc.output_count; ++i)
+    read_output(ks::read_element(desc.outputs, i, KUAFU_TYPE_OUTPUT_DESC, "outputs"), device, launch);
 }
 
 void check_ids_fit(const Launch& launch, const Scene& scene) {

@@ -7,7 +7,6 @@
 #include "api/gbuffers.h"
 #include "api/handles.h"
 #include "api/render_launch.h"
-#include "api/render_outputs.h"
 #include "api/struct_table.h"
 #include "device/struct_read.h"
 #include "device/struct_table.h"

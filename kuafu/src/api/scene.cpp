@@ -5,10 +5,10 @@
 
 #include "api/descriptors.h"
 #include "api/handles.h"
-#include "api/struct_array.h"
 #include "api/struct_table.h"
 #include "device/interrupt.h"
 #include "device/struct_read.h"
+#include "device/struct_table.h"
 #include "io/load.h"
 #include "scene/matrix.h"
 #include "scene/rig.h"
@@ -296,7 +296,7 @@ ks_status kuafu_scene_set_lights(kuafu_scene scene, const uint32_t* ids, const k
     (void)required(ids, "ids");
     std::vector<kuafu::Light> lights(count);
     for (uint32_t i = 0; i < count; ++i)
-      lights[i] = kuafu::to_light(kuafu::element(&required(descs, "descs"), i, KUAFU_TYPE_LIGHT_DESC, "light desc"));
+      lights[i] = kuafu::to_light(ks::read_element(&required(descs, "descs"), i, KUAFU_TYPE_LIGHT_DESC, "light desc"));
     changed->set_lights(indices_of(ids, count), lights);
   });
 }

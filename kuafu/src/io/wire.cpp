@@ -8,8 +8,8 @@
 
 #include "device/error.h"
 #include "device/text.h"
-#include "io/wire_rig.h"
 #include "io/wire_stream.h"
+#include "scene/rig.h"
 
 namespace kuafu {
 namespace {
@@ -65,6 +65,42 @@ void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, L
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Camera> {
   s.text(t.name), s.plain(t.k), s.plain(t.camera_to_world), s.plain(t.near_m), s.plain(t.far_m);
+}
+
+template <class Stream, class T>
+void rig_node(Stream& s, T& t) {
+  auto& [parent, matrix, rest] = t;
+  auto& [translation, rotation, scale, weights] = rest;
+  s.plain(parent), s.plain(matrix), s.plain(translation), s.plain(rotation), s.plain(scale), s.array(weights);
+}
+
+template <class Stream, class T>
+void rig_channel(Stream& s, T& t) {
+  auto& [node, property, keyframes] = t;
+  auto& [interpolation, quaternion, width, times_s, values] = keyframes;
+  s.plain(node), s.plain(property), s.plain(interpolation), s.flag(quaternion), s.plain(width), s.array(times_s), s.array(values);
+}
+
+template <class Stream, class T>
+void rig_mesh(Stream& s, T& t) {
+  auto& [mesh, node, skin, positions, normals, tangents, skin_weights, targets] = t;
+  s.plain(mesh), s.plain(node), s.plain(skin), s.array(positions), s.array(normals), s.array(tangents);
+  s.list(skin_weights, [&](auto& set) { s.array(set.joints), s.array(set.weights); });
+  s.list(targets, [&](auto& target) { s.array(target.positions), s.array(target.normals), s.array(target.tangents); });
+}
+
+template <class Stream, class T>
+void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Rig> {
+  auto& [root_to_world, nodes, animations, skins, meshes, members] = t;
+  s.plain(root_to_world);
+  s.list(nodes, [&](auto& n) { rig_node(s, n); });
+  s.list(animations, [&](auto& animation) {
+    s.text(animation.name);
+    s.list(animation.channels, [&](auto& c) { rig_channel(s, c); });
+  });
+  s.list(skins, [&](auto& skin) { s.array(skin.joints), s.array(skin.inverse_binds); });
+  s.list(meshes, [&](auto& m) { rig_mesh(s, m); });
+  s.list(members, [&](auto& member) { s.plain(member.kind), s.plain(member.id), s.plain(member.node), s.plain(member.to_node); });
 }
 
 template <class T>
@@ -141,11 +177,7 @@ ImportAnswer read_answer(const std::function<void(void*, size_t)>& read, uint64_
   read_table<Instance>(r, [&](Instance&& i) { scene.add_instance(std::move(i)); });
   read_table<Light>(r, [&](Light&& l) { scene.add_light(std::move(l)); });
   read_table<Camera>(r, [&](Camera&& c) { scene.add_camera(std::move(c)); });
-  for (size_t left = r.claim(sizeof(Rig)); left > 0; --left) {
-    Rig rig;
-    transfer(r, rig);
-    scene.add_rig(std::move(rig));
-  }
+  read_table<Rig>(r, [&](Rig&& rig) { scene.add_rig(std::move(rig)); });  // which checks it
   r.plain(word);
   if (word != last_word) ks::fail(KS_ERROR_FILE, "the program that reads it answered with something that is no scene");
   return answer;

@@ -42,8 +42,7 @@ class DeviceStages final : public Stages {
       slot.begin(device_, spirv, uint32_t(push_bytes), specialisation_);
     };
     const bool infrared = size.channels == 1;
-    begin(shade_[{infrared, size.features}], infrared ? std::span<const uint32_t>(shade_infrared_spirv) : shade_visible_spirv,
-          sizeof(ShadePush), size.features);
+    begin(shade_.pipelines[{infrared, size.features}], shade_.spirv[infrared], sizeof(ShadePush), size.features);
     begin(generate_[camera], generate_spirv, sizeof(GeneratePush), camera ? feature_camera : 0);
     begin(resolve_, resolve_spirv, sizeof(ResolvePush));
     begin(accumulate_, accumulate_spirv, sizeof(AccumulatePush));
@@ -59,38 +58,24 @@ class DeviceStages final : public Stages {
 
   void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("shade");
-    const bool infrared = buffers.size().channels == 1;
-    Pipeline& slot = shade_[{infrared, buffers.size().features}];
-    const ks::ComputePipeline& pipeline =
-        built<ShadePush>(slot, infrared ? std::span<const uint32_t>(shade_infrared_spirv) : shade_visible_spirv, buffers.size().features);
-    commands.dispatch_indirect(pipeline, push, buffers.counters(), shade_arguments(push.bounce));
+    commands.dispatch_indirect(built<ShadePush>(shade_, buffers.size()), push, buffers.counters(), shade_arguments(push.bounce));
   }
 
   void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("transmit");
-    const bool infrared = buffers.size().channels == 1;
-    Pipeline& slot = transmit_[{infrared, buffers.size().features}];
-    const ks::ComputePipeline& pipeline = built<TransmitPush>(
-        slot, infrared ? std::span<const uint32_t>(transmit_infrared_spirv) : transmit_visible_spirv, buffers.size().features);
-    commands.dispatch_indirect(pipeline, push, buffers.counters(),
+    commands.dispatch_indirect(built<TransmitPush>(transmit_, buffers.size()), push, buffers.counters(),
                                (uint64_t(push.block_in) * counter_words + counter_transmit_arguments) * 4);
   }
 
   void send(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("follow beams");
     commands.fill(buffers.counters(), 0, buffers.counter_bytes(), 0);
-    const bool infrared = buffers.size().channels == 1;
-    dispatch(commands, send_[{infrared, buffers.size().features}],
-             infrared ? std::span<const uint32_t>(send_infrared_spirv) : send_visible_spirv, push, push.count, buffers.size().features);
+    commands.dispatch(built<BeamPush>(send_, buffers.size()), push, groups_of(push.count));
   }
 
   void follow(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("follow beams");
-    const bool infrared = buffers.size().channels == 1;
-    const ks::ComputePipeline& pipeline =
-        built<BeamPush>(follow_[{infrared, buffers.size().features}],
-                        infrared ? std::span<const uint32_t>(follow_infrared_spirv) : follow_visible_spirv, buffers.size().features);
-    commands.dispatch_indirect(pipeline, push, buffers.counters(), shade_arguments(push.block));
+    commands.dispatch_indirect(built<BeamPush>(follow_, buffers.size()), push, buffers.counters(), shade_arguments(push.block));
   }
 
   void tabulate(ks::Commands& commands, const Splats& splats) override {
@@ -102,11 +87,7 @@ class DeviceStages final : public Stages {
 
   void gather(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("gather");
-    const bool infrared = buffers.size().channels == 1;
-    Pipeline& slot = gather_[{infrared, buffers.size().features}];
-    const ks::ComputePipeline& pipeline =
-        built<ShadePush>(slot, infrared ? std::span<const uint32_t>(gather_infrared_spirv) : gather_visible_spirv, buffers.size().features);
-    commands.dispatch_indirect(pipeline, push, buffers.counters(), shade_arguments(push.bounce));
+    commands.dispatch_indirect(built<ShadePush>(gather_, buffers.size()), push, buffers.counters(), shade_arguments(push.bounce));
   }
 
   void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) override {
@@ -132,6 +113,11 @@ class DeviceStages final : public Stages {
   }
 
  private:
+  /// A stage that is compiled for each band, and once more for each set of features.
+  struct OfBands {
+    std::span<const uint32_t> spirv[2];  // visible, infrared
+    std::map<std::pair<bool, uint32_t>, Pipeline> pipelines{};
+  };
   static uint32_t groups_of(uint32_t invocations) { return (invocations + group_size - 1) / group_size; }
   static uint64_t shade_arguments(uint32_t bounce) { return (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4; }
 
@@ -139,6 +125,12 @@ class DeviceStages final : public Stages {
   const ks::ComputePipeline& built(Pipeline& slot, std::span<const uint32_t> spirv, uint32_t features = 0) {
     specialisation_[3] = features;
     return slot.get(device_, spirv, uint32_t(sizeof(Push)), specialisation_);
+  }
+
+  template <class Push>
+  const ks::ComputePipeline& built(OfBands& stage, const WaveSize& size) {
+    const bool infrared = size.channels == 1;
+    return built<Push>(stage.pipelines[{infrared, size.features}], stage.spirv[infrared], size.features);
   }
 
   template <class Push>
@@ -151,7 +143,9 @@ class DeviceStages final : public Stages {
   std::array<uint32_t, 6> specialisation_;  // by constant_id (lib/invocation.glsl); 4 is the denoiser's
   Pipeline generate_[2], aov_[2][2];        // plain, and with feature_camera; aov: visible, infrared
   Pipeline resolve_, accumulate_, visibility_, splat_table_;
-  std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_, gather_, send_, follow_;  // by infrared and features
+  OfBands shade_{{shade_visible_spirv, shade_infrared_spirv}}, transmit_{{transmit_visible_spirv, transmit_infrared_spirv}},
+      gather_{{gather_visible_spirv, gather_infrared_spirv}}, send_{{send_visible_spirv, send_infrared_spirv}},
+      follow_{{follow_visible_spirv, follow_infrared_spirv}};
 };
 
 }  // namespace

@@ -29,15 +29,11 @@ simsense::ImageArgument read_image(const simsense_image& image, const char* name
   return argument;
 }
 
-/// The caller's array has the caller's stride: its simsense_output_desc may be older or newer than ours.
 std::vector<simsense::ComputeRequest::Output> read_outputs(const simsense_output_desc* outputs, uint32_t count) {
   std::vector<simsense::ComputeRequest::Output> read;
-  if (count == 0) return read;
-  const size_t stride = ks::check_header(outputs, SIMSENSE_TYPE_OUTPUT_DESC, "outputs[0]")->size_bytes;
   for (uint32_t i = 0; i < count; ++i) {
-    const auto* at = reinterpret_cast<const simsense_output_desc*>(reinterpret_cast<const unsigned char*>(outputs) + i * stride);
     const std::string name = "outputs[" + std::to_string(i) + "]";
-    const simsense_output_desc output = ks::read_struct(at, SIMSENSE_TYPE_OUTPUT_DESC, name.c_str());
+    const simsense_output_desc output = ks::read_element(outputs, i, SIMSENSE_TYPE_OUTPUT_DESC, name.c_str());
     read.push_back({output.output, read_image(output.image, name.c_str())});
   }
   return read;
