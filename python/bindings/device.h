@@ -2,7 +2,6 @@
 // Device and DeviceInfo of either library.
 #pragma once
 
-#include <cstring>
 #include <memory>
 #include <optional>
 
@@ -38,12 +37,7 @@ class Device {
     if (log.is_none()) log_ = logger();
     desc.log = &Device::call_log;
     desc.log_user = &log_;
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = Api::device_create(&desc, handle_.put());
-    }
-    check<Api>(status);
+    check_unlocked<Api>([&] { return Api::device_create(&desc, handle_.put()); });
   }
 
   [[nodiscard]] typename Api::DeviceHandle get() const { return handle_.get(); }
@@ -122,10 +116,7 @@ class Device {
     if (interpreter_ends()) return;
     const Locked gil;
     try {
-      // A message may quote a broken file, whose bytes need not be UTF-8.
-      const auto decoded =
-          py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(text, py::ssize_t(std::strlen(text)), "backslashreplace"));
-      (*static_cast<py::object*>(user))(level, decoded);
+      (*static_cast<py::object*>(user))(level, decoded(text));
     } catch (py::error_already_set& e) {
       e.discard_as_unraisable("log callback");
     }

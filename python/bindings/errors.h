@@ -4,7 +4,9 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
+#include <string_view>
 
 #include "bindings/gil.h"
 
@@ -42,11 +44,14 @@ struct Errors {
   }
 };
 
+/// A message of the library. It may quote a broken file, whose bytes need not be UTF-8.
+inline py::object decoded(std::string_view text) {
+  return py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(text.data(), py::ssize_t(text.size()), "backslashreplace"));
+}
+
 template <class Api>
 [[noreturn]] void raise(ks_status status, PyObject* type, const std::string& text) {
-  // A message may quote a broken file, whose bytes need not be UTF-8.
-  const auto decoded = py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(text.data(), py::ssize_t(text.size()), "backslashreplace"));
-  py::object exception = py::reinterpret_borrow<py::object>(type)(decoded);
+  py::object exception = py::reinterpret_borrow<py::object>(type)(decoded(text));
   exception.attr("status") = status;
   PyErr_SetObject(type, exception.ptr());
   throw py::error_already_set();
@@ -55,6 +60,19 @@ template <class Api>
 template <class Api>
 [[noreturn]] void raise_argument(const std::string& text) {
   raise<Api>(KS_ERROR_INVALID_ARGUMENT, Errors<Api>::argument, text);
+}
+
+/// The index of the entry with this name, or an error that lists all names. what: what the error calls a name.
+template <class Api, class Entries, class NameOf = std::identity>
+uint32_t index_of_name(const Entries& entries, std::string_view wanted, const std::string& what, const NameOf& name_of = {}) {
+  uint32_t index = 0;
+  std::string known;
+  for (const auto& entry : entries) {
+    const std::string_view name = std::invoke(name_of, entry);
+    if (name == wanted) return index;
+    known.append(index++ > 0 ? ", " : "").append(name);
+  }
+  raise_argument<Api>("unknown " + what + " '" + std::string(wanted) + "' (known: " + known + ")");
 }
 
 template <class Api>

@@ -17,9 +17,7 @@ inline constexpr std::array<std::string_view, 2> lens_models{"brown_conrady", "k
 
 template <class Api>
 uint32_t read_lens_model(const std::string& name) {
-  const auto found = std::ranges::find(lens_models, name);
-  if (found == lens_models.end()) raise_argument<Api>("unknown lens_model '" + name + "' (known: brown_conrady, kannala_brandt)");
-  return static_cast<uint32_t>(found - lens_models.begin());
+  return index_of_name<Api>(lens_models, name, "lens_model");
 }
 
 /// 4, 5 or 8 coefficients; the others are 0.

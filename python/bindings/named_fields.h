@@ -27,24 +27,26 @@ struct Field {
 /// The index of a name among the field's names.
 template <class Api, class Struct>
 uint32_t index_of(const Field<Struct>& field, const std::string& name) {
-  std::string known;
-  for (size_t i = 0; i < field.names.size(); ++i) {
-    if (name == field.names[i]) return static_cast<uint32_t>(i);
-    known += (known.empty() ? "" : ", ") + std::string(field.names[i]);
+  return index_of_name<Api>(field.names, name, field.one ? field.one : field.name);
+}
+
+template <class Api>
+std::vector<std::string> read_names(const py::handle& names, const std::string& what) {
+  const std::string wanted = what + " must be a sequence of names, not " + std::string(py::repr(names));
+  if (py::isinstance<py::str>(names) || !py::isinstance<py::iterable>(names)) raise_argument<Api>(wanted);
+  std::vector<std::string> out;
+  for (const py::handle name : names) {
+    if (!py::isinstance<py::str>(name)) raise_argument<Api>(wanted);
+    out.push_back(py::cast<std::string>(name));
   }
-  raise_argument<Api>("unknown " + std::string(field.one ? field.one : field.name) + " '" + name + "' (known: " + known + ")");
+  return out;
 }
 
 /// A sequence of names as bits.
 template <class Api, class Struct>
 uint32_t bits_of(const Field<Struct>& field, const py::handle& names) {
-  const std::string wanted = std::string(field.name) + " must be a sequence of names, not " + std::string(py::repr(names));
-  if (py::isinstance<py::str>(names) || !py::isinstance<py::iterable>(names)) raise_argument<Api>(wanted);
   uint32_t bits = 0;
-  for (const py::handle name : names) {
-    if (!py::isinstance<py::str>(name)) raise_argument<Api>(wanted);
-    bits |= 1u << index_of<Api>(field, py::cast<std::string>(name));
-  }
+  for (const std::string& name : read_names<Api>(names, field.name)) bits |= 1u << index_of<Api>(field, name);
   return bits;
 }
 

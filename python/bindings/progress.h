@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Python callable as ks_progress_fn. What it raises is kept, the call is cancelled, and rethrow() raises it again.
-// Also gives Ctrl-C a chance during long calls. Thread rule: construct, rethrow and destroy with the GIL held.
+// A Python callable as ks_progress_fn. What it raises is kept, the call is cancelled, and check() raises it again.
+// Also gives Ctrl-C a chance during long calls. Thread rule: the GIL is held.
 #pragma once
 
 #include <exception>
 
-#include "bindings/gil.h"
+#include "bindings/errors.h"
 
 namespace ks_python {
 
@@ -13,13 +13,22 @@ class Progress {
  public:
   /// callback(fraction: float); None = no callback. Returning something true cancels.
   explicit Progress(py::object callback) : callback_(std::move(callback)) {}
-  [[nodiscard]] static ks_progress_fn function() { return &Progress::call; }
-  void rethrow() const {
+  /// check_unlocked() of a call whose description tells the progress.
+  template <class Api, class Desc, class Call>
+  void check(Desc& desc, const Call& call) {
+    desc.progress = &Progress::tell;
+    desc.progress_user = this;
+    ks_status status;
+    {
+      const Unlocked nogil;
+      status = call();
+    }
     if (raised_) std::rethrow_exception(raised_);
+    ks_python::check<Api>(status);
   }
 
  private:
-  static int32_t call(void* user, float fraction) {
+  static int32_t tell(void* user, float fraction) {
     const Locked gil;
     auto& self = *static_cast<Progress*>(user);
     try {

@@ -85,13 +85,7 @@ void named(py::class_<Record>& type, const char* name, uint32_t Desc::*member, c
            const char* doc) {
   type.def_property(
       name, [member, names, first](const Record& r) { return names.at(r.c.*member - first); },
-      [member, names, first, name](Record& r, const std::string& value) {
-        const auto found = std::ranges::find(names, value);
-        std::string known;
-        for (const std::string_view text : names) known += (known.empty() ? "" : ", ") + std::string(text);
-        if (found == names.end()) raise_argument<Kuafu>("unknown " + std::string(name) + " '" + value + "' (known: " + known + ")");
-        r.c.*member = uint32_t(found - names.begin()) + first;
-      },
+      [member, names, first, name](Record& r, const std::string& value) { r.c.*member = index_of_name<Kuafu>(names, value, name) + first; },
       doc);
 }
 

@@ -44,15 +44,6 @@ constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FO
                                     {"projector_geometry", KUAFU_OUTPUT_PROJECTOR_GEOMETRY, 1, KS_FORMAT_F32},
                                     {"motion", KUAFU_OUTPUT_MOTION, 2, KS_FORMAT_F32}};
 
-const Output& find_output(const std::string& name) {
-  std::string known;
-  for (const Output& o : outputs_known) {
-    if (name == o.name) return o;
-    known += (known.empty() ? "" : ", ") + std::string(o.name);
-  }
-  raise_argument<Kuafu>("unknown output '" + name + "' (known: " + known + ")");
-}
-
 /// The caller's arguments that are not in the call's C descriptor.
 struct Call {
   py::object cameras, outputs;
@@ -77,12 +68,7 @@ class Renderer {
     kuafu_renderer_desc desc = kuafu_renderer_desc_init();
     desc.oidn_library = oidn_library ? oidn_library->c_str() : nullptr;
     set_options(desc, renderer_fields, options, "Renderer");
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = kuafu_renderer_create(device_->get(), &desc, handle_.put());
-    }
-    check<Kuafu>(status);
+    check_unlocked<Kuafu>([&] { return kuafu_renderer_create(device_->get(), &desc, handle_.put()); });
   }
 
   /// A render under way ends first, and its thread may want to tell the log.
@@ -98,16 +84,7 @@ class Renderer {
 
   py::dict render(Scene& scene, const Call& call, kuafu_render_desc desc) {
     const Arguments arguments(*this, call, desc);
-    Progress progress(call.progress);
-    desc.progress = Progress::function();
-    desc.progress_user = &progress;
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = kuafu_renderer_render(get(), scene.get(), &desc);
-    }
-    progress.rethrow();
-    check<Kuafu>(status);
+    Progress(call.progress).check<Kuafu>(desc, [&] { return kuafu_renderer_render(get(), scene.get(), &desc); });
     return arguments.arrays;
   }
 
@@ -116,12 +93,7 @@ class Renderer {
     if (!call.progress.is_none()) raise_argument<Kuafu>("submit takes no progress: ask the submission whether it has ended");
     const Arguments arguments(*this, call, desc);
     ks_sync submission = ks_sync_init();
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = kuafu_renderer_submit(get(), scene.get(), &desc, &submission);
-    }
-    check<Kuafu>(status);
+    check_unlocked<Kuafu>([&] { return kuafu_renderer_submit(get(), scene.get(), &desc, &submission); });
     return {submission, arguments.arrays};
   }
 
@@ -129,8 +101,6 @@ class Renderer {
   py::dict light_gbuffers(Scene& scene, const Call& call, const py::dict& left, const py::object& right, const py::object& projector_depth,
                           const std::string& depth_kind, const py::object& laser_power, const py::object& ambient_radiance,
                           uint32_t environment_count, float pixel_blur_px, uint32_t supersampling) {
-    if (depth_kind != "planar" && depth_kind != "ray")
-      raise_argument<Kuafu>("unknown depth_kind '" + depth_kind + "' (known: planar, ray)");
     std::vector<kuafu_view_desc> views = read_views(call.cameras, "infrared", std::nullopt);
     if (views.size() != 2) raise_argument<Kuafu>("a pair has two cameras, not " + std::to_string(views.size()));
     const std::vector<Optics> optics = read_optics(call.optics, views.size());
@@ -154,7 +124,7 @@ class Renderer {
     desc.environment_count = environment_count;
     desc.pixel_blur_px = pixel_blur_px;
     desc.supersampling = supersampling;
-    desc.depth_kind = depth_kind == "ray" ? KUAFU_GBUFFER_DEPTH_RAY : KUAFU_GBUFFER_DEPTH_PLANAR;
+    desc.depth_kind = index_of_name<Kuafu>(std::array{"planar", "ray"}, depth_kind, "depth_kind");
     check_unlocked<Kuafu>([&] { return kuafu_renderer_light_gbuffers(get(), scene.get(), &desc); });
     return arrays;
   }
@@ -223,18 +193,8 @@ class Renderer {
   static kuafu_gbuffer gbuffer_of(const py::dict& images) {
     kuafu_gbuffer out = kuafu_gbuffer_init();
     for (const auto& [key, image] : images) {
-      const std::string name = py::str(key);
-      const auto buffer = [&, value = image] { return py::cast<Buffer<Kuafu>&>(value).get(); };
-      if (name == "depth")
-        out.depth = buffer();
-      else if (name == "normal")
-        out.normal = buffer();
-      else if (name == "albedo")
-        out.albedo = buffer();
-      else if (name == "material")
-        out.material = buffer();
-      else
-        raise_argument<Kuafu>("unknown image '" + name + "' (known: depth, normal, albedo, material)");
+      const uint32_t kind = index_of_name<Kuafu>(std::array{"depth", "normal", "albedo", "material"}, std::string(py::str(key)), "image");
+      *std::array{&out.depth, &out.normal, &out.albedo, &out.material}[kind] = py::cast<Buffer<Kuafu>&>(image).get();
     }
     return out;
   }
@@ -252,7 +212,7 @@ class Renderer {
   /// One pose for all views, or one for each.
   static void read_previous_poses(const py::object& poses, std::vector<kuafu_view_desc>& views) {
     if (poses.is_none()) return;
-    const auto array = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(poses);
+    const auto array = Doubles::ensure(poses);
     if (!array) throw py::error_already_set();
     const bool one = array.ndim() == 2,
                right = (one || array.ndim() == 3) && array.shape(array.ndim() - 1) == 4 && array.shape(array.ndim() - 2) == 4;
@@ -272,7 +232,7 @@ class Renderer {
     if (py::isinstance<py::str>(outputs)) raise_argument<Kuafu>("outputs is a sequence of names, not one name");
     for (const py::handle item : outputs) {
       const std::string name = py::cast<std::string>(item);
-      const Output& o = find_output(name);
+      const Output& o = outputs_known[index_of_name<Kuafu>(outputs_known, name, "output", &Output::name)];
       const uint32_t channels = o.channels ? o.channels : views[0].band == KUAFU_BAND_VISIBLE ? 3 : 1;
       const std::vector<uint64_t> shape = {view_count, views[0].camera.height, views[0].camera.width, channels};
       const Image<Kuafu> image = given ? given_image(outputs[item], o, shape) : new_image(o.format, shape);

@@ -115,23 +115,13 @@ struct TextureLook {
   std::optional<std::array<std::array<float, 3>, 2>> uv_transform;
 
   void put_into(kuafu_texture_desc& texture) const {
-    texture.wrap_u = chosen(wrap[0], "wrap", {"repeat", "clamp", "mirror"});
-    texture.wrap_v = chosen(wrap[1], "wrap", {"repeat", "clamp", "mirror"});
-    texture.filter = chosen(filter, "filter", {"linear", "nearest"});
+    constexpr std::array wraps{"repeat", "clamp", "mirror"};
+    texture.wrap_u = index_of_name<Kuafu>(wraps, wrap[0], "wrap");
+    texture.wrap_v = index_of_name<Kuafu>(wraps, wrap[1], "wrap");
+    texture.filter = index_of_name<Kuafu>(std::array{"linear", "nearest"}, filter, "filter");
     texture.uv_set = uv_set;
     if (uv_transform)
       for (size_t i = 0; i < 6; ++i) texture.uv_transform[i] = (*uv_transform)[i / 3][i % 3];
-  }
-
- private:
-  static uint32_t chosen(const std::string& word, const char* what, std::initializer_list<const char*> words) {
-    uint32_t number = 0;
-    std::string known;
-    for (const char* one : words) {
-      if (word == one) return number;
-      known += (number++ > 0 ? ", " : "") + std::string(one);
-    }
-    raise_argument<Kuafu>("unknown " + std::string(what) + " '" + word + "' (known: " + known + ")");
   }
 };
 

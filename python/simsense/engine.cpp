@@ -28,15 +28,6 @@ constexpr Output outputs_known[] = {{"disparity", SIMSENSE_OUTPUT_DISPARITY, KS_
                                     {"reason", SIMSENSE_OUTPUT_REASON, KS_FORMAT_U8, false, false},
                                     {"points_colored", SIMSENSE_OUTPUT_POINTS_COLORED, KS_FORMAT_F32, true, true}};
 
-const Output& find_output(const std::string& name) {
-  std::string known;
-  for (const Output& o : outputs_known) {
-    if (name == o.name) return o;
-    known += (known.empty() ? "" : ", ") + std::string(o.name);
-  }
-  raise_argument<Simsense>("unknown output '" + name + "' (known: " + known + ")");
-}
-
 /// Numpy memory as an image argument. `keep` holds what must live through the call: a copy where C cannot read the array as it is.
 simsense_image host_image(py::array array, uint32_t batch_count, const char* what, bool color, std::vector<py::object>& keep) {
   const py::ssize_t dimensions = color ? 3 : 2;
@@ -58,17 +49,6 @@ simsense_image host_image(py::array array, uint32_t batch_count, const char* wha
   }
   keep.push_back(std::move(array));
   return image;
-}
-
-std::vector<std::string> read_names(const py::object& names, const char* what) {
-  const std::string wanted = std::string(what) + " must be a sequence of names, not " + std::string(py::repr(names));
-  if (py::isinstance<py::str>(names) || !py::isinstance<py::iterable>(names)) raise_argument<Simsense>(wanted);
-  std::vector<std::string> out;
-  for (const py::handle name : names) {
-    if (!py::isinstance<py::str>(name)) raise_argument<Simsense>(wanted);
-    out.push_back(py::cast<std::string>(name));
-  }
-  return out;
 }
 
 simsense_camera read_camera(const py::object& camera) {
@@ -164,16 +144,7 @@ class Engine {
 
   py::dict compute(const Inputs& inputs, const py::object& outputs, const py::object& callback) {
     Call call = make_call(inputs, outputs);
-    Progress progress(callback);
-    call.desc.progress = Progress::function();
-    call.desc.progress_user = &progress;
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = simsense_engine_compute(get(), &call.desc);
-    }
-    progress.rethrow();
-    check<Simsense>(status);
+    Progress(callback).check<Simsense>(call.desc, [&] { return simsense_engine_compute(get(), &call.desc); });
     return call.results;
   }
 
@@ -181,12 +152,7 @@ class Engine {
   std::pair<ks_sync, py::dict> submit(const Inputs& inputs, const py::object& outputs) {
     const Call call = make_call(inputs, outputs);
     ks_sync sync = ks_sync_init();
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = simsense_engine_submit(get(), &call.desc, &sync);
-    }
-    check<Simsense>(status);
+    check_unlocked<Simsense>([&] { return simsense_engine_submit(get(), &call.desc, &sync); });
     return {sync, call.results};
   }
 
@@ -240,8 +206,8 @@ class Engine {
   void read_outputs(const py::object& outputs, bool batched, std::vector<simsense_output_desc>& c_outputs, py::dict& results,
                     std::vector<py::object>& keep) const {
     const bool given = py::isinstance<py::dict>(outputs);
-    for (const std::string& name : read_names(outputs, "outputs")) {
-      const Output& o = find_output(name);
+    for (const std::string& name : read_names<Simsense>(outputs, "outputs")) {
+      const Output& o = outputs_known[index_of_name<Simsense>(outputs_known, name, "output", &Output::name)];
       const py::str item(name);
       simsense_output_desc c = {};
       c.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, sizeof c);
@@ -338,8 +304,6 @@ void bind_camera(py::module_& module) {
       .def_property_readonly("lens_model", [](const C& c) { return lens_models.at(c.lens.model); })
       .def_property_readonly("distortion", [](const C& c) { return py::tuple(py::cast(std::to_array(c.lens.distortion))); });
 }
-
-using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 ks_lens read_lens(const std::vector<double>& distortion, const std::string& model) {
   ks_lens lens{read_lens_model<Simsense>(model), 0, {}};
