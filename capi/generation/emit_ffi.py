@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import textwrap
 
-from make_api_table import Function, declared_functions
+from emit_api_table import Function, declared_functions
 from table import SCALARS, Field, Struct, Tables
 from words import GENERATED
 

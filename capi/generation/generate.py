@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import emit_abi
+import emit_api_table
 import emit_c
 import emit_cpp
 import emit_ffi
@@ -17,7 +18,6 @@ import emit_kuafu
 import emit_page
 import emit_python
 import emit_shader
-import make_api_table
 from table import FOLDER, TableError, Tables, read_tables
 from words import licensed
 
@@ -37,6 +37,7 @@ def outputs(tables: Tables) -> dict[str, str]:
     files = {f"capi/include/{entry.path}": emit_c.header(entry, embedded) for entry in tables.headers}
     emit_abi.check_no_padding(tables)
     for library in LIBRARIES:
+        files[f"capi/include/{library}/api.h"] = emit_api_table.header(library)
         files[f"python/{library}/_{library}.pyi"] = stub(tables, library)
     return files | {
         "python/activestereo/common/parameters.json": emit_python.parameters_json(tables),
@@ -56,7 +57,7 @@ def build_outputs(tables: Tables) -> dict[str, str]:
         files[f"python/{library}/docs.h"] = emit_python.docs_h(library, stub(tables, library))
         files[f"{library}/src/api/struct_table.h"] = emit_abi.struct_table(tables, library)
         files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
-        files[f"{library}/src/api/api_table.cpp"] = make_api_table.source(library)
+        files[f"{library}/src/api/api_table.cpp"] = emit_api_table.source(library)
     return files | {
         "capi/device/struct_table.h": emit_abi.struct_table(tables, "ks"),
         "tests/capi/abi_layout_tables.c": emit_abi.layout_test(tables),

@@ -158,7 +158,6 @@ def test_the_recipe_names_the_files_of_the_addition(recipe: str) -> None:
 
 def test_nothing_else_written_by_hand_knows_the_additions(copy: Path) -> None:
     before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
-    run(sys.executable, copy / "capi/generation/make_api_table.py")
     written = run(sys.executable, copy / "capi/generation/generate.py")
     assert "capi/include/kuafu/material.h" in written
     made = copy.parent / "generated"
@@ -173,7 +172,6 @@ def test_nothing_else_written_by_hand_knows_the_additions(copy: Path) -> None:
 def test_what_was_added_renders(copy: Path) -> None:
     if not os.environ.get("ACTIVESTEREO_FULL"):
         pytest.skip("compiles the renderer: ACTIVESTEREO_FULL=1 (tests/run.sh --full) does")
-    run(sys.executable, copy / "capi/generation/make_api_table.py")
     run(sys.executable, copy / "capi/generation/generate.py")
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
     ccache = {**os.environ, "CCACHE_BASEDIR": str(copy), "CCACHE_NOHASHDIR": "1"}
