@@ -199,7 +199,7 @@ def _per_kelvin(capture: Capture, frame: Frame, side: str, layers: Layers, name:
     view = View(
         side, rig.camera(side).K, nothing, np.zeros((*nothing.shape, 3)), rig.projector.pattern(), rig.projector.K,
         rig.projector.left_to_projector @ np.linalg.inv(to_camera), to_camera,
-        replace(frame, temperature_c=REFERENCE_TEMPERATURE_C + 1.0), rig.max_dn, rig.line_time_s,
+        replace(frame, temperature_c=REFERENCE_TEMPERATURE_C + 1.0), rig.max_dn,
         baseline_m=rig.baseline_m,
     )  # fmt: skip
     before = Light.of_images([layers[0], nothing, layers[1], nothing])

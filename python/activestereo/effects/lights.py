@@ -9,8 +9,8 @@ import numpy as np
 from activestereo.capture.capture import Frame
 from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.descriptor import Parameter, Stage, StartImage, effect
-from activestereo.effects.core.engine import EngineInputs, rotation
-from activestereo.effects.core.lamp import axes, lamp_pose, lamp_starts
+from activestereo.effects.core.engine import EngineInputs, axes, rotation
+from activestereo.effects.core.lamp import lamp_pose, lamp_starts
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.moved import engine_effect
 from activestereo.effects.core.room_unit import COARSE, PlaneMatch, SeenPoints, room_unit_starts

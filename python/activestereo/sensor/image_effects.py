@@ -134,7 +134,6 @@ class ImageEffects:
             left_to_camera=np.linalg.inv(own) @ left,
             frame=replace(inputs.frame, id=self._sensor.frame_index),
             max_dn=inputs.max_dn,
-            line_time_s=camera.get("line_time_s"),
             seed=inputs.seed,
             distortion=camera["distortion"],
             baseline_m=float(np.linalg.norm((np.linalg.inv(right) @ left)[:3, 3])),

@@ -13,8 +13,8 @@ from activestereo.effects import Model, Parameter, Stage, View, builtin, effect
 from activestereo.effects.core import lamp as module
 from activestereo.effects.core import room_unit
 from activestereo.effects.core.descriptor import StartImage
-from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine
-from activestereo.effects.core.lamp import angles, axes, lamp_pose, lamp_starts, radiance_under
+from activestereo.effects.core.engine import EngineCamera, EngineInputs, angles, apply_engine, axes
+from activestereo.effects.core.lamp import lamp_pose, lamp_starts, radiance_under
 from activestereo.effects.core.moved import engine_effect
 from activestereo.effects.core.room_unit import SeenPoints, SphereMatch, room_unit_starts
 from activestereo.effects.engines.capture_inputs import enter_world, record_key
@@ -209,7 +209,8 @@ def test_a_lamp_in_the_room_is_sought_where_it_may_stand(monkeypatch):
     facing = module.Facing.__new__(module.Facing)
     vars(facing).update(points=points, normal=normal, hit=np.ones(SHAPE, bool))
     monkeypatch.setattr(module.Facing, "of", lambda *_: facing)
-    monkeypatch.setattr(module, "reflectance_of", lambda *_: np.full(SHAPE, 0.2))
+    for part in (module, room_unit):
+        monkeypatch.setattr(part, "reflectance_of", lambda *_: np.full(SHAPE, 0.2))
     frame, unshadowed = SimpleNamespace(camera_to_world=np.eye(4)), lambda *_, choice: np.ones(SHAPE)
     view = SimpleNamespace(left_to_camera=np.eye(4), frame=frame, latest=unshadowed)
     light = SimpleNamespace(ambient=np.full(SHAPE, 0.1))

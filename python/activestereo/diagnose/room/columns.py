@@ -307,7 +307,7 @@ def view_of(room: Room, k: int) -> View:
     return View(
         image.side, image.K, image.depth_m.astype(np.float64), normal, rig.projector.pattern(), rig.projector.K,
         rig.projector.left_to_projector @ np.linalg.inv(to_camera), to_camera, image.frame, rig.max_dn,
-        rig.line_time_s, baseline_m=rig.baseline_m, binning=2,
+        baseline_m=rig.baseline_m, binning=2,
     )  # fmt: skip
 
 

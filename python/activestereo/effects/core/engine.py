@@ -202,6 +202,29 @@ def rotation(axis: tuple[float, float, float], angle_rad: float) -> NDArray[np.f
     return np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
 
 
+def towards(azimuth_rad: float, elevation_rad: float) -> np.ndarray:
+    """Returns a unit vector, world axes. azimuth: about the world's y axis from z towards x; elevation: above the xz
+    plane."""
+    level = np.cos(elevation_rad)
+    return np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
+
+
+def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
+    """Returns the rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam
+    about the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
+    along = towards(azimuth_rad, elevation_rad)
+    right = np.array([-np.cos(azimuth_rad), 0.0, np.sin(azimuth_rad)])
+    down = np.cross(along, right)
+    c, s = np.cos(roll_rad), np.sin(roll_rad)
+    return np.stack([c * right + s * down, c * down - s * right, along], axis=1)
+
+
+def angles(along: np.ndarray) -> tuple[float, float]:
+    """Returns (azimuth, elevation) in radians of a world direction [3], as in axes()."""
+    x, y, z = along / np.linalg.norm(along)
+    return float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
+
+
 def moved_pose(
     pose: NDArray[np.float64], linear: Sequence[float], angular: Sequence[float], time_s: float
 ) -> NDArray[np.float64]:

@@ -13,8 +13,10 @@ import kuafu
 from activestereo.common.lens import to_pixels
 from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.descriptor import StartImage
+from activestereo.effects.core.engine import angles, axes, towards
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
+from activestereo.effects.core.room_unit import SeenPoints
 from activestereo.effects.core.shading import Facing, reflectance_of
 from activestereo.effects.core.view import View, transform
 
@@ -26,34 +28,11 @@ _THICK_M = 0.3
 _BEHIND_SHARE = 0.006
 # A Gaussian softens the shadows' edges; in pixels of the coarse shadow image.
 _SOFT_PX = 0.7
-# The grid of places where a lamp may stand; every fourth pixel judges them.
+# The grid of places where a lamp may stand, and the number of pixels that judge them.
 _AZIMUTHS_RAD = tuple((np.arange(-8, 8) * np.pi / 8).tolist())
-_ELEVATIONS_RAD, _NEARNESSES_PER_M, _GRID_EVERY_PX = (0.2, 0.6, 1.0, 1.3), (0.3, 0.6, 1.0, 1.5), 4
-# Sums of float32 products know no direction of the normals that shows by less than this share of the largest.
+_ELEVATIONS_RAD, _NEARNESSES_PER_M, _PIXELS = (0.2, 0.6, 1.0, 1.3), (0.3, 0.6, 1.0, 1.5), 20000
+# Normals are rendered in float32, so a direction of them that shows by less than this share of the largest is none.
 _ROUNDING = 1e-6
-
-
-def towards(azimuth_rad: float, elevation_rad: float) -> np.ndarray:
-    """Returns a unit vector, world axes. azimuth: about the world's y axis from z towards x; elevation: above the xz
-    plane."""
-    level = np.cos(elevation_rad)
-    return np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
-
-
-def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
-    """Returns the rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam
-    about the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
-    along = towards(azimuth_rad, elevation_rad)
-    right = np.array([-np.cos(azimuth_rad), 0.0, np.sin(azimuth_rad)])
-    down = np.cross(along, right)
-    c, s = np.cos(roll_rad), np.sin(roll_rad)
-    return np.stack([c * right + s * down, c * down - s * right, along], axis=1)
-
-
-def angles(along: np.ndarray) -> tuple[float, float]:
-    """Returns (azimuth, elevation) in radians of a world direction [3], as in axes()."""
-    x, y, z = along / np.linalg.norm(along)
-    return float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
 
 
 def lamp_pose(azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -> np.ndarray:
@@ -119,79 +98,57 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
     """Returns starting values for a fit: a light infinitely far, a lamp at 2 m in its direction, and the best lamp of a
     grid."""
-    return _far_starts(images) + _near_starts(images)
+    if not images:
+        return []
+    seen = SeenPoints.of(images, _PIXELS)
+    return _far_starts(seen) + _near_starts(seen)
 
 
-def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Fits a near lamp at each place of a grid and returns the one that explains most of the residual beside ambient
-    light. Shadows are left out. A near lamp shows by the light's fall with distance, which normals alone do not
-    tell."""
-    ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
-    directions = np.stack([towards(*way) for way in ways], axis=1)
-    gram, moment = np.zeros((len(_NEARNESSES_PER_M), len(ways), 2, 2)), np.zeros((len(_NEARNESSES_PER_M), len(ways), 2))
-    for world_to_camera, (points, normal, white, ambient, weight, residual) in map(_some_pixels, images):
-        aims, origin = world_to_camera[:3, :3] @ directions, world_to_camera[:3, 3] - points
-        # As in radiance_under(), for all directions at once: ways are sums, so cosines and squares are, too.
-        facing, along = normal @ aims, origin @ aims
-        aside, far = (normal * origin).sum(-1)[:, None], (origin**2).sum(-1)[:, None]
-        for k, nearness in enumerate(_NEARNESSES_PER_M):
-            square = np.maximum(1.0 + nearness * (2.0 * along + nearness * far), 1e-6)
-            lit = white[:, None] * np.maximum(facing + nearness * aside, 0.0) / (square * np.sqrt(square))
-            gram[k, :, 0, 0] += weight @ lit**2
-            gram[k, :, 0, 1] += (weight * ambient) @ lit
-            gram[k, :, 1, 1] += weight @ ambient**2
-            moment[k, :, 0] += (weight * residual) @ lit
-            moment[k, :, 1] += (weight * residual) @ ambient
-    gram[..., 1, 0] = gram[..., 0, 1]
-    best: list[dict[str, float]] = []
-    most = 0.0
-    for i, (azimuth, elevation) in enumerate(ways):
-        for k, nearness in enumerate(_NEARNESSES_PER_M):
-            strength, _ = solution = np.linalg.lstsq(gram[k, i], moment[k, i], rcond=1e-8)[0]
-            if strength > 0.0 and solution @ moment[k, i] > most:
-                place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "nearness_per_m": nearness}
-                best, most = [{"strength": float(strength)} | place], float(solution @ moment[k, i])
-    return best
-
-
-def _some_pixels(image: StartImage) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Returns world_to_camera [4][4] and float32 arrays of n pixels on a coarse grid. First come points [n][3] and
-    normals [n][3] in the camera's frame. Then come four [n]: DN per unit strength of a lamp, DN of ambient light,
-    weight (1/DN^2), residual (DN)."""
-    facing = Facing.of(image.view)
-    chosen = np.zeros(facing.hit.shape, dtype=bool)
-    chosen[::_GRID_EVERY_PX, ::_GRID_EVERY_PX] = True
-    at = chosen & facing.hit
-    white = np.pi * reflectance_of(image.light, image.view) * image.ambient_dn
-    ambient = image.light.ambient * image.ambient_dn
-    images = facing.points, facing.normal, white, ambient, image.weight, image.residual
-    world_to_camera = image.view.left_to_camera @ np.linalg.inv(image.view.frame.camera_to_world)
-    return world_to_camera.astype(np.float32), [x[at].astype(np.float32) for x in images]
-
-
-def _far_starts(images: list[StartImage]) -> list[dict[str, float]]:
+def _far_starts(seen: SeenPoints) -> list[dict[str, float]]:
     """Returns starting values for a light infinitely far. On lit surfaces the residual over reflectance is linear in
     the normal, so that a regression gives direction and strength.
 
     Surfaces that face away show no light; each of four rounds leaves them out (photometric stereo: Woodham 1980).
     """
-    gram, moment = np.zeros((4, 4)), np.zeros(4)
-    rows = [
-        (normal @ world_to_camera[:3, :3], *others)
-        for world_to_camera, (_, normal, *others) in map(_some_pixels, images)
-    ]
     vector = np.zeros(3)
     for _ in range(4):
-        gram[:], moment[:] = 0.0, 0.0
-        for normal, white, ambient, weight, residual in rows:
-            lit = normal @ vector > 0 if vector.any() else np.ones(len(normal), dtype=bool)
-            columns = np.stack([*(normal[lit] * white[lit][:, None]).T, ambient[lit]])
-            gram += (columns * weight[lit]) @ columns.T
-            moment += columns @ (weight[lit] * residual[lit])
-        vector = np.linalg.lstsq(gram, moment, rcond=_ROUNDING)[0][:3]
+        lit = seen.normals @ vector > 0 if vector.any() else np.ones(len(seen.normals), dtype=bool)
+        some = SeenPoints(*(x[lit] for x in seen))
+        vector = _regression(some, np.pi * some.glow * some.normals.T)[0][:3]
     strength = float(np.linalg.norm(vector))
     if strength == 0.0:
         return []
     azimuth, elevation = angles(vector)
     start = {"strength": strength, "azimuth_rad": azimuth, "elevation_rad": elevation}
     return [start, start | {"nearness_per_m": 0.5}]
+
+
+def _near_starts(seen: SeenPoints) -> list[dict[str, float]]:
+    """Fits a near lamp at each place of a grid and returns the one that explains most of the residual beside ambient
+    light. Shadows are left out. A near lamp shows by the light's fall with distance, which normals alone do not
+    tell."""
+    ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
+    directions = np.stack([towards(*way) for way in ways], axis=1)
+    # As in radiance_under(), for all directions at once: ways are sums, so cosines and squares are, too.
+    facing, along = seen.normals @ directions, -seen.points @ directions
+    aside, far = -(seen.normals * seen.points).sum(-1)[:, None], (seen.points**2).sum(-1)[:, None]
+    best: list[dict[str, float]] = []
+    most = 0.0
+    for nearness in _NEARNESSES_PER_M:
+        square = np.maximum(1.0 + nearness * (2.0 * along + nearness * far), 1e-6)
+        lit = np.pi * seen.glow[:, None] * np.maximum(facing + nearness * aside, 0.0) / (square * np.sqrt(square))
+        for (azimuth, elevation), column in zip(ways, lit.T, strict=True):
+            (strength, _), gain = _regression(seen, column[None])
+            if strength > 0.0 and gain > most:
+                place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "nearness_per_m": nearness}
+                best, most = [{"strength": float(strength)} | place], gain
+    return best
+
+
+def _regression(seen: SeenPoints, columns: np.ndarray) -> tuple[np.ndarray, float]:
+    """Fits columns [k][n] and the ambient light to the residual of n points. Returns the k + 1 factors and the decrease
+    of chi squared."""
+    columns = np.stack([*columns, seen.ambient])
+    moment = columns @ (seen.weight * seen.residual)
+    factors = np.linalg.lstsq((columns * seen.weight) @ columns.T, moment, rcond=_ROUNDING)[0]
+    return factors, float(factors @ moment)

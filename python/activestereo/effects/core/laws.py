@@ -69,7 +69,6 @@ def example_view(side: str = "right") -> View:
         camera_to_projector=left_to_projector @ np.linalg.inv(left_to_camera),
         left_to_camera=left_to_camera,
         frame=frame,
-        line_time_s=1e-5,
         material=slanted.astype(np.uint32),
         before=1.02 * 60.0 * 0.05 / depth * ((u + 3 * v) % 19 > 0),
     )

@@ -23,7 +23,7 @@ from scipy.ndimage import gaussian_filter, zoom
 from scipy.optimize import minimize
 
 from activestereo.effects.core.descriptor import StartImage
-from activestereo.effects.core.lamp import angles, axes
+from activestereo.effects.core.engine import angles, axes
 from activestereo.effects.core.shading import Facing, reflectance_of
 from activestereo.effects.core.view import View, transform
 
@@ -34,12 +34,13 @@ _DOTS_PX = 0.8, 4.0
 
 class SeenPoints(NamedTuple):
     """n pixels that see a surface. points, normals: [n][3], metres, in the world or another frame. glow: DN under
-    irradiance 1. weight: inverse variance, 1/DN^2. residual: measured minus expected, DN. dots: size of the residual's
-    detail that is as fine as dots, in a pixel's standard deviations."""
+    irradiance 1. ambient: DN of ambient light. weight: inverse variance, 1/DN^2. residual: measured minus expected, DN.
+    dots: size of the residual's detail that is as fine as dots, in a pixel's standard deviations."""
 
     points: np.ndarray
     normals: np.ndarray
     glow: np.ndarray
+    ambient: np.ndarray
     weight: np.ndarray
     residual: np.ndarray
     dots: np.ndarray
@@ -62,6 +63,7 @@ class SeenPoints(NamedTuple):
                     transform(to_own, facing.points[at]),
                     facing.normal[at] @ to_own[:3, :3].T,
                     image.ambient_dn * reflectance[at],
+                    image.ambient_dn * image.light.ambient[at],
                     image.weight[at],
                     image.residual[at],
                     (np.abs(sharp - smooth) * np.sqrt(image.weight))[at],

@@ -101,7 +101,6 @@ class View:
     left_to_camera: np.ndarray
     frame: Frame
     max_dn: float = 255.0
-    line_time_s: float | None = None
     seed: int = 0
     distortion: tuple[float, ...] = _NO_DISTORTION
     baseline_m: float = 0.05
@@ -127,7 +126,6 @@ class View:
             left_to_camera=left_to_camera,
             frame=frame,
             max_dn=rig.max_dn,
-            line_time_s=rig.line_time_s,
             seed=seed,
             distortion=tuple(rig.camera(side).distortion),
             baseline_m=rig.baseline_m,
