@@ -4,7 +4,6 @@ simulators' own files, and measures how far they are from the sensor in rooms th
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -15,7 +14,7 @@ from scipy.optimize import minimize
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import write_json, write_text
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, look_at, rigid_motion
 from activestereo.common.progress_bar import Progress
 from activestereo.model import SensorModel
@@ -361,5 +360,5 @@ def export(
         }  # fmt: skip
         told = {"file": profile.FILE, "parameters": asdict(profile), "lacks": list(profile.LACKS), "held_out": far}
         found[name] = told
-    write_text(out / "profiles.json", json.dumps(found, indent=1) + "\n")
+    write_json(out / "profiles.json", found)
     return found

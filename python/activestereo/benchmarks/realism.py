@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -25,7 +24,7 @@ from activestereo.benchmarks.sim_to_real import Figure
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
-from activestereo.common.output_files import png_bytes, write_text
+from activestereo.common.output_files import png_bytes, write_json, write_text
 
 DEVICE = "device"
 HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
@@ -146,7 +145,7 @@ def write_board(found: Board, out: Path, about: dict[str, object]) -> None:
     rows = {name: {method: asdict(one) for method, one in row.items()} for name, row in found.rows.items()}
     lines = verdicts(found)
     content = about | {"views": list(found.views), "verdicts": lines, "measures": rows}
-    write_text(out / "realism.json", json.dumps(content, indent=1) + "\n")
+    write_json(out / "realism.json", content)
     methods = (DEVICE, *METHODS)
     cells = []
     for name, row in found.rows.items():

@@ -40,34 +40,27 @@ class SensorPlan:
     """Inputs of the renderer, imagers, rectification, matcher and registration for one sensor. The RGB camera is at the
     origin. Dicts are keyword arguments.
 
-    rgb, left, right: of kuafu.Camera, without velocities and the infrared exposure. left_to: 4x4 from the left camera's
-    axes to those of 'rgb', 'left', 'right' and 'projector'. ir_optics: of kuafu.Optics; rgb_optics: the same, or None.
-    projector: of kuafu.Light without its intensity, or None without a projector. pattern: the projector's image; None
-    if it has dots. laser_w_sr: the projector's intensity in even and in odd pictures. renderer: of kuafu.Renderer;
-    render: of its render(). engine: of simsense.Engine, without the imagers. signal: the imagers' parameters at gain 1.
-    responsivity_dn: counts per W s / (sr m^2) at gain 1."""
+    config: the sensor's configuration, for the fields that need no conversion. rgb, left, right: of kuafu.Camera,
+    without velocities and the infrared exposure. left_to: 4x4 from the left camera's axes to those of 'rgb', 'left',
+    'right' and 'projector'. projector: of kuafu.Light without its intensity, or None without a projector. pattern: the
+    projector's image; None if it has dots. laser_w_sr: the projector's intensity in even and in odd pictures. renderer:
+    of kuafu.Renderer; render: of its render(). engine: of simsense.Engine, without the imagers. signal: the imagers'
+    parameters at gain 1."""
 
+    config: StereoDepthSensorConfig
     rgb: dict[str, Any]
     left: dict[str, Any]
     right: dict[str, Any]
     left_to: dict[str, NDArray[np.float64]]
-    ir_optics: dict[str, Any]
-    rgb_optics: dict[str, Any] | None
-    rgb_exposure: float | None
     projector: dict[str, Any] | None
     pattern: Pattern | None
     laser_w_sr: tuple[float, float]
-    projector_always_on: bool
-    ambient_radiance: float
     renderer: dict[str, Any]
     render: dict[str, Any]
     render_seed: int
     engine: dict[str, Any]
     signal: dict[str, float]
-    responsivity_dn: float
-    speckle_of_laser: bool
     exposure: AutoExposure
-    depth_maps: tuple[str, ...]
 
 
 def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
@@ -107,27 +100,20 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
     matching |= {"left_to_right": left_to["right"], "left_to_rgb": left_to["rgb"], "noise_seed": config.noise_seed}
     matching["rectified"] = config.rectified and not is_distorted
     return SensorPlan(
+        config=config,
         rgb=cameras["rgb"] | rgb_shutter | {"exposure_s": config.rgb_exposure_s},
         left=cameras["left"] | ir_shutter | {"camera_to_world": on_rig["left"]},
         right=cameras["right"] | ir_shutter | {"camera_to_world": on_rig["right"]},
         left_to=left_to,
-        ir_optics=dict(config.ir_optics or {}),
-        rgb_optics=config.rgb_optics,
-        rgb_exposure=config.rgb_exposure,
         projector=projector and projector | {"light_to_world": on_rig["projector"]},
         pattern=pattern,
         laser_w_sr=laser_w_sr,
-        projector_always_on=config.projector_always_on,
-        ambient_radiance=config.ir_ambient_radiance,
         renderer=parameters(config, RENDERER),
         render=parameters(config, RENDER),
         render_seed=config.render_seed,
         engine=matching | parameters(config, RIG) | matcher_parameters(config),
         signal=signal_parameters(config),
-        responsivity_dn=config.ir_responsivity_dn,
-        speckle_of_laser=bool(config.ir_speckle_of_laser),
         exposure=exposure,
-        depth_maps=tuple(config.depth_maps),
     )
 
 

@@ -19,6 +19,7 @@ from activestereo.capture.images import block_means, image_size, read_color, rea
 from activestereo.common import limits
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import is_distorting
+from activestereo.common.output_files import flat
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
@@ -55,6 +56,11 @@ class Camera:
     @property
     def is_pinhole(self) -> bool:
         return not is_distorting(self.distortion)
+
+    def as_json(self) -> dict[str, Any]:
+        """Returns the object that read_camera() reads."""
+        K, distortion = flat(self.K), flat(self.distortion)
+        return {"width": self.width, "height": self.height, "K": K, "distortion": distortion}
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes captures (capture format, version 1), for recorders and for programs that make worlds with a known answer."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from activestereo.capture.capture import FORMAT, SIDES, VERSION, Capture, Uncertainty
 from activestereo.capture.images import write_gray
 from activestereo.common.input_files import read_bytes
-from activestereo.common.output_files import new_folder, write_bytes, write_png, write_text
+from activestereo.common.output_files import flat, new_folder, write_bytes, write_json, write_png, write_text
 
 # Fields of a frame that the file has under the same name.
 _FRAME_FIELDS = (
@@ -67,33 +66,27 @@ def write_capture(
             for key in _FRAME_FIELDS:
                 value = getattr(frame, key)
                 if value is not None or key != "gripper_to_base":
-                    entry[key] = _flat(value) if np.ndim(value) else value
+                    entry[key] = flat(value) if np.ndim(value) else value
             root["frames"].append(entry)
-        write_text(out / "capture.json", json.dumps(root, indent=1) + "\n")
+        write_json(out / "capture.json", root)
 
 
 def _capture_json(capture: Capture) -> dict[str, Any]:
     """Returns the content of capture.json without its frames."""
     rig = capture.rig
-    cameras = {
-        name: {"width": camera.width, "height": camera.height}
-        | {"K": _flat(camera.K), "distortion": _flat(camera.distortion)}
-        for name, camera in (("left", rig.left), ("right", rig.right), ("color", rig.color))
-        if camera is not None
-    }
     root: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "name": capture.name,
         "scene": capture.scene_path.name,
         "rig": {
-            "left": cameras["left"],
-            "right": cameras["right"],
-            "left_to_right": _flat(rig.left_to_right),
+            "left": rig.left.as_json(),
+            "right": rig.right.as_json(),
+            "left_to_right": flat(rig.left_to_right),
             "projector": {
                 "pattern": "pattern.png",
-                "K": _flat(rig.projector.K),
-                "left_to_projector": _flat(rig.projector.left_to_projector),
+                "K": flat(rig.projector.K),
+                "left_to_projector": flat(rig.projector.left_to_projector),
             },
             "bit_depth": rig.bit_depth,
             "readout": {"line_time_s": rig.line_time_s},
@@ -101,12 +94,12 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
         "depth_engine": capture.depth_engine,
     }
     if rig.color is not None:
-        root["rig"]["color"] = cameras["color"] | {"left_to_color": _flat(rig.color.left_to_color)}
+        root["rig"]["color"] = rig.color.as_json() | {"left_to_color": flat(rig.color.left_to_color)}
     if rig.black_dn is not None:
         root["rig"]["black_dn"] = list(rig.black_dn)
     if capture.lights:
         root["lights"] = [
-            {"name": light.name, "position_m": _flat(light.position_m), "radius_m": light.radius_m}
+            {"name": light.name, "position_m": flat(light.position_m), "radius_m": light.radius_m}
             for light in capture.lights
         ]
     if capture.measured:
@@ -114,7 +107,3 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
     if capture.uncertainty != Uncertainty():
         root["uncertainty"] = asdict(capture.uncertainty)
     return root
-
-
-def _flat(array: np.ndarray) -> list[float]:
-    return np.asarray(array, dtype=float).ravel().tolist()

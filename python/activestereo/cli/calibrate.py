@@ -5,7 +5,6 @@ materials, and, of views with depth, a scene or a capture for the lab."""
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 from activestereo.capture.capture import read_capture
 from activestereo.cli import arguments as cli
 from activestereo.common.input_files import read_json_object
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import write_json
 from activestereo.common.progress_bar import ProgressBar
 from activestereo.report.screen import command, screen
 
@@ -269,7 +268,7 @@ def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
     if robot:
         hand = hand_eye([robot[Path(name).stem] for name in both], [result.board_to_left[name] for name in both])
         written.append(args.out.with_suffix(".hand_eye.json"))
-        write_text(written[1], json.dumps(hand.as_json(), indent=1) + "\n")
+        write_json(written[1], hand.as_json())
         text += f"\n{hand.summary()}"
     write_coverage(written[0], result)
     return result.model(), f"{text}\nalso written: {', '.join(map(str, written))}"

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.cli import arguments as cli
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import write_json, write_text
 from activestereo.common.shown import printable
 from activestereo.common.text_table import columns
 from activestereo.report.lettering import write_figure
@@ -160,7 +159,7 @@ def run_check(args: argparse.Namespace) -> None:
         about = f"{e.id}: {e.stage.name.lower()} stage, family '{e.family}', {parameters or 'no parameters'}\n  "
         print(f"{e.id:24}{told}" if args.all else f"{about}{place}{told}")
     if args.out:
-        write_text(args.out, json.dumps(off, indent=1) + "\n")
+        write_json(args.out, off)
     if lawless := sum(map(bool, broken_of.values())):
         said = f"{lawless} effect{'s' if lawless > 1 else ''} with broken laws"
         raise cli.Finding(said if args.all else f"{', '.join(args.effects)}: {said}")

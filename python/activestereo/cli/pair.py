@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 import simsense
 from activestereo.capture.images import read_gray
 from activestereo.cli import arguments as cli
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import write_json
 from activestereo.common.pose import rigid_motion
 from activestereo.common.shown import printable
 
@@ -58,7 +57,7 @@ def run(args: argparse.Namespace) -> None:
     findings = pair_findings(left, right, disparity, float(np.iinfo(left.dtype).max), device)
     cli.make_folder(args.out)
     entries = {"findings": [f.as_json() for f in findings]}
-    write_text(args.out / "pair.json", json.dumps(entries, indent=1) + "\n")
+    write_json(args.out / "pair.json", entries)
     if args.json:
         cli.print_json(entries)
         return

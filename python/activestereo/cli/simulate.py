@@ -5,7 +5,6 @@ infrared light, and bodies that the sensor cannot measure."""
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -20,7 +19,7 @@ from activestereo.capture.capture import Frame, read_capture
 from activestereo.cli import arguments as cli
 from activestereo.cli import sensor_options as options
 from activestereo.common.accuracy import NOTHING, Accuracy, accuracy_by_material, accuracy_table
-from activestereo.common.output_files import write_depth_png, write_ply, write_png, write_text, written_together
+from activestereo.common.output_files import write_depth_png, write_json, write_ply, write_png, written_together
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.pose import Pose, body_pose, camera_to_camera, camera_to_world
 from activestereo.common.progress_bar import ProgressBar
@@ -318,7 +317,7 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Accur
         write_depth_png(out / "depth_true.png", true_depth)
         cloud = sensor.get_pointcloud(with_rgb=True)
         write_ply(out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
-        write_text(out / "camera.json", json.dumps(_camera(sensor), indent=1) + "\n")
+        write_json(out / "camera.json", _camera(sensor))
         options.write_maps(out, {name: sensor.get_depth_map(name) for name in options.wanted_maps(args)})
         title = f"{sensor.get_config().model} in {args.scene.name}"
         write_figure(out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))

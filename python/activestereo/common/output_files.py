@@ -3,6 +3,7 @@
 
 import errno
 import io
+import json
 import math
 import os
 import platform
@@ -25,6 +26,16 @@ _OF_PROCESS = f"process_{platform.node()}_"  # of this machine: process numbers 
 def write_text(path: str | Path, text: str) -> None:
     """Replaces a file by a text in UTF-8, as replace_file() does."""
     write_bytes(path, text.encode())
+
+
+def write_json(path: str | Path, content: Any, **options: Any) -> None:
+    """Replaces a file by a value as JSON, as replace_file() does. options: of json.dumps()."""
+    write_text(path, json.dumps(content, indent=1, **options) + "\n")
+
+
+def flat(array: Any) -> list[float]:
+    """Lists an array's numbers, row by row, as files in JSON have them."""
+    return np.asarray(array, dtype=float).ravel().tolist()
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.common.input_files import open_file, read_json
-from activestereo.common.output_files import replace_file, write_text
+from activestereo.common.output_files import flat, replace_file, write_json
 from activestereo.model.model import NOISE_TERMS, Quantity, SensorModel
 from activestereo.model.read import FORMAT, VERSION
 
@@ -28,7 +27,7 @@ def write_model(path: str | Path, model: SensorModel) -> list[Path]:
             with open_file(source) as image:
                 replace_file(copy, lambda file: shutil.copyfileobj(image, file))
         written.append(copy)
-    write_text(path, json.dumps(model_json(model, pattern_name), indent=1) + "\n")
+    write_json(path, model_json(model, pattern_name))
     return [path, *written]
 
 
@@ -62,7 +61,7 @@ def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) 
         root["materials"] = root.get("materials", {}) | new["materials"]
     if new["nuisances"]:
         root["nuisances"] = root.get("nuisances", {}) | new["nuisances"]
-    write_text(path, json.dumps(root, indent=1, allow_nan=False) + "\n")
+    write_json(path, root, allow_nan=False)
 
 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:
@@ -70,18 +69,14 @@ def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str,
     path. Each section says whether the engines simulate it."""
     root: dict[str, Any] = {"format": FORMAT, "version": VERSION, **_source(model.source)}
     if (rig := model.rig) is not None:
-        cameras = {"left": rig.left, "right": rig.right}
-        root["rig"] = {
-            side: {"width": c.width, "height": c.height, "K": _numbers(c.K), "distortion": _numbers(c.distortion)}
-            for side, c in cameras.items()
-        }
-        root["rig"]["left_to_right"] = _numbers(rig.left_to_right)
+        root["rig"] = {"left": rig.left.as_json(), "right": rig.right.as_json()}
+        root["rig"]["left_to_right"] = flat(rig.left_to_right)
         if rig.left_to_projector is not None:
-            root["rig"]["left_to_projector"] = _numbers(rig.left_to_projector)
+            root["rig"]["left_to_projector"] = flat(rig.left_to_projector)
         root["rig"] |= {name: getattr(rig, name) for name in ("bit_depth", "line_time_s", "exposure_s", "gain")}
         root["rig"] |= _source(rig.source) | {"simulated": "engine"}
     if (pattern := model.pattern) is not None:
-        root["pattern"] = {"K": _numbers(pattern.K)}
+        root["pattern"] = {"K": flat(pattern.K)}
         if pattern.dots is None:
             root["pattern"]["file"] = pattern_file or str(pattern.file)
         else:
@@ -105,7 +100,7 @@ def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str,
     root["materials"] = {name: {f: _quantity(q) for f, q in fields.items()} for name, fields in model.materials.items()}
     root["nuisances"] = {name: _quantity(q) for name, q in model.nuisances.items()}
     if model.poses:
-        root["poses"] = [{"stated": _numbers(p.stated), "measured": _numbers(p.measured)} for p in model.poses]
+        root["poses"] = [{"stated": flat(p.stated), "measured": flat(p.measured)} for p in model.poses]
     return root
 
 
@@ -115,7 +110,3 @@ def _quantity(q: Quantity) -> dict[str, Any]:
 
 def _source(source: str) -> dict[str, str]:
     return {"source": source} if source else {}
-
-
-def _numbers(matrix: Any) -> list[float]:
-    return list(map(float, np.ravel(matrix)))

@@ -4,7 +4,6 @@ a diagnosis: its own page, diagnose.json, model.json and effect_stub.py."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -15,7 +14,7 @@ import numpy as np
 
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import write_json, write_text
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library
 from activestereo.compare.model_file import write_model as write_effects
@@ -61,7 +60,7 @@ def write_report(
             if isinstance(stored, dict) and stored.get("capture", comparison.capture.name) == comparison.capture.name:
                 diagnosis = stored
     html_text = report_page(comparison, diagnosis, effects, progress, steps=steps)
-    write_text(folder / "compare.json", json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n")
+    write_json(folder / "compare.json", comparison.scores, allow_nan=False)
     write_text(folder / "report.html", html_text)
     return folder / "compare.json", folder / "report.html"
 
@@ -132,14 +131,12 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | Path) -> list[Path]:
     Returns their paths."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    texts = {"diagnose.json": json.dumps(diagnosis.result, indent=1) + "\n"}
+    paths, model = [folder / "diagnose.json"], folder / "model.json"
+    write_json(paths[0], diagnosis.result)
     if diagnosis.stub:
-        texts["effect_stub.py"] = diagnosis.stub
-    for name, content in texts.items():
-        write_text(folder / name, content)
-    paths = [folder / "model.json"]
-    if diagnosis.sensor_model is None:
-        write_effects(paths[0], diagnosis.model)
-    else:
-        paths = write_model(paths[0], diagnosis.sensor_model)
-    return [*(folder / name for name in texts), *paths]
+        paths.append(folder / "effect_stub.py")
+        write_text(paths[-1], diagnosis.stub)
+    if diagnosis.sensor_model is not None:
+        return paths + write_model(model, diagnosis.sensor_model)
+    write_effects(model, diagnosis.model)
+    return [*paths, model]

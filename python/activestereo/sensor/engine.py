@@ -261,7 +261,7 @@ class SensorEngine:
     def _settings(self, outputs: Any, frame: int) -> dict[str, Any]:
         """Returns the arguments of kuafu.Renderer.render that RGB and infrared cameras share. outputs: names of the
         images to render; frame: the picture's number, which seeds the render."""
-        scales = {"srgb": self.plan.rgb_exposure or 0.0} if "srgb" in outputs else {}
+        scales = {"srgb": self.plan.config.rgb_exposure or 0.0} if "srgb" in outputs else {}
         return self.plan.render | {"seed": (self.plan.render_seed << 32) + frame, "scales": scales}
 
     def _render(

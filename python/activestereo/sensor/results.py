@@ -186,7 +186,7 @@ class SensorResults(ABC):
         """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and
         copies three times as much."""
         radiance = self._engine.rgb_output("radiance")
-        return srgb(radiance, self._engine.plan.rgb_exposure or rgb_exposure(radiance))
+        return srgb(radiance, self._engine.plan.config.rgb_exposure or rgb_exposure(radiance))
 
     def get_true_depth(self) -> NDArray[np.float32]:
         """Returns float32 metres in the RGB camera to the first surface at each pixel's centre; 0 = none."""

@@ -177,7 +177,9 @@ class RigInputs:
         self.environments = [environment or 0 for environment in environments]
         self._takes_image_effects = takes_image_effects
         self._effects, self._scene_measurement, ambient_dn = _fit_model(scene, source, model)
-        self._ambient_radiance = plan.ambient_radiance if ambient_dn is None else ambient_dn / plan.responsivity_dn
+        self._ambient_radiance = plan.config.ir_ambient_radiance
+        if ambient_dn is not None:
+            self._ambient_radiance = ambient_dn / plan.config.ir_responsivity_dn
         self.in_scene = Rig(scene, environments)
         # The effects that act outside of the engines.
         self.left_over: tuple[tuple[Effect, dict[str, float]], ...] = ()
@@ -241,7 +243,7 @@ class RigInputs:
     def visible(self) -> dict[str, Any]:
         """Returns the arguments of kuafu.Renderer.render that hold for the RGB cameras alone: band, environments,
         optics."""
-        return {"band": "visible", "environments": self.environments, "optics": self.plan.rgb_optics}
+        return {"band": "visible", "environments": self.environments, "optics": self.plan.config.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
         """Returns the arguments of kuafu.Renderer.render that hold for the infrared cameras alone: band, environments,
@@ -261,7 +263,7 @@ class RigInputs:
     def darken(self) -> None:
         """Switches the lights of shine() off, so that other sensors do not see them, unless the projector is always
         on."""
-        if not self.plan.projector_always_on:
+        if not self.plan.config.projector_always_on:
             self.in_scene.darken()
 
     # ---- settings between pictures ----
@@ -312,7 +314,7 @@ class RigInputs:
 
     def _enter_scene(self, inputs: EngineInputs) -> None:
         self.in_scene.enter(inputs, self.plan.laser_w_sr[self._frame % 2], self.plan.pattern)
-        if self.plan.projector_always_on and self._rigs is not None:
+        if self.plan.config.projector_always_on and self._rigs is not None:
             self.in_scene.shine(self._rigs)
 
     def _compute_inputs(self) -> EngineInputs:
@@ -327,8 +329,11 @@ class RigInputs:
         )  # fmt: skip
         left, right = (
             EngineCamera(
-                kuafu.Camera(**camera, exposure_s=exposure_s), kuafu.Optics(**plan.ir_optics), self._signal(), is_right
-            )
+                kuafu.Camera(**camera, exposure_s=exposure_s),
+                kuafu.Optics(**(plan.config.ir_optics or {})),
+                self._signal(),
+                is_right,
+            )  # fmt: skip
             for camera, is_right in ((plan.left, False), (plan.right, True))
         )
         summary = self.scene.summary
@@ -346,7 +351,7 @@ class RigInputs:
             max_dn=float(2 ** int(plan.signal["bit_depth"]) - 1),
             seed=plan.engine["noise_seed"],
             ambient_radiance=self._ambient_radiance,
-            speckle_of_laser=plan.speckle_of_laser,
+            speckle_of_laser=bool(plan.config.ir_speckle_of_laser),
         )
         self._give_velocity(inputs)
         # 2. The scene measurement's and the effects' changes.

@@ -76,8 +76,8 @@ class StereoDepthSensor(SensorResults):
         # The depth engine, and how it gets the infrared pair: 'opaque_fd' or 'host'.
         self.engine: simsense.Engine = self._engine.matcher
         self.ir_memory = self._engine.ir_memory
-        self._depth_maps = plan.depth_maps
-        if plan.projector_always_on:
+        self._depth_maps = tuple(self._config.depth_maps)
+        if self._config.projector_always_on:
             self._engine.rig.shine(self._rigs())
         if self._engine.rig.left_over:
             self._engine.image_effects = ImageEffects(weakref.proxy(self), self._engine.rig.left_over)

@@ -19,7 +19,7 @@ def test_maps_that_were_read_are_computed_with_the_next_picture():
         asked.append(list(names))
         return {name: np.full((1, 1), len(asked)) for name in names}
 
-    maps = Maps(SimpleNamespace(compute=compute, shape=(), plan=SimpleNamespace(depth_maps=())))
+    maps = Maps(SimpleNamespace(compute=compute, shape=(), plan=SimpleNamespace(config=SimpleNamespace(depth_maps=()))))
     with pytest.raises(RuntimeError, match="no depth of this picture yet"):
         maps.read("depth_rgb")
     maps.begin()

@@ -14,7 +14,6 @@ millimetres. A frame's record is written after its pictures, so a frame with a r
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
@@ -36,8 +35,8 @@ from activestereo.common.output_files import (
     left_over,
     write_bytes,
     write_depth_png,
+    write_json,
     write_png,
-    write_text,
     written_together,
 )
 from activestereo.common.pose import rigid_motion
@@ -120,7 +119,7 @@ def write_frame(out: Path, frame: Frame) -> None:
                 "px_invented": int(is_invented(frame.depth, frame.true_depth).sum()),
             },
         }
-        _write_json(aside / record_file, record)
+        write_json(aside / record_file, record)
 
 
 def write_files(out: Path, files: Mapping[str, bytes]) -> None:
@@ -146,7 +145,7 @@ def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
                 pixels[pose["obj_id"]] += info["px_count_visib"]
         folder = scene_folder(out, first)
         for file, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
-            _write_json(folder / f"{file}.json", {str(n): record[key] for n, record in records.items()})
+            write_json(folder / f"{file}.json", {str(n): record[key] for n, record in records.items()})
     return pixels, depths
 
 
@@ -155,7 +154,7 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
     box's diagonal) and dataset.json. about: dataset.json's contents, the settings."""
     k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
     camera = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2], "depth_scale": 1.0}
-    _write_json(out / "camera.json", camera | {"width": width, "height": height})
+    write_json(out / "camera.json", camera | {"width": width, "height": height})
     sides = {}
     for side in SIDES:
         eye = camera_info(config, side)
@@ -163,7 +162,7 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
         place = {"distortion": list(eye.distortion), "camera_to_rgb": eye.camera_to_rgb.ravel().tolist()}
         sides[f"ir_{side}"] = shape | place
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
-    _write_json(out / "ir_cameras.json", sides | {
+    write_json(out / "ir_cameras.json", sides | {
         "baseline_m": baseline_m, "depth_engine": depth_engine(config), "reasons": list(simsense.REASONS),
     })  # fmt: skip
     models = {}
@@ -173,8 +172,8 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
         box |= {f"size_{axis}": float(v) for axis, v in zip("xyz", extent, strict=True)}
         models[str(thing.id)] = {"diameter": float(np.linalg.norm(extent)), **box}
     (out / "models").mkdir(exist_ok=True)
-    _write_json(out / "models" / "models_info.json", models)
-    _write_json(out / "dataset.json", about)
+    write_json(out / "models" / "models_info.json", models)
+    write_json(out / "dataset.json", about)
 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:
@@ -191,10 +190,6 @@ def scene_folder(out: Path, number: int) -> Path:
 
 def record_path(out: Path, number: int) -> Path:
     return scene_folder(out, number) / _RECORDS / f"{number % FRAMES_PER_SCENE:06d}.json"
-
-
-def _write_json(path: Path, content: Any) -> None:
-    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 @dataclass(frozen=True)
