@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, laplace
 
-from activestereo.capture.capture import SIDES, SPLITS, Capture, ImageKey
+from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.engine_prediction import changes_no_ray, engine_lights
@@ -124,24 +124,24 @@ class ImageErrors:
         out = {}
         for split in SPLITS:
             if frames := self.capture.split(split):
-                own = {side: [self._sums[frame.id, side] for frame in frames] for side in SIDES}
-                images = [image for side in SIDES for image in own[side]]
-                out[split] = _pool(images) | {
-                    "noise_floor_from": sorted({image["floor_source"] for image in images if image["floor_source"]}),
-                    "frames": [frame.id for frame in frames],
-                    "cameras": {side: _pool(own[side]) for side in SIDES},
-                }
+                sources = {self._sums[frame.id, side]["floor_source"] for frame in frames for side in SIDES} - {None}
+                more = {"noise_floor_from": sorted(sources), "frames": [frame.id for frame in frames]}
+                out[split] = self._pooled(frames, more)
         return out
 
     def by_frame(self) -> list[dict[str, Any]]:
         """Returns the errors of every frame, pooled and for each camera."""
-        out = []
-        for frame in self.capture.frames:
-            own = {side: self._sums[frame.id, side] for side in SIDES}
-            source, cameras = own["left"]["floor_source"], {side: _pool([image]) for side, image in own.items()}
-            pooled = _pool(list(own.values())) | {"noise_floor_from": source, "cameras": cameras}
-            out.append({"id": frame.id, "split": frame.split} | pooled)
-        return out
+        return [
+            {"id": frame.id, "split": frame.split}
+            | self._pooled([frame], {"noise_floor_from": self._sums[frame.id, "left"]["floor_source"]})
+            for frame in self.capture.frames
+        ]
+
+    def _pooled(self, frames: Sequence[Frame], more: dict[str, Any]) -> dict[str, Any]:
+        """Returns the errors of frames, pooled, with `more`, and for each camera."""
+        own = {side: [self._sums[frame.id, side] for frame in frames] for side in SIDES}
+        cameras = {side: _pool(images) for side, images in own.items()}
+        return _pool([*own["left"], *own["right"]]) | more | {"cameras": cameras}
 
 
 @dataclass(frozen=True)

@@ -128,8 +128,7 @@ class BlockBootstrap:
 
 def interval(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns (low, high), the bounds of the central 95 % of draws [draws][...]."""
-    tail = 50.0 * (1.0 - 0.95)
-    low, high = np.nanpercentile(draws, (tail, 100.0 - tail), axis=0)
+    low, high = np.nanpercentile(draws, (2.5, 97.5), axis=0)
     return low, high
 
 
