@@ -163,11 +163,10 @@ class Light:
         """Returns the light after a Gaussian blur. sigma_px: pixels, a number or an image."""
         return self.filtered(lambda images: images.blurred(sigma_px))
 
-    def filtered(self, act: Callable[[SupersampledImages], np.ndarray]) -> Light:
-        """Returns the light after a linear filter, of the supersampled images where there are any. act: returns
-        SupersampledImages' filtered samples, such as blurred() and shifted_sum(); without any, their scale is 1."""
-        of_images = lambda images: act(SupersampledImages(images, 1, 0))  # noqa: E731
-        return _Later(self, of_images, lambda images: images.filtered(act)).light()
+    def filtered(self, act: Callable[[SupersampledImages], SupersampledImages]) -> Light:
+        """Returns the light after a linear filter, of the supersampled images where there are any. act: a filter of
+        SupersampledImages, such as blurred() and shifted_sum(); images without finer ones have scale 1."""
+        return _Later(self, lambda images: act(SupersampledImages(images, 1, 0)).images(), act).light()
 
     def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         memory = self.__dict__.setdefault("_memory", {})

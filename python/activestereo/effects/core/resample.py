@@ -293,22 +293,16 @@ class SupersampledImages:
         moved_u, moved_v = u - np.arange(width), v - np.arange(height)[:, None]
         return self.at(columns + self._refined(moved_u), rows + self._refined(moved_v))
 
-    def filtered(self, act: Callable[[SupersampledImages], np.ndarray]) -> SupersampledImages:
-        """Returns the images after a linear filter, which is applied only to the images that are asked for. act:
-        returns filtered samples, as blurred() and shifted_sum() do."""
-        return _LaterSupersampled(self, act)
-
-    def blurred(self, sigma_px: float | np.ndarray) -> np.ndarray:
-        """Returns the samples after a Gaussian blur. sigma_px: camera pixels, a number or an image [height][width] that
+    def blurred(self, sigma_px: float | np.ndarray) -> SupersampledImages:
+        """Returns the images after a Gaussian blur. sigma_px: camera pixels, a number or an image [height][width] that
         goes on beyond the frame."""
-        return blur(
-            self.images(), self.scale * (self._refined(np.asarray(sigma_px)) if np.ndim(sigma_px) else sigma_px)
-        )
+        sigma = self.scale * (self._refined(np.asarray(sigma_px)) if np.ndim(sigma_px) else sigma_px)
+        return _LaterSupersampled(self, lambda images: blur(images.images(), sigma))
 
-    def shifted_sum(self, along_u: _Taps, along_v: _Taps) -> np.ndarray:
-        """Returns sums of the shifted samples, see Spline.shifted_sum(); shifts are in camera pixels."""
+    def shifted_sum(self, along_u: _Taps, along_v: _Taps) -> SupersampledImages:
+        """Returns sums of the shifted images, see Spline.shifted_sum(); shifts are in camera pixels."""
         u, v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
-        return np.stack([spline.shifted_sum(u, v) for spline in self._splines()])
+        return _LaterSupersampled(self, lambda images: np.stack([s.shifted_sum(u, v) for s in images._splines()]))
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Returns the values at camera pixel positions (u, v) of any shape, float32 [n][...]."""
