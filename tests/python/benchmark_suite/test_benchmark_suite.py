@@ -33,13 +33,9 @@ open(sys.argv[2] + "/diagnose.json", "w").write(json.dumps(answer))
 def entry(effect, family="f", confidence=0.9, equivalent=(), **parameters):
     entries = {name: {"value": v, "low": 0.8 * v, "high": 1.2 * v, "unit": "1"} for name, v in parameters.items()}
     return {
-        "effect": effect,
-        "family": family,
-        "score_nats": 10.0,
-        "confidence": confidence,
-        "parameters": entries,
+        "effect": effect, "family": family, "score_nats": 10.0, "confidence": confidence, "parameters": entries,
         "equivalent": list(equivalent),
-    }
+    }  # fmt: skip
 
 
 def result(truth, verdict, ranking=(), added=(), set_name="single", ratio=1.0, scored=None, strength="strong"):
@@ -48,22 +44,16 @@ def result(truth, verdict, ranking=(), added=(), set_name="single", ratio=1.0, s
         "infrared": True,
         "strengths": dict.fromkeys(truth, strength), "oracle": {"test": {"ratio": ratio, "floor_dn": 2.0}},
     }  # fmt: skip
-    answer = {
-        "verdict": verdict,
-        "ranking": list(ranking),
-        "added": list(added),
-        "heldout_ir_rmse_before": 4.0,
-        "heldout_ir_rmse_after": 2.5,
-    }
+    answer = {"verdict": verdict, "ranking": list(ranking), "added": list(added)}
+    answer |= {"heldout_ir_rmse_before": 4.0, "heldout_ir_rmse_after": 2.5}
     return Result(key, answer, {"diagnose_s": 10.0})
 
 
 def test_cases_of_a_set_are_fixed_and_differ_between_sets():
     assert items("single") == items("single")
     everything = items("all")
-    assert (
-        len({item.seed for item in everything}) == len({item.anonymous_name for item in everything}) == len(everything)
-    )
+    for name in ("seed", "anonymous_name"):
+        assert len({getattr(item, name) for item in everything}) == len(everything)
     assert sorted(i.id for i in everything) == sorted(i.id for part in ALL for i in items(part))
     assert len(items("small")) == 12
     assert len({name for item in items("single") for name, _ in item.strengths}) >= 25
@@ -113,12 +103,8 @@ def test_wrong_answers_are_told_apart():
     out = score([kin, stranger, alarm, quiet, said, misled, both, one, twins])
     value = {name: m["value"] for name, m in out["measures"].items()}
     assert (value["top-1"], value["top-3"], value["family"]) == (0.0, 0.5, 0.5)
-    assert (
-        value["false alarms"]
-        == value["outside the library: said so"]
-        == value["outside the library: wrong name"]
-        == 0.5
-    )
+    for name in ("false alarms", "outside the library: said so", "outside the library: wrong name"):
+        assert value[name] == 0.5
     assert value["pairs: both found"] == pytest.approx(1 / 3)
     assert value["pairs: each named, or in a name's set"] == pytest.approx(2 / 3)
     assert value["pairs: one of two first"] == 1.0
@@ -135,10 +121,7 @@ def test_a_measurement_resolves_where_the_truth_alone_is_left():
 
 def test_intervals_cover_what_they_say():
     rng = np.random.default_rng(1)
-    held = [
-        low <= 0.9 <= high
-        for low, high in ((r["low"], r["high"]) for r in (rate(rng.random(40) < 0.9) for _ in range(400)))
-    ]
+    held = [r["low"] <= 0.9 <= r["high"] for r in (rate(rng.random(40) < 0.9) for _ in range(400))]
     assert 0.91 < np.mean(held) < 0.99
     held = [m["low"] <= 0.0 <= m["high"] for m in (median(rng.standard_normal(30)) for _ in range(400))]
     assert 0.92 < np.mean(held) < 1.0
