@@ -9,9 +9,7 @@ import pytest
 from material_worlds import NOMINAL, PAINTS, record, seen_of
 
 from activestereo.calibrate import materials
-from activestereo.calibrate.material_fit import MaterialFit
-from activestereo.calibrate.material_fit import refine
-from activestereo.calibrate.material_fit import MaterialScene
+from activestereo.calibrate.material_fit import MaterialFit, MaterialScene, refine
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.effects.core.model import Model
@@ -113,19 +111,16 @@ def test_what_is_wrong_is_told(plastic, tmp_path, capsys):
     arguments = ["calibrate", "materials", str(plastic), "-o", str(out), "--object"]
     assert main([*arguments, "cup"]) == 2
     assert "there is no object 'cup' (there are: table, ball)" in capsys.readouterr().err
-    text = (plastic / "scene.gltf").read_text()
-    document = json.loads(text)
-    try:
-        for node in document["nodes"]:
-            if node["name"] == "ball":
-                node["matrix"][13] = -3.0
-        (plastic / "scene.gltf").write_text(json.dumps(document))
-        assert main([*arguments, "ball"]) == 2
-        assert "the object is out of view in all 1 poses" in capsys.readouterr().err
-        del document["meshes"][1]["primitives"][0]["material"]
-        (plastic / "scene.gltf").write_text(json.dumps(document))
-        assert main([*arguments, "ball"]) == 2
-        assert "has a part without a material" in capsys.readouterr().err
-    finally:
-        (plastic / "scene.gltf").write_text(text)
+    arguments[2] = str(shutil.copytree(plastic, tmp_path / "changed"))
+    scene = tmp_path / "changed/scene.gltf"
+    document = json.loads(scene.read_text())
+    [ball] = [node for node in document["nodes"] if node["name"] == "ball"]
+    ball["matrix"][13] = -3.0
+    scene.write_text(json.dumps(document))
+    assert main([*arguments, "ball"]) == 2
+    assert "the object is out of view in all 1 poses" in capsys.readouterr().err
+    del document["meshes"][1]["primitives"][0]["material"]
+    scene.write_text(json.dumps(document))
+    assert main([*arguments, "ball"]) == 2
+    assert "has a part without a material" in capsys.readouterr().err
     assert not out.exists()

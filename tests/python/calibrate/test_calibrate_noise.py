@@ -15,6 +15,7 @@ from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
 from command_line import refused
+from depth_engines import depth_engine
 
 _SIZE = (40, 64)
 
@@ -45,12 +46,10 @@ def dark(noise_model: NoiseModel, seed: int = 7) -> list[Repeats]:
 @pytest.mark.parametrize(
     "noise_model",
     [
-        NoiseModel("gamma", 4.0, 0.8, 5.0),
-        NoiseModel("gamma", 40.0, 0.5, -0.4),
-        NoiseModel("shot", 0.3, 0.6, 5.0),
+        NoiseModel("gamma", 4.0, 0.8, 5.0), NoiseModel("gamma", 40.0, 0.5, -0.4), NoiseModel("shot", 0.3, 0.6, 5.0),
         NoiseModel("shot", 2.0, 0.4, 3.0),
     ],
-)
+)  # fmt: skip
 def test_a_table_is_the_histogram_of_draws(noise_model):
     """10^5 draws of NumPy's generators at two levels: chi-square of the counts with enough expected."""
     for level in (1.5, 60.0):
@@ -64,12 +63,8 @@ def test_a_table_is_the_histogram_of_draws(noise_model):
 
 def test_the_paper_law_of_simsense_is_read_back():
     """simsense draws its paper-d415 preset: the figures asked for are k and sigma to 3 %, black to 0.05 DN."""
-    signal, (height, width), repeats = simsense.signal_preset("paper-d415"), _SIZE, 100
-    camera = simsense.Camera(width, height, np.array([[200.0, 0, 32], [0, 200, 20], [0, 0, 1]]))
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -0.05
-    how = {"rectified": True, "max_disparity": 32, "batch_count": repeats, "noise_seed": 5}
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, **how)
+    signal, repeats = simsense.signal_preset("paper-d415"), 100
+    engine = depth_engine(_SIZE[::-1], 200, max_disparity=32, batch_count=repeats, noise_seed=5)
     engine.set_signal(signal, signal)
     stack = np.repeat(clean_image(1)[None].astype(np.float32), repeats, 0)
     engine.set_parameters(frame_index=0)
@@ -106,10 +101,8 @@ def test_clipped_counts_are_censored():
 
 def test_exposures_tell_black_and_photon_transfer():
     noise_model, clean = NoiseModel("shot", 0.4, 0.7, 6.0), clean_image(2, 4.0, 50.0)
-    frames = [
-        Repeats(f"exposure {t}", drawn(noise_model, t * clean, 30, 10 + t), 0.001 * t, "one view") for t in (1, 2, 4)
-    ]
-    noise = calibrate_noise(frames)
+    seen = {t: drawn(noise_model, t * clean, 30, 10 + t) for t in (1, 2, 4)}
+    noise = calibrate_noise([Repeats(f"exposure {t}", own, 0.001 * t, "one view") for t, own in seen.items()])
     assert noise.black_from == "the exposures' intercept"
     assert noise.noise_model.black_dn == pytest.approx(6.0, abs=0.05)
     assert noise.chosen == "shot" and noise.noise_model.shape == pytest.approx(0.4, rel=0.03)
@@ -171,7 +164,10 @@ def test_bad_descriptors_are_refused_in_one_line(old, new, says, steps, tmp_path
 @pytest.fixture
 def folder(tmp_path):
     """12 frames of a view as PNG files."""
-    path = tmp_path / "view"
+    return write_view(tmp_path / "view")
+
+
+def write_view(path):
     path.mkdir()
     for i, image in enumerate(drawn(NoiseModel("gamma", 5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 12, 4)):
         write_gray(path / f"{i:03d}.png", image)
@@ -223,9 +219,6 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     assert "no folder" in refused(["calibrate", "noise", tmp_path / "nothing", "-o", out], capsys)
     assert not out.exists()
     out.write_text("{}")
-    folder2 = tmp_path / "again"
-    folder2.mkdir()
-    for i, image in enumerate(drawn(NoiseModel("gamma", 5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 10, 4)):
-        write_gray(folder2 / f"{i}.png", image)
-    assert "give another file to -o" in refused(["calibrate", "noise", folder2, "-o", out], capsys)
+    again = write_view(tmp_path / "again")
+    assert "give another file to -o" in refused(["calibrate", "noise", again, "-o", out], capsys)
     assert out.read_text() == "{}"

@@ -71,29 +71,21 @@ def test_the_pattern_holds_directions_and_powers(world, pattern):
     assert np.median(ratio) == pytest.approx(seen_px2, rel=0.03)
     left, right = (np.median(ratio[part]) for part in np.array_split(np.argsort(pattern.dots[near, 0]), 2))
     assert left / right == pytest.approx(1.0, abs=0.01)  # no falloff is left over the field
-
-
-def test_a_dots_width_is_that_of_the_pattern(world, pattern):
     assert pattern.dot_sigma_px == pytest.approx(world.config.pattern_design.dot_sigma_px, rel=0.02)
 
 
-def test_dots_that_the_right_camera_alone_sees_are_in_the_pattern(world, pattern):
-    numbers, places = seen_dots(world, _WALLS[0], "right")
-    beyond = np.setdiff1d(numbers, np.concatenate([seen_dots(world, wall, "left", 1.0)[0] for wall in _WALLS]))
-    assert len(beyond) > 50
-    pixel = world.projector_K[0, 0] / world.config.ir_intrinsic[0, 0]
-    off = cKDTree(pattern.dots[:, :2]).query(world.true_dots()[beyond, :2])[0]
-    assert np.mean(off < pixel) >= 0.97 and np.median(off) < 0.05 * pixel
+def test_dots_of_the_right_camera_alone_and_those_that_a_border_cuts_are_in_the_pattern(world, pattern):
+    def seen(sides, border_px, walls=_WALLS):
+        return np.concatenate([seen_dots(world, wall, side, border_px)[0] for wall in walls for side in sides])
 
-
-def test_dots_that_an_images_border_cuts_are_in_the_pattern(world, pattern):
-    whole = np.concatenate([seen_dots(world, wall, side, 6.0)[0] for wall in _WALLS for side in ("left", "right")])
-    cut = np.concatenate([seen_dots(world, wall, side, 0.0)[0] for wall in _WALLS for side in ("left", "right")])
-    cut = np.setdiff1d(cut, whole)
-    assert len(cut) > 100
+    both = ("left", "right")
+    beyond = np.setdiff1d(seen(["right"], 5.0, _WALLS[:1]), seen(["left"], 1.0))
+    cut = np.setdiff1d(seen(both, 0.0), seen(both, 6.0))
     pixel = world.projector_K[0, 0] / world.config.ir_intrinsic[0, 0]
-    off = cKDTree(pattern.dots[:, :2]).query(world.true_dots()[cut, :2])[0]
-    assert np.mean(off < pixel) >= 0.95 and np.median(off) < 0.15 * pixel
+    for numbers, least, found, error in ((beyond, 50, 0.97, 0.05), (cut, 100, 0.95, 0.15)):
+        assert len(numbers) > least
+        off = cKDTree(pattern.dots[:, :2]).query(world.true_dots()[numbers, :2])[0]
+        assert np.mean(off < pixel) >= found and np.median(off) < error * pixel
 
 
 def test_the_light_between_dots_is_measured(pattern):
@@ -185,29 +177,32 @@ def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch
             calibrate_pattern(capture_path, model=SensorModel(rig=replace(own, left_to_right=place)))
 
 
-def test_merged_spots_are_told_apart():
-    """Two dots at 2.6 sigma, which show one peak, and one alone, in a grid of others."""
-    rng, (height, width), sigma = np.random.default_rng(0), (120, 160), 1.3
-    grid = np.meshgrid(np.arange(12, 150, 12.0), np.arange(12, 110, 12.0))
-    u, v = (part.ravel() + rng.uniform(-0.5, 0.5, part.size) for part in grid)
-    u, v = np.append(u, u[40] + 2.6 * sigma), np.append(v, v[40])
+def spots_among(u, v, sigma):
+    """(spots found in an image of dots of 60 DN, the distance of each from its own dot)."""
+    rng, (height, width) = np.random.default_rng(0), (120, 160)
     y, x = np.mgrid[:height, :width]
     image = 8.0 + sum(60.0 * np.exp(-0.5 * ((x - a) ** 2 + (y - b) ** 2) / sigma**2) for a, b in zip(u, v, strict=True))
     spots = find_spots(image + rng.normal(0, 0.2, image.shape), np.full(image.shape, 0.04))
     distance, nearest = cKDTree(np.column_stack([u, v])).query(np.column_stack([spots.u, spots.v]))
-    assert len(spots) == len(u) == len(np.unique(nearest)) and distance.max() < 0.1
+    assert len(spots) == len(u) == len(np.unique(nearest))
+    return spots, distance
+
+
+def test_merged_spots_are_told_apart():
+    """Two dots at 2.6 sigma, which show one peak, and one alone, in a grid of others."""
+    rng, sigma = np.random.default_rng(1), 1.3
+    grid = np.meshgrid(np.arange(12, 150, 12.0), np.arange(12, 110, 12.0))
+    u, v = (part.ravel() + rng.uniform(-0.5, 0.5, part.size) for part in grid)
+    spots, distance = spots_among(np.append(u, u[40] + 2.6 * sigma), np.append(v, v[40]), sigma)
+    assert distance.max() < 0.1
     assert spots.sigma_px == pytest.approx(sigma, rel=0.01)
     assert np.median(spots.flux) == pytest.approx(2 * np.pi * sigma**2 * 60.0, rel=0.01)
 
 
 def test_spots_whose_middles_lie_outside_are_found():
-    rng, (height, width), sigma = np.random.default_rng(0), (120, 160), 1.5
-    u, v = (part.ravel() for part in np.meshgrid(np.linspace(-1.0, width, 14), np.linspace(-1.0, height, 11)))
-    y, x = np.mgrid[:height, :width]
-    image = 8.0 + sum(60.0 * np.exp(-0.5 * ((x - a) ** 2 + (y - b) ** 2) / sigma**2) for a, b in zip(u, v, strict=True))
-    spots = find_spots(image + rng.normal(0, 0.2, image.shape), np.full(image.shape, 0.04))
-    distance, nearest = cKDTree(np.column_stack([u, v])).query(np.column_stack([spots.u, spots.v]))
-    assert len(spots) == len(u) == len(np.unique(nearest)) and distance.max() < 0.3
+    sigma, grid = 1.5, np.meshgrid(np.linspace(-1.0, 160, 14), np.linspace(-1.0, 120, 11))
+    spots, distance = spots_among(*(part.ravel() for part in grid), sigma)
+    assert distance.max() < 0.3
     whole = spots.is_whole
     assert whole.sum() == 12 * 9 and distance[whole].max() < 0.03
     assert np.abs(spots.flux / (2 * np.pi * sigma**2 * 60.0) - 1.0).max() < 0.3

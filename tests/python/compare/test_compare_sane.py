@@ -13,7 +13,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.camera_order import camera_order
 from activestereo.compare.compare import compare
 from activestereo.compare.measured_image import MeasuredImage
-from activestereo.compare.noise import pair_noise_model
+from activestereo.compare.noise import frame_noise_variances, pair_noise_model
 from activestereo.compare.nuisances import solve_bounded
 from activestereo.compare.render import render_frames
 from activestereo.effects import View
@@ -33,6 +33,12 @@ def cache(tmp_path_factory):
     return LayerCache(tmp_path_factory.mktemp("cache"))
 
 
+@pytest.fixture
+def path(world, tmp_path):
+    """A copy of the world's capture, to change."""
+    return shutil.copytree(world.capture_path, tmp_path / "capture")
+
+
 def warnings_of(path, world, cache):
     scores = compare(path, renderer=WorldRenderer(world, grid=2), cache=cache).scores
     return scores["warnings"], scores
@@ -46,18 +52,15 @@ def test_the_right_world_has_no_warning(world, cache):
     assert match["geometry"] > 0.6 * match["possible"] > 2 * match["swapped"]
 
 
-def test_another_pattern_is_said_first(world, cache, tmp_path):
-    path = shutil.copytree(world.capture_path, tmp_path / "capture")
-    pattern = dot_pattern(320, 200, 900, 99)
-    write_gray(path / "pattern.png", pattern)
+def test_another_pattern_is_said_first(world, cache, path):
+    write_gray(path / "pattern.png", dot_pattern(320, 200, 900, 99))
     warnings, scores = warnings_of(path, world, cache)
     assert warnings[0].startswith("the pattern does not match: the rendered dots correlate ")
     assert summary_table(scores).startswith("warning: the pattern does not match")
 
 
-def test_a_pattern_that_explains_little_is_told(world, cache, tmp_path):
+def test_a_pattern_that_explains_little_is_told(world, cache, path):
     """A pattern whose dots are others in 30 % of its rows."""
-    path = shutil.copytree(world.capture_path, tmp_path / "capture")
     pattern = read_gray(path / "pattern.png").copy()
     foreign = dot_pattern(pattern.shape[1], pattern.shape[0], 900, 99)
     rows = np.arange(len(pattern)) % 40 < 12
@@ -70,15 +73,13 @@ def test_a_pattern_that_explains_little_is_told(world, cache, tmp_path):
 
 
 def test_another_scene_is_said_first(world, tmp_path):
-    wrong = replace(
-        world, solids=tuple(replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids)
-    )
+    solids = (replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids)
+    wrong = replace(world, solids=tuple(solids))
     warnings, _ = warnings_of(world.capture_path, wrong, LayerCache(tmp_path / "cache"))
     assert warnings[0].startswith("geometry does not match: at the scene's depth the cameras' dots correlate ")
 
 
-def test_exchanged_cameras_are_told_from_another_scene(world, cache, tmp_path):
-    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+def test_exchanged_cameras_are_told_from_another_scene(world, cache, path):
     content = json.loads((path / "capture.json").read_text())
     for frame in content["frames"]:
         frame["left"], frame["right"] = frame["right"], frame["left"]
@@ -95,14 +96,12 @@ def test_scales_are_those_of_non_negative_least_squares():
         solution, _, at_bound = solve_bounded(columns.T @ columns, columns.T @ value)
         (a, b, plus, minus), _ = nnls(np.hstack([columns, -columns[:, 2:]]), value)
         np.testing.assert_allclose(solution, [a, b, plus - minus], atol=1e-6)
-        assert at_bound == tuple(
-            n for n, v in zip(("projector_scale", "ambient_scale"), truth[:2], strict=True) if v < 0
-        )
+        scales = zip(("projector_scale", "ambient_scale"), truth[:2], strict=True)
+        assert at_bound == tuple(name for name, value in scales if value < 0)
 
 
-def test_a_scale_at_its_bound_is_told(world, cache, tmp_path):
+def test_a_scale_at_its_bound_is_told(world, cache, path):
     """A frame that is darker where more of the room's light falls."""
-    path = shutil.copytree(world.capture_path, tmp_path / "capture")
     capture = read_capture(path)
     layers = render_frames(capture, WorldRenderer(world, grid=2), cache=cache)
     for frame in capture.frames:
@@ -115,14 +114,14 @@ def test_a_scale_at_its_bound_is_told(world, cache, tmp_path):
     assert warnings[-1].startswith("the ambient scale is at its bound, 0")
 
 
-def test_a_pair_without_repeats_tells_its_noise(world, cache, tmp_path):
-    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+def test_a_pair_without_repeats_tells_its_noise(world, cache, path):
     content = json.loads((path / "capture.json").read_text())
     for frame in content["frames"]:
         frame["repeat_group"] = None
     (path / "capture.json").write_text(json.dumps(content))
     _, scores = warnings_of(path, world, cache)
     capture = read_capture(path)
+    assert frame_noise_variances(capture, 4.0) == ({}, None) and "   pair" in summary_table(scores)
     for split in ("train", "test"):
         score = scores["ir"][split]
         assert score["noise_floor_from"] == ["pair"]

@@ -3,6 +3,7 @@
 that amount."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -42,18 +43,14 @@ def test_a_device_that_is_the_model_is_at_the_floor(world, layers, tmp_path):
 
 
 def test_a_stretched_device_shows_its_bias(world, layers, tmp_path):
-    plain, stretched = (
-        compare(
-            with_device_depth(world, tmp_path / name, ids=(0, 4), stretch=s),
-            renderer=WorldRenderer(world, grid=3),
-            cache=layers,
-        )
-        for name, s in (("plain", 1.0), ("stretched", 1.04))
-    )
+    def compared(stretch):
+        copy = with_device_depth(world, tmp_path / str(stretch), ids=(0, 4), stretch=stretch)
+        return compare(copy, renderer=WorldRenderer(world, grid=3), cache=layers)
+
+    plain, stretched = compared(1.0), compared(1.04)
     for split in ("train", "test"):
-        both = [
-            np.mean(d.measured[(d.measured > 0) & (d.model[0] > 0)]) for d in plain.depths if d.frame.split == split
-        ]
+        own = [depth for depth in plain.depths if depth.frame.split == split]
+        both = [np.mean(d.measured[(d.measured > 0) & (d.model[0] > 0)]) for d in own]
         shift = stretched.scores["depth"][split]["bias_m"] - plain.scores["depth"][split]["bias_m"]
         assert shift == pytest.approx(0.04 * np.mean(both), rel=0.02)
 
@@ -77,39 +74,26 @@ def test_without_device_depth_there_are_no_depth_scores(world, layers):
 
 def test_figures_by_hand():
     """Two pixels valid in both, one in each alone: disparities 10 and 5 px against 10 and 4 px."""
-
-    class Still:
-        id, split, repeat_group = 0, "train", None
-
     measured, model = np.array([[1.0, 2.0, 3.0, 0.0]]), np.array([[1.0, 2.5, 0.0, 4.0]])
-    depth = depth_scores([DepthFrame(Still(), measured, (model, model), np.array([[1.0, 2.0, 3.0, 4.0]]), 10.0)])[
-        "train"
-    ]
+    truth, still = np.array([[1.0, 2.0, 3.0, 4.0]]), SimpleNamespace(id=0, split="train", repeat_group=None)
+    depth = depth_scores([DepthFrame(still, measured, (model, model), truth, 10.0)])["train"]
     assert depth["rmse_m"] == pytest.approx(np.sqrt(0.125)) and depth["bias_m"] == pytest.approx(-0.25)
     assert depth["rmse_px"] == pytest.approx(np.sqrt(0.5)) and depth["median_abs_px"] == pytest.approx(0.5)
     assert depth["fill_measured"] == depth["fill_model"] == 0.75 and depth["validity_iou"] == 0.5
     assert depth["noise_floor_px"] == 0.0 and depth["noise_floor_validity_iou"] == 1.0
     assert depth["truth"]["measured"]["rmse_m"] == 0.0
     assert depth["truth"]["model"]["rmse_px"] == pytest.approx(np.sqrt(1 / 3))
-
-
-def test_nothing_in_common_is_unknown_not_zero():
-    class Still:
-        id, split, repeat_group = 0, "test", None
-
+    # Nothing in common is unknown, not zero.
     one, none = np.ones((2, 2)), np.zeros((2, 2))
-    depth = depth_scores([DepthFrame(Still(), one, (none, none), none, 10.0)])["test"]
+    depth = depth_scores([DepthFrame(still, one, (none, none), none, 10.0)])["train"]
     assert depth["rmse_px"] is None and depth["validity_iou"] == 0.0 and depth["fill_model"] == 0.0
 
 
 def test_hints_are_followed_where_they_can_be(world):
     capture = read_capture(world.capture_path)
-    good = DepthModel(
-        replace(capture, depth_engine={"max_disparity": 10, "census_width": 9, "notes": "SGM", "p1": "many"})
-    )
-    assert (
-        good.parameters["max_disparity"] == 16 and good.parameters["census_width"] == 9 and "p1" not in good.parameters
-    )
+    hints = {"max_disparity": 10, "census_width": 9, "notes": "SGM", "p1": "many"}
+    good = DepthModel(replace(capture, depth_engine=hints)).parameters
+    assert good["max_disparity"] == 16 and good["census_width"] == 9 and "p1" not in good
     with pytest.warns(CaptureWarning, match="hints cannot be followed"):
         bad = DepthModel(replace(capture, depth_engine={"census_width": 4}))
     assert "census_width" not in bad.parameters

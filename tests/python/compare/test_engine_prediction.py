@@ -18,7 +18,8 @@ from activestereo.compare.compare import compare
 from activestereo.compare.effect_trials import Trial, trial_capture
 from activestereo.compare.engine_prediction import kept_lights
 from activestereo.compare.nuisances import Nuisances
-from activestereo.effects import Model, builtin, known_differences
+from activestereo.effects import Light, Model, View, builtin, known_differences
+from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 from activestereo.model import Quantity, diagnosed_model, write_model
 
@@ -69,14 +70,8 @@ def hidden(nominal, renderer, tmp_path_factory) -> Path:
 
 def rmse_of(hidden: Path, model: Model, scene_measurement: SceneMeasurement | None = None) -> float:
     engines = lambda capture: CaptureRenderer(samples_per_pixel=SAMPLES, max_bounces=BOUNCES)  # noqa: E731
-    comparison = compare(
-        hidden,
-        model,
-        samples_per_pixel=SAMPLES,
-        max_bounces=BOUNCES,
-        engines=engines,
-        scene_measurement=scene_measurement,
-    )
+    options = {"samples_per_pixel": SAMPLES, "max_bounces": BOUNCES, "scene_measurement": scene_measurement}
+    comparison = compare(hidden, model, engines=engines, **options)
     return comparison.scores["ir"]["test"]["rmse_dn"]
 
 
@@ -99,13 +94,9 @@ def test_figures_do_not_depend_on_what_lies_in_the_folder(hidden, tmp_path):
 
 def test_the_command_takes_a_model_with_calibration_and_albedos(nominal, hidden, tmp_path, capsys):
     names = ["table", "wall", "clay", "card"]
-    model = diagnosed_model(
-        read_capture(hidden),
-        model_of(**HIDDEN),
-        {"focal_left": 0.002, "focal_right": 0.002},
-        albedo={"wall": 1.1},
-        material_names=names,
-    )
+    told = {"albedo": {"wall": 1.1}, "material_names": names}
+    focal = {"focal_left": 0.002, "focal_right": 0.002}
+    model = diagnosed_model(read_capture(hidden), model_of(**HIDDEN), focal, **told)
     write_model(tmp_path / "model.json", model)
     arguments = ["compare", str(hidden), "--spp", str(SAMPLES), "--max-bounces", str(BOUNCES), "--out", str(tmp_path)]
     assert main([*arguments, "--model", str(tmp_path / "model.json")]) == 0
@@ -138,10 +129,8 @@ def test_expected_images_leave_no_effect_out(nominal, renderer):
 
 
 def test_a_second_projector_is_the_rooms_light(nominal, renderer):
-    plain, more = (
-        renderer.lights(nominal, Model()),
-        renderer.lights(nominal, model_of(second_projector={"intensity_m2": 8.0})),
-    )
+    second = model_of(second_projector={"intensity_m2": 8.0})
+    plain, more = (renderer.lights(nominal, model) for model in (Model(), second))
     key = (0, "left")
     np.testing.assert_array_equal(more[key].direct, plain[key].direct)
     assert (more[key].ambient - plain[key].ambient).mean() > 0.05 * plain[key].ambient.mean()
@@ -149,9 +138,6 @@ def test_a_second_projector_is_the_rooms_light(nominal, renderer):
 
 def test_a_projector_in_the_room_stays_where_it_is_when_the_rig_moves(renderer, nominal):
     """The engine's dots are those of the formula, which knows the unit's place in the world, from every pose."""
-    from activestereo.effects import Light, View
-    from activestereo.effects.core.view import Layers
-
     unit = {"intensity_m2": 8.0, "azimuth_rad": -2.57, "elevation_rad": -0.5, "roll_rad": 0.1}
     here, elsewhere = (unit | {"x_m": x_m, "y_m": 0.5, "z_m": 0.45} for x_m in (0.45, 0.3))
     plain, more = renderer.lights(nominal, Model()), renderer.lights(nominal, model_of(room_projector=here))

@@ -92,13 +92,10 @@ def test_a_cache_may_lose_entries_to_another_run_meanwhile(tmp_path, monkeypatch
 @pytest.mark.parametrize(
     "effects",
     [
-        [{}],
-        [3],
-        {"id": "haze"},
+        [{}], [3], {"id": "haze"}, [{"id": "haze", "parameters": 3}],
         [{"id": "haze", "parameters": {"extinction_per_m": None}}],
-        [{"id": "haze", "parameters": 3}],
     ],
-)
+)  # fmt: skip
 def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
     path = tmp_path / "model.json"
     path.write_text(json.dumps({"format": "active-stereo-model", "version": 1, "effects": effects}))

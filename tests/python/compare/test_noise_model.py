@@ -24,23 +24,23 @@ def tone(dn):
     return BLACK_DN + 255.0 * (np.maximum(dn - BLACK_DN, 0.0) / 255.0) ** 0.9
 
 
+def statistics_of(first, second):
+    """Mean and variance of two exposures of one frame."""
+    return [([SimpleNamespace(gain=1.0)] * 2, "left", (first + second) / 2, (first - second) ** 2 / 2)]
+
+
 @pytest.fixture(scope="module")
 def model_and_images():
     rng = np.random.default_rng(2)
     signal = rng.gamma(0.6, 14.0, (240, 400)) + 2.0
 
     def exposed():
-        value = (
-            BLACK_DN
-            + signal * (1.0 + SPECKLE * rng.standard_normal(signal.shape))
-            + READ_DN * rng.standard_normal(signal.shape)
-        )
+        speckled = signal * (1.0 + SPECKLE * rng.standard_normal(signal.shape))
+        value = BLACK_DN + speckled + READ_DN * rng.standard_normal(signal.shape)
         return np.clip(np.rint(tone(np.rint(value))), 0, 255)
 
-    first, second = exposed(), exposed()
-    mean, variance = (first + second) / 2, (first - second) ** 2 / 2
-    statistics = [([SimpleNamespace(gain=1.0)] * 2, "left", mean, variance)]
-    return fit_noise_model(statistics, BLACK_DN, 255), tone(BLACK_DN + signal), variance
+    statistics = statistics_of(exposed(), exposed())
+    return fit_noise_model(statistics, BLACK_DN, 255), tone(BLACK_DN + signal), statistics[0][-1]
 
 
 def test_missing_numbers_do_not_make_the_noise_look_smaller(model_and_images):
@@ -56,8 +56,7 @@ def test_the_noise_of_coarse_steps_holds_all_of_their_rounding(step, noise):
     rng = np.random.default_rng(5)
     value = rng.uniform(60.0, 180.0, (200, 300))
     first, second = (step * np.rint((value + noise * rng.standard_normal(value.shape)) / step) for _ in range(2))
-    statistics = [([SimpleNamespace(gain=1.0)] * 2, "left", (first + second) / 2, (first - second) ** 2 / 2)]
-    model = fit_noise_model(statistics, 0.0, 255, comb_of([first, second], 255).step_dn)
+    model = fit_noise_model(statistics_of(first, second), 0.0, 255, comb_of([first, second], 255).step_dn)
     assert model.variance(value).mean() == pytest.approx(noise**2 + ROUNDING_VARIANCE * step**2, rel=0.05)
 
 
@@ -69,10 +68,7 @@ def test_the_mean_error_of_rounding_is_what_many_exposures_show():
     assert comb.step_dn == pytest.approx(step, rel=0.03)
     said = comb.mean_error(value, np.full(400, noise**2 + ROUNDING_VARIANCE * step**2))
     assert said == pytest.approx(rounded.mean(axis=0) - value, abs=0.3)
-
-
-def test_whole_numbers_are_no_comb():
-    assert comb_of([np.random.default_rng(7).integers(0, 200, (50, 50))], 255) is None
+    assert comb_of([rng.integers(0, 200, (50, 50))], 255) is None
 
 
 # Of one sample, relative. Much more of it and the fitted scales would be too small: noisy regressors attenuate.
@@ -115,32 +111,19 @@ def test_an_estimate_from_halves_has_no_bias():
     assert squares - noise == pytest.approx(((first - measured) * (second - measured)).sum())
 
 
-def test_compares_error_does_not_grow_with_the_renderers_noise(lab_world, clean, tmp_path):
-    def errors(noise):
-        renderer, cache = NoisyRenderer(clean, noise), LayerCache(tmp_path)
-        scores = compare(lab_world.capture_path, renderer=renderer, samples_per_pixel=4, cache=cache).scores
-        return scores["ir"]["test"]
+def test_errors_of_both_commands_do_not_grow_with_the_renderers_noise(lab_world, clean, tmp_path):
+    effects = {"vignetting": builtin()["vignetting"]}
 
-    quiet, noisy = errors(0.0), errors(NOISE)
+    def errors(noise):
+        how = {"renderer": NoisyRenderer(clean, noise), "samples_per_pixel": 4, "cache": LayerCache(tmp_path)}
+        diagnosed = diagnose(lab_world.capture_path, effects=effects, workers=1, **how).result
+        return compare(lab_world.capture_path, **how).scores["ir"]["test"], diagnosed["heldout_ir_rmse_before"]
+
+    (quiet, quiet_dn), (noisy, noisy_dn) = errors(0.0), errors(NOISE)
     assert quiet["render_noise_dn"] == 0.0
     assert np.hypot(noisy["rmse_dn"], noisy["render_noise_dn"]) > 1.04 * quiet["rmse_dn"]  # if it were not left out
     assert noisy["rmse_dn"] == pytest.approx(quiet["rmse_dn"], rel=0.015)
-
-
-def test_the_diagnosis_error_does_not_grow_with_the_renderers_noise(lab_world, clean, tmp_path):
-    def error(noise):
-        effects, renderer = {"vignetting": builtin()["vignetting"]}, NoisyRenderer(clean, noise)
-        result = diagnose(
-            lab_world.capture_path,
-            effects=effects,
-            renderer=renderer,
-            samples_per_pixel=4,
-            cache=LayerCache(tmp_path),
-            workers=1,
-        ).result
-        return result["heldout_ir_rmse_before"]
-
-    assert error(NOISE) == pytest.approx(error(0.0), rel=0.015)
+    assert noisy_dn == pytest.approx(quiet_dn, rel=0.015)
 
 
 def test_halves_are_independent_and_their_mean_is_of_all_samples(lab_world, clean, tmp_path):
@@ -174,13 +157,12 @@ def _light() -> _Light:
 def _shots(change_by_row: list[np.ndarray]) -> dict[tuple[int, str], tuple[Any, _Light, np.ndarray]]:
     """Repeats of one view, whose mean is 20 DN of ambient light; change_by_row: DN [height][width] added to each."""
     rng, light = np.random.default_rng(7), _light()
-    frame = lambda k: SimpleNamespace(  # noqa: E731
-        id=k, repeat_group=0, exposure_gain=1.0, ambient=None, projector_power=1.0
-    )
-    return {
-        (k, "left"): (frame(k), light, 20.0 * light.ambient + change + NOISE_DN * rng.standard_normal((HEIGHT, WIDTH)))
-        for k, change in enumerate(change_by_row)
-    }
+    shots = {}
+    for k, change in enumerate(change_by_row):
+        frame = SimpleNamespace(id=k, repeat_group=0, exposure_gain=1.0, ambient=None, projector_power=1.0)
+        noise = NOISE_DN * rng.standard_normal((HEIGHT, WIDTH))
+        shots[k, "left"] = frame, light, 20.0 * light.ambient + change + noise
+    return shots
 
 
 def _variance(shots: dict[Any, Any], taken_out: dict[Any, np.ndarray]) -> float:
@@ -202,9 +184,7 @@ def test_noise_of_rows_and_of_pixels_stays() -> None:
     rows = [np.repeat(1.5 * rng.standard_normal((HEIGHT, 1)), WIDTH, axis=1) for _ in range(2)]
     assert unsteady_light(_shots(rows)) == {}
     assert unsteady_light(_shots([np.zeros((HEIGHT, WIDTH))] * 2)) == {}
-
-
-def test_a_level_that_drifts_in_the_dark_is_no_lamp() -> None:
+    # A level that drifts in the dark is no lamp.
     assert unsteady_light(_shots([np.full((HEIGHT, WIDTH), level) for level in (0.0, 4.0)])) == {}
 
 

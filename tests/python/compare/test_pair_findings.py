@@ -56,15 +56,8 @@ def test_an_unmatched_pair_is_refused(pair):
 def test_the_command_writes_its_findings(pair, tmp_path, capsys):
     for name, image in zip(("left", "right"), pair[:2], strict=True):
         write_gray(tmp_path / f"{name}.png", image.astype(np.uint8))
-    arguments = [
-        "pair",
-        str(tmp_path / "left.png"),
-        str(tmp_path / "right.png"),
-        "--k",
-        "200,200,192,120",
-        "--baseline",
-        "0.05",
-    ]
+    images = [str(tmp_path / f"{name}.png") for name in ("left", "right")]
+    arguments = ["pair", *images, "--k", "200,200,192,120", "--baseline", "0.05"]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     found = {f["name"]: f for f in json.loads((tmp_path / "out" / "pair.json").read_text())["findings"]}
     assert found["gain_ratio"]["value"] == pytest.approx(GAIN, abs=0.02)
